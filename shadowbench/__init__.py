@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from shadowbench.measure.rendering import Rendering
     from shadowbench.scenes.model import Scene
     from shadowbench.survey.survey import Needs
+    from shadowbench.techniques.base import Technique
+    from shadowbench.techniques.params import param
     from shadowbench.techniques.spec import Spec
     from shadowbench.truths.trace import Truth
 
@@ -25,10 +27,12 @@ __all__ = [
     "Scene",
     "ShadowbenchError",
     "Spec",
+    "Technique",
     "Truth",
     "close",
     "load",
     "needs",
+    "param",
     "recommend",
     "render",
     "run",

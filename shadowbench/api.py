@@ -57,6 +57,8 @@ from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.measure import Place, measure, study_from_options
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as survey_view
+from shadowbench.techniques.base import Technique as Technique
+from shadowbench.techniques.params import param as param
 from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth

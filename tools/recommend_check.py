@@ -194,7 +194,7 @@ def _space() -> list[str]:
         values = "; ".join(f"`{key}` {', '.join(map(str, choices))}" for key, choices in grid_of(trial).items())
         rows += (
             []
-            if trial.never_recommended or trial.extra_work(trial.Params())
+            if trial.catalogue.never_recommended or trial.extra_work(trial.Params())
             else [f"| `{trial.name}` | {values or 'its defaults'} |"]
         )
     return rows

@@ -98,7 +98,7 @@ def _example(worker: Worker, technique: type[Technique], draw: bool) -> Example:
     """Draw a technique in a scene that it supports, and find out which kinds of light it does not support."""
     cube = load_scene("cube-on-plane")
     reasons = {str(light.kind): _unsupported_reason(worker, technique, _view(cube, light, 16)) for light in LIGHTS}
-    wanted = technique.picture_scene
+    wanted = technique.catalogue.picture_scene
     for name in (wanted,) if wanted else FALLBACK:
         scene = load_scene(name)
         view = _view(scene, scene.lights[0], SIZE)
@@ -111,7 +111,7 @@ def _example(worker: Worker, technique: type[Technique], draw: bool) -> Example:
         shown = {key: scores[key] for key in (SOFT_SHOWN if view.light.soft else SHOWN)}
         return Example(name, reasons, rendering, shown)
     raise SystemExit(
-        f"{technique.name} declines {', '.join(FALLBACK)}: give it `picture_scene`, the name of one it draws"
+        f"{technique.name} declines {', '.join(FALLBACK)}: give its `catalogue` a picture_scene that it draws"
     )
 
 

@@ -27,7 +27,7 @@ class Exclusion:
 
 def grid_of(technique: type[Technique], soft: bool = False) -> dict[str, Sequence[Any]]:
     """Grid of parameter values of a technique, including map sizes. soft: for lights with a size."""
-    grid = {**technique.grid, **(technique.soft_grid if soft else {})}
+    grid = {**technique.catalogue.grid, **(technique.catalogue.soft_grid if soft else {})}
     sizes = {"size": SIZES} if "size" in technique.Params.model_fields else {}
     return {**grid, **(sizes if "size" not in grid else {})}
 
@@ -78,11 +78,11 @@ def unavailable(known: Mapping[str, type[Technique]], light: LightKind, soft: bo
 
 
 def _unavailable(technique: type[Technique], light: LightKind, soft: bool) -> str | None:
-    if technique.never_recommended:
-        return technique.never_recommended
+    if technique.catalogue.never_recommended:
+        return technique.catalogue.never_recommended
     if light not in technique.lights:
         return f"supports {' and '.join(sorted(technique.lights))} light, not {light}"
-    return "is for lights with a size" if technique.soft_only and not soft else None
+    return "is for lights with a size" if technique.catalogue.soft_only and not soft else None
 
 
 def untried_filters(space: Sequence[Spec], soft: bool) -> list[Exclusion]:
@@ -145,7 +145,7 @@ def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
     elif least_iou is not None and most < least_iou:
         lost = seen.lost.value
         why = f"by `needs` it would leave {lost:.1%} of the shadow lit: its IoU is at most about {1 - lost:.3g}"
-    return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.only_planes else None
+    return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.catalogue.only_planes else None
 
 
 def _work_rule(space: Sequence[Spec]) -> _Rule:

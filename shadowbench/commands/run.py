@@ -191,11 +191,13 @@ def _others(study: "Study", known: "Techniques") -> list[str]:
     lights = [block.view.light for block in study.blocks()]
     kinds, soft = {light.hard_kind for light in lights}, all(light.soft for light in lights)
     able = [
-        name for name, technique in known.items() if kinds <= technique.lights and (soft or not technique.soft_only)
+        name
+        for name, technique in known.items()
+        if kinds <= technique.lights and (soft or not technique.catalogue.soft_only)
     ]
     if all(spec.technique.name in able for spec in study.specs):
         return []
-    return [name for name in able if not known[name].never_recommended]
+    return [name for name in able if not known[name].catalogue.never_recommended]
 
 
 def _earlier_cells_note(run: "Run") -> str:

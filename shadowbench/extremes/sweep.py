@@ -37,4 +37,4 @@ def spec_at(spec: Spec, setting: Setting) -> Spec | None:
 
 def default_specs(techniques: Iterable[type[Technique]]) -> tuple[Spec, ...]:
     """A spec of every technique at its defaults, for the lights of the axes, which have no size."""
-    return tuple(Spec(technique, technique.Params()) for technique in techniques if not technique.soft_only)
+    return tuple(Spec(technique, technique.Params()) for technique in techniques if not technique.catalogue.soft_only)

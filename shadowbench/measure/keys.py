@@ -80,7 +80,7 @@ def shader_names(
     """
     bases = {base for one in techniques for base in one.__mro__}
     others = {"viewer", *(other.name for other in own_techniques() if other not in bases)}
-    folder, any_shared = data_folder("shaders"), plugged or any(one.builds_on for one in techniques)
+    folder, any_shared = data_folder("shaders"), plugged or any(one.catalogue.builds_on for one in techniques)
     names = [file.relative_to(folder) for file in files_in(folder) if any_shared or file.suffix != ".glsl"]
     parts = () if any_shared else components
     own = filter(None, [getattr(one, name, "") for one in parts for name in ("shader", "radius_shader")])

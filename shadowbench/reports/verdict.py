@@ -48,7 +48,7 @@ def verdict(sections: Sequence[Section]) -> list[str]:
 
 def real_time(found: Sequence[Candidate]) -> list[Candidate]:
     """The candidates that are real-time techniques: those that `recommend` may choose."""
-    never = {technique.name for technique in own_techniques() if technique.never_recommended}
+    never = {technique.name for technique in own_techniques() if technique.catalogue.never_recommended}
     return [one for one in found if one.mean.technique not in never]
 
 

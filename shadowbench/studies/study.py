@@ -201,7 +201,7 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
         raise InputError(f"{file}: found a scene file; allowed: a study file, or `shadowbench run` with it as a scene")
     if "technique" not in table:
         table["technique"] = [
-            CrossedSpecs((parse_spec(name, techniques),), soft=one.soft_only or None)
+            CrossedSpecs((parse_spec(name, techniques),), soft=one.catalogue.soft_only or None)
             for name, one in techniques.items()
         ]
     source = Source(str(file), folder or file.parent, techniques)

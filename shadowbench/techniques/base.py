@@ -27,7 +27,7 @@ or a file beside it.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -97,6 +97,30 @@ class Frame:
         return self.clock.timed(name, changes)
 
 
+@dataclass(frozen=True)
+class Entry:
+    """What others need to know of a technique: `recommend`, the documentation, the keys of rows and the tests.
+
+    picture_scene: the built-in scene that its documentation pictures, empty for the first that it draws. grid:
+    parameter values that `recommend` tries, by name, besides map sizes, while others stay at their defaults; soft_grid:
+    in place of some of these where the light has a size; never_recommended: why `recommend` never chooses it.
+    soft_only: whether it is another technique where the light has no size; only_planes: whether non-planar receivers
+    stay lit; exact: whether visibility follows from the geometry alone, not from a texel grid or a fitted box.
+    builds_on: other techniques whose code or shaders it uses; variants: parameters, in spec syntax, of the specs that
+    the laws of shadows are tested with.
+    """
+
+    picture_scene: str = ""
+    grid: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    soft_grid: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    never_recommended: str = ""
+    soft_only: bool = False
+    only_planes: bool = False
+    exact: bool = False
+    builds_on: Sequence[type["Technique"]] = ()
+    variants: Sequence[str] = ("",)
+
+
 class Technique(ABC):
     """A way to compute visibility. A subclass with a `name` is registered; its docstring is its documentation."""
 
@@ -105,17 +129,7 @@ class Technique(ABC):
     presets: ClassVar[dict[str, str]] = {}  # parameters in spec syntax, by preset name
     lights: ClassVar[frozenset[LightKind]] = frozenset({"directional", "spot", "point"})  # supported light kinds
     phased: ClassVar[bool] = False  # whether it has a texel grid that a phase can shift
-    picture_scene: ClassVar[str] = ""  # the built-in scene that its documentation pictures
-    # Parameter values that `recommend` tries, by name, besides map sizes; other parameters stay at their defaults.
-    grid: ClassVar[Mapping[str, Sequence[Any]]] = {}
-    soft_grid: ClassVar[Mapping[str, Sequence[Any]]] = {}  # in place of some of these where the light has a size
-    never_recommended: ClassVar[str] = ""  # why `recommend` never chooses it
-    soft_only: ClassVar[bool] = False  # whether it is another technique where the light has no size
-    builds_on: ClassVar[Sequence[type["Technique"]]] = ()  # other techniques whose code or shaders it uses
-    only_planes: ClassVar[bool] = False  # whether non-planar receivers stay lit
-    # Visibility follows from the geometry alone, not from a texel grid or a fitted box; tests/laws tests accordingly.
-    exact: ClassVar[bool] = False
-    variants: ClassVar[Sequence[str]] = ("",)  # parameters, in spec syntax, of the specs that tests/laws covers
+    catalogue: ClassVar[Entry] = Entry()
 
     def __init__(self, params: TechniqueParams) -> None:
         self.params = params
@@ -183,4 +197,4 @@ class Technique(ABC):
         return {}
 
 
-__all__ = ["Changes", "Frame", "Phase", "Stage", "Technique", "TechniqueParams", "param"]
+__all__ = ["Changes", "Entry", "Frame", "Phase", "Stage", "Technique", "TechniqueParams", "param"]

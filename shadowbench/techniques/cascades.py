@@ -16,7 +16,7 @@ from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, Texture, Value
 from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import Floats, View
-from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.engines import BEVY, GODOT, UNITY
 from shadowbench.techniques.filters import Filter, Hardware
@@ -55,10 +55,12 @@ class Cascades(Technique):
     name = "cascades"
     lights = frozenset({"directional"})
     phased = True
-    picture_scene = "deep-street"
-    grid = {"count": (2, 3, 5), **MAP_GRID}
-    soft_grid = MAP_SOFT_GRID
-    variants = ("box=scene", "box=tight", "box=sphere,stable=true")
+    catalogue = Entry(
+        picture_scene="deep-street",
+        grid={"count": (2, 3, 5), **MAP_GRID},
+        soft_grid=MAP_SOFT_GRID,
+        variants=("box=scene", "box=tight", "box=sphere,stable=true"),
+    )
     # Engines end their cascades at distances, here shares of the camera's far plane. Godot: light_3d.cpp,
     # PARAM_SHADOW_SPLIT_*_OFFSET of 100 m; four share directional_shadow/size, 4096. Bevy: CascadeShadowConfigBuilder,
     # 10 m to 150 m by equal factors, overlap_proportion 0.2 (of the end, here of the length), DirectionalLightShadowMap

@@ -13,7 +13,7 @@ from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Value
 from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import Floats, View
-from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.maps import (
@@ -51,9 +51,11 @@ class CubeMap(Technique):
 
     name = "cube-map"
     lights = frozenset({"spot", "point"})
-    picture_scene = "lamp-by-wall"
-    grid = MAP_GRID
-    soft_grid = MAP_SOFT_GRID
+    catalogue = Entry(
+        picture_scene="lamp-by-wall",
+        grid=MAP_GRID,
+        soft_grid=MAP_SOFT_GRID,
+    )
     presets = {"course": "bias=constant(world=0.05),filter=pcf-20"}
 
     class Params(TechniqueParams):

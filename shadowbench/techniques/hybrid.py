@@ -9,7 +9,7 @@ from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import State, Value
 from shadowbench.gl.targets import Kind
 from shadowbench.scenes.model import LightKind, View
-from shadowbench.techniques.base import Changes, Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.base import Changes, Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import NoBias
 from shadowbench.techniques.cube_map import CubeMap
 from shadowbench.techniques.filters import Contents, Filter
@@ -57,10 +57,12 @@ class Hybrid(Technique):
     """
 
     name = "hybrid"
-    picture_scene = "railings"
-    exact = True
-    builds_on = (ShadowMap, CubeMap, RayTraced)
-    grid = {"fit": ("view", "visible"), "size": (512, 1024, 2048)}
+    catalogue = Entry(
+        picture_scene="railings",
+        exact=True,
+        builds_on=(ShadowMap, CubeMap, RayTraced),
+        grid={"fit": ("view", "visible"), "size": (512, 1024, 2048)},
+    )
 
     class Params(FittedParams):
         """Parameters of hybrid."""

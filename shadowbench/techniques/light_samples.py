@@ -13,7 +13,7 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State
 from shadowbench.scenes.model import WIDEST_CONE, Floats, Light, Vec3, View, perpendicular_basis, unit, vec3
-from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.grammar import Call
 from shadowbench.techniques.registry import own_techniques
 from shadowbench.techniques.resolve import ResolvePass
@@ -48,10 +48,13 @@ class LightSamples(Technique):
     """
 
     name = "light-samples"
-    picture_scene = "post"
-    soft_only = True
-    exact = True  # with the technique that it averages by default
-    never_recommended = "draws its technique once for each point of the light: a yardstick, not a real-time technique"
+    catalogue = Entry(
+        picture_scene="post",
+        soft_only=True,
+        exact=True,  # with the technique that it averages by default
+        never_recommended="draws its technique once for each point of the light: a yardstick, not a real-time "
+        "technique",
+    )
 
     class Params(TechniqueParams):
         """Parameters of light-samples."""

@@ -14,7 +14,7 @@ from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
 from shadowbench.scenes.model import Floats, View, vec3
-from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 
 _ROUNDING = 1e-6  # of the diagonal: exceeds the float32 distance of a plane's own corners from it near the origin
 _FLOAT_STEP = 2.0**-23  # of a coordinate: twice its float32 rounding error
@@ -37,10 +37,12 @@ class PlanarProjection(Technique):
     """
 
     name = "planar-projection"
-    picture_scene = "table-top"
-    only_planes = True
-    exact = True
-    variants = ("count=1024",)  # all planes: rounding decides which of equally large planes would be dropped
+    catalogue = Entry(
+        picture_scene="table-top",
+        only_planes=True,
+        exact=True,
+        variants=("count=1024",),  # all planes: rounding decides which of equally large planes would be dropped
+    )
 
     class Params(TechniqueParams):
         """Parameters of planar-projection."""

@@ -9,7 +9,7 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.library import moderngl
 from shadowbench.scenes.model import Light, View
-from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.tracing import EXTRA_WORK, TracePass, ray_offset, too_large
 from shadowbench.truths.embree import INFINITE, RAYS_A_SLICE, Tracer, over_slices
 
@@ -24,8 +24,10 @@ class RayTraced(Technique):
     """
 
     name = "ray-traced"
-    exact = True
-    never_recommended = "traces a ray for every pixel, as the truth does: the slow end of the scale"
+    catalogue = Entry(
+        exact=True,
+        never_recommended="traces a ray for every pixel, as the truth does: the slow end of the scale",
+    )
 
     class Params(TechniqueParams):
         """Parameters of ray-traced."""

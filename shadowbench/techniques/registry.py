@@ -10,6 +10,7 @@ import logging
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -20,7 +21,7 @@ from types import ModuleType
 from shadowbench import techniques as package
 from shadowbench.errors import InputError, message, quoted
 from shadowbench.scenes.tables import LONGEST_NAME
-from shadowbench.techniques.base import Technique
+from shadowbench.techniques.base import Entry, Technique
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit
@@ -142,10 +143,24 @@ def _checked(one: object, where: str) -> Plugged:
     if not re.fullmatch(WORD, one.name) or len(one.name) > LONGEST_NAME:
         allowed = f"letters, digits, _ and -, at most {LONGEST_NAME} of them"
         raise InputError(f"{where}: the name {one.name!r:.90} is not a valid name; allowed: {allowed}")
-    missing = sorted(one.__abstractmethods__) + ["shader"] * (issubclass(one, Filter) and not one.shader)
+    missing = [_signature(one, name) for name in sorted(one.__abstractmethods__)]
+    missing += ["shader, a file or text with the functions of filter.glsl"] * (
+        issubclass(one, Filter) and not one.shader
+    )
     if missing:
-        raise InputError(f"{where}: {one.__name__} lacks {', '.join(missing)}")
+        raise InputError(f"{where}: {one.__name__} lacks {'; '.join(missing)}")
+    moved = {field.name for field in fields(Entry)} & vars(one).keys()
+    if issubclass(one, Technique) and moved:
+        raise InputError(f"{where}: {one.__name__} has {min(moved)}; allowed: catalogue = Entry({min(moved)}=…)")
     return one
+
+
+def _signature(one: Plugged, name: str) -> str:
+    """A method, or a property, as a subclass has to define it."""
+    found = inspect.getattr_static(one, name)
+    getter = found.fget if isinstance(found, property) else None
+    signature = re.sub(r"\b\w+\.(?=\w)", "", str(inspect.signature(getter or found)))
+    return f"the property {name}{signature[6:]}" if getter else f"{name}{signature}"
 
 
 def _named(one: Plugged) -> bool:

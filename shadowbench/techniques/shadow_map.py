@@ -12,7 +12,7 @@ from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Wrap
 from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import View
-from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.engines import BABYLON, BEVY, FILAMENT, GODOT, THREE, UNITY
 from shadowbench.techniques.filters import Filter, Hardware
@@ -46,9 +46,11 @@ class ShadowMap(Technique):
     name = "shadow-map"
     lights = frozenset({"directional", "spot"})
     phased = True
-    grid = {"fit": ("visible", "view", "scene"), **MAP_GRID}
-    soft_grid = MAP_SOFT_GRID
-    variants = tuple(f"fit={name}" for name in sorted(Fit.table))
+    catalogue = Entry(
+        grid={"fit": ("visible", "view", "scene"), **MAP_GRID},
+        soft_grid=MAP_SOFT_GRID,
+        variants=tuple(f"fit={name}" for name in sorted(Fit.table)),
+    )
     presets = {
         "course": "fit=scene,bias=slope,filter=pcf(taps=3)",
         "constant": "fit=scene,bias=constant(0.005),filter=hard",

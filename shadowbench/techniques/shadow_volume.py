@@ -9,7 +9,7 @@ from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
 from shadowbench.scenes.model import View
-from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.batches import Batch, Count, batches_of
 from shadowbench.techniques.layers import LayerBound
 from shadowbench.techniques.reduction import MinMaxReduction
@@ -39,9 +39,11 @@ class ShadowVolume(Technique):
     """
 
     name = "shadow-volume"
-    picture_scene = "inside-volume"
-    grid = {"compare": ("position", "depth")}
-    exact = True
+    catalogue = Entry(
+        picture_scene="inside-volume",
+        grid={"compare": ("position", "depth")},
+        exact=True,
+    )
 
     class Params(TechniqueParams):
         """Parameters of shadow-volume."""

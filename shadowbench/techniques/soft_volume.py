@@ -10,7 +10,7 @@ from shadowbench.gl.library import moderngl
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State
 from shadowbench.scenes.model import Light
-from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.light_samples import LightSamples, hard_light, points_of
 from shadowbench.techniques.resolve import ResolvePass
 from shadowbench.techniques.shadow_volume import ShadowVolume
@@ -30,9 +30,11 @@ class SoftVolume(Technique):
     """
 
     name = "soft-volume"
-    picture_scene = "post"
-    soft_only = True
-    builds_on = (ShadowVolume, LightSamples)
+    catalogue = Entry(
+        picture_scene="post",
+        soft_only=True,
+        builds_on=(ShadowVolume, LightSamples),
+    )
 
     class Params(TechniqueParams):
         """Parameters of soft-volume."""

@@ -68,7 +68,7 @@ class Spec:
     @property
     def techniques(self) -> "tuple[type[Technique], ...]":
         """The technique, those that its parameters name, and those that they build on."""
-        return tuple(used for one in self._specs for used in (one.technique, *one.technique.builds_on))
+        return tuple(used for one in self._specs for used in (one.technique, *one.technique.catalogue.builds_on))
 
     @property
     def components(self) -> tuple[Component, ...]:

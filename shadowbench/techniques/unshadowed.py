@@ -1,7 +1,7 @@
 """Unshadowed rendering."""
 
 from shadowbench.gl.library import moderngl
-from shadowbench.techniques.base import Frame, Stage, Technique
+from shadowbench.techniques.base import Entry, Frame, Stage, Technique
 from shadowbench.techniques.resolve import ResolvePass
 
 
@@ -9,8 +9,10 @@ class Unshadowed(Technique):
     """Everything is lit: the floor with which scores and times are compared."""
 
     name = "unshadowed"
-    exact = True
-    never_recommended = "draws no shadows: enough only where there are none"
+    catalogue = Entry(
+        exact=True,
+        never_recommended="draws no shadows: enough only where there are none",
+    )
 
     def build(self, stage: Stage) -> None:
         self.resolve = ResolvePass(stage, "unshadowed/resolve.frag")

@@ -109,7 +109,7 @@ def _widget(key: str, info: FieldInfo, value: Any) -> Widget:
         name = SUM if isinstance(value, Sum) else value.name
         return Widget(key, "component", name, help, choices=names, inner=value)
     if isinstance(value, Spec):
-        names = {one.name: summary(one) for one in own_techniques() if not one.soft_only}
+        names = {one.name: summary(one) for one in own_techniques() if not one.catalogue.soft_only}
         return Widget(key, "spec", value.technique.name, help, choices=names, inner=value.params)
     if get_origin(info.annotation) is Literal:
         return Widget(key, "choice", value, help, choices=dict.fromkeys(get_args(info.annotation), ""))

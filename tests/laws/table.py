@@ -64,11 +64,11 @@ def subjects() -> dict[str, Subject]:
     found = [Subject("truth", "", frozenset(LIGHTS), exact=True)]
     for technique in own_techniques():
         sized = f"size={SIZE}" if "size" in technique.Params.model_fields else ""
-        for named in technique.variants:
+        for named in technique.catalogue.variants:
             name = ":".join(filter(None, [technique.name, named]))
             items = ",".join(filter(None, [named, sized]))
             text = ":".join(filter(None, [technique.name, items]))
-            found.append(Subject(name, text, technique.lights, technique.exact))
+            found.append(Subject(name, text, technique.lights, technique.catalogue.exact))
     return {subject.name: subject for subject in found}
 
 

@@ -240,7 +240,7 @@ def test_comments_and_layout_of_shaders_are_in_no_key(shaders: Path, fresh: Call
 def test_a_new_shader_file_is_in_no_key_of_a_technique_that_draws_alone(
     shaders: Path, fresh: Callable[[], None]
 ) -> None:
-    alone = [name for name, technique in KNOWN.items() if not technique.builds_on]
+    alone = [name for name, technique in KNOWN.items() if not technique.catalogue.builds_on]
     before = {name: key(name) for name in alone}
     (shaders / "filter" / "new.glsl").write_text("float another;\n")
     receiver = shaders / "receiver.glsl"
@@ -250,7 +250,9 @@ def test_a_new_shader_file_is_in_no_key_of_a_technique_that_draws_alone(
     assert {name: key(name) for name in alone} == before
 
 
-@pytest.mark.parametrize("spec", [f"{name}:{more}".rstrip(":") for name in KNOWN for more in KNOWN[name].variants])
+@pytest.mark.parametrize(
+    "spec", [f"{name}:{more}".rstrip(":") for name in KNOWN for more in KNOWN[name].catalogue.variants]
+)
 def test_every_shader_that_a_technique_composes_is_in_its_key(
     device: Device, cube: View, spec: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -200,8 +200,11 @@ def test_the_demo_has_every_technique_and_preset_under_a_sun_a_lamp_and_a_light_
     assert len(hard) == 3 and {"directional", "point"} == {block.view.light.kind for block in hard}
     assert soft.view.light.soft and not any(block.view.light.soft for block in hard)
     drawn = [{cell.spec.technique for cell in block.cells} for block in (*hard, soft)]
-    assert all(not technique.soft_only for block in drawn[:3] for technique in block)
-    assert {technique.name for technique in drawn[3] if technique.soft_only} == {"light-samples", "soft-volume"}
+    assert all(not technique.catalogue.soft_only for block in drawn[:3] for technique in block)
+    assert {technique.name for technique in drawn[3] if technique.catalogue.soft_only} == {
+        "light-samples",
+        "soft-volume",
+    }
 
 
 def test_convergence_is_studied_on_every_scene_whose_light_has_a_size_and_all_else_on_the_others() -> None:
