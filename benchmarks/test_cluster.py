@@ -24,11 +24,10 @@ from distributed import Client
 from distributed import Worker as DaskWorker
 from distributed.utils import open_port
 
-from shadowbench.cluster import tasks, workers
+from shadowbench.cluster import tasks
 from shadowbench.cluster.campaign import ClusterCampaign, ClusterDrawer
 from shadowbench.cluster.cluster import Cluster
-from shadowbench.cluster.connect import Connection
-from shadowbench.cluster.parcel import Setup
+from shadowbench.cluster.tasks import Setup
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Record
@@ -77,7 +76,7 @@ def throughput(study: Study, campaign: Callable[[Path], Campaign], folder: Path)
 
 @contextmanager
 def on_dask(where: str, study: Study) -> Iterator[ClusterDrawer]:
-    with Connection(where) as connection, Cluster(connection, Silent(), (), study.limits) as cluster:
+    with Cluster(where, Silent(), (), study.limits) as cluster:
         yield ClusterDrawer(cluster, cluster.renderers()[0])
 
 
@@ -156,14 +155,14 @@ def sleeping(row: Record, sizes: Mapping[str, int]) -> Callable[..., tasks.Outco
 async def simulated_workers(address: str, info: DeviceInfo, row: Record, sizes: Mapping[str, int]) -> None:
     """Serve some of the workers, which start no worker processes, until the scheduler ends."""
 
-    async def describe(setup: Setup, expected: object, dask_worker: Any) -> workers.WorkerFacts:
-        return workers.WorkerFacts(dask_worker.address, "host", {}, {}, info, {"renderer": info.renderer}, None)
+    async def describe(setup: Setup, expected: object, dask_worker: Any) -> tasks.WorkerFacts:
+        return tasks.WorkerFacts(dask_worker.address, "host", {}, {}, info, {"renderer": info.renderer}, None)
 
     @contextmanager
     def station(setup: Setup) -> Iterator[SimpleNamespace]:
         yield SimpleNamespace(techniques={}, worker=None)
 
-    workers.describe, tasks.station, tasks.measure = describe, station, sleeping(row, sizes)
+    tasks.describe, tasks.station, tasks.measure = describe, station, sleeping(row, sizes)
     # What processes of their own would do beside each other; the memory is that of all together.
     dask.config.set({"distributed.worker.profile.enabled": False, "distributed.admin.system-monitor.interval": "10s"})
     count = WORKERS // PROCESSES

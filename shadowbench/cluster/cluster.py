@@ -1,83 +1,149 @@
-"""The workers of a cluster that measure for one command."""
+"""A Dask scheduler, or one started in this process, and those of its workers that measure for one command."""
 
+import asyncio
+import logging
+import os
+import re
 import secrets
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from multiprocessing import resource_tracker
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from shadowbench.cluster import tasks, workers
-from shadowbench.cluster.connect import WORKERS_S, Connection
-from shadowbench.cluster.parcel import PluginFiles, Setup
-from shadowbench.cluster.workers import WorkerFacts
-from shadowbench.errors import InputError, message, quoted
+from shadowbench.cluster import tasks
+from shadowbench.cluster.tasks import Setup, WorkerFacts
+from shadowbench.errors import InputError, ShadowbenchError, how_to_install, message, quoted
 from shadowbench.measure.campaign import Reporter
 from shadowbench.measure.failures import Limits
+from shadowbench.measure.worker import sigint_blocked
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future, LocalCluster
+
+CONNECT_S = 10.0
+WORKERS_S = 60.0
+_MOST_LOCAL = 256
+_RETRIES = 2  # of a task that raised an exception that is none of ours, such as a full disk
 
 
 class Cluster:
     """Workers with our versions and an OpenGL device, on one renderer or on any.
 
-    renderer: name of the study's, None for that of most workers at the start; any_renderer: whether workers of other
-    renderers are admitted too. A context manager; within it, `facts` has the admitted workers by address.
+    where: address of a scheduler, or `local:N`; renderer: name of the study's, None for that of most workers at the
+    start; any_renderer: whether workers of other renderers are admitted too. A context manager; within it, `facts` has
+    the admitted workers by address.
     """
 
     def __init__(
         self,
-        connection: Connection,
+        where: str,
         reporter: Reporter,
         plugins: Sequence[Path] = (),
         limits: Limits | None = None,
         renderer: str | None = None,
         any_renderer: bool = False,
     ) -> None:
-        self.connection, self.reporter = connection, reporter
-        self.setup = Setup(secrets.token_hex(8), tuple(map(PluginFiles.of, plugins)), limits or Limits())
-        self.renderer, self.any_renderer = renderer, any_renderer
+        try:
+            import distributed  # noqa: F401
+        except ImportError:
+            raise InputError(f"--dask needs Dask; {how_to_install('dask')}") from None
+        self.where, self.local = where, _local_workers(where)
+        self.reporter, self.renderer, self.any_renderer = reporter, renderer, any_renderer
+        self.setup = Setup(secrets.token_hex(8), tuple(map(tasks.plugin_files, plugins)), limits or Limits())
         self.facts: dict[str, WorkerFacts] = {}
         self._judged: set[str] = set()
         self._watcher = Thread(target=self._watch)
-
-    @property
-    def client(self) -> "Client":
-        """The current client; another one after the scheduler was restarted."""
-        return self.connection.client
+        self._started: LocalCluster | None = None
 
     def __enter__(self) -> "Cluster":
-        self._wait()
+        import dask
+
+        for name in ("distributed", "distributed.client"):  # the latter has a level of its own
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # errors are reported in one line
+        # Scenes are in the graph, where they survive their worker.
+        dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 TiB"})
+        try:
+            if self.local is not None:
+                resource_tracker.ensure_running()  # when it starts, it unblocks the signal
+                with sigint_blocked():  # Ctrl-C is for this process, which ends the workers
+                    self._started = _start_local(self.local)
+            self.client = self._connect()
+            self._wait()
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        with suppress(Exception):  # workers that have gone
+        with suppress(Exception):  # workers or a scheduler that have gone, or were never there
             self.client.run(tasks.close_station, self.setup.number, workers=list(self.facts), on_error="ignore")
+        with suppress(Exception):
+            self.client.close(timeout=2)
+        if self._started is not None:
+            self._started.close(timeout=5)
+
+    def submit(
+        self, renderer: str, worker: WorkerFacts | None, function: Callable[..., Any], *arguments: object
+    ) -> "Future[Any]":
+        """A task on a worker, or on any of a renderer, given the setup before its arguments."""
+        resource = (worker or self.on(renderer)[0]).resource
+        return self.client.submit(
+            function,
+            self.setup,
+            *arguments,
+            key=f"{function.__name__}-{secrets.token_hex(8)}",
+            resources={resource: 1},  # every worker has one: its tasks run one after the other
+            workers=[worker.address] if worker else None,
+            retries=_RETRIES,
+        )
+
+    def renderers(self) -> list[str]:
+        """Renderers of the admitted workers, the study's first."""
+        found = dict.fromkeys([self.renderer, *(one.renderer for one in self.facts.values())])
+        return [name for name in found if name is not None]
+
+    def on(self, renderer: str) -> list[WorkerFacts]:
+        """Admitted workers with a renderer."""
+        return [one for one in self.facts.values() if one.renderer == renderer]
+
+    def named(self, name: str) -> WorkerFacts:
+        """The worker of --time-on, by its address or the name of its machine. Raises InputError."""
+        known = [] if self.local else list(self.facts.values())
+        for one in known:
+            if name in (one.address, one.host):
+                return one
+        others = dict.fromkeys(["here", *(one.host for one in known), *(one.address for one in known)])
+        raise InputError(f"--time-on {name}: no such worker; allowed: {', '.join(others)}")
+
+    def wait_until_idle(self, machine: WorkerFacts) -> None:
+        """Wait until no worker on the machine of a worker runs a task, of whatever program."""
+        beside = [one.address for one in self.facts.values() if one.host == machine.host]
+        try:
+            while any(self.client.processing(workers=beside).values()):
+                time.sleep(0.1)
+        except OSError:
+            raise self._gone() from None
 
     def reconnect(self) -> None:
-        """Wait for the scheduler and for workers, all of which are new."""
-        self.connection.reconnect()
+        """Wait for a scheduler that was restarted, and for workers, all of which are new. Raises ShadowbenchError."""
+        end = time.monotonic() + WORKERS_S
+        self.client.close(timeout=2)
+        while True:
+            try:
+                self.client = self._connect()
+                break
+            except InputError:
+                if time.monotonic() > end:
+                    raise self._gone() from None
         if self._watcher.is_alive():
             self._watcher.join()
         self.facts.clear()
         self._judged.clear()
         self._wait()
-
-    def renderers(self) -> list[str]:
-        """Renderers of the admitted workers, the study's first."""
-        found = dict.fromkeys([self.renderer, *(one.info.renderer for one in self.facts.values() if one.info)])
-        return [name for name in found if name is not None]
-
-    def on(self, renderer: str) -> list[WorkerFacts]:
-        """Admitted workers with a renderer."""
-        return [one for one in self.facts.values() if one.info is not None and one.info.renderer == renderer]
-
-    def machines(self) -> dict[str, WorkerFacts]:
-        """The first admitted worker on each machine, by the machine's name."""
-        return {one.host: one for one in reversed(self.facts.values())}
 
     def watch(self) -> None:
         """Begin to admit workers that have joined, unless it is being done: one that dies meanwhile takes long."""
@@ -89,6 +155,45 @@ class Cluster:
         with suppress(Exception):  # the scheduler has gone, which the tasks tell
             self._join()
 
+    def _connect(self) -> "Client":
+        from distributed import Client
+
+        if self._started is not None:
+            return Client(self._started, set_as_default=False)
+        try:
+            asyncio.run(_probe(self.where))
+            return Client(self.where, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError, TypeError, RuntimeError) as error:  # the last two: TLS on one side only
+            reason = quoted(message(error)) or type(error).__name__
+            raise InputError(
+                f"--dask {self.where}: no Dask scheduler answers within {CONNECT_S:g} s ({reason}); allowed: local:N, "
+                "or the address of a scheduler, such as tcp://host:8786"
+            ) from None
+
+    def _gone(self) -> ShadowbenchError:
+        return ShadowbenchError(
+            f"--dask {self.where}: the scheduler has gone; what was measured is kept, and the same command goes on"
+        )
+
+    def _wait(self) -> None:
+        """Admit workers, of which at least one must come."""
+        end = time.monotonic() + WORKERS_S
+        reasons: dict[str, str] = {}
+        while not (self.on(self.renderer) if self.renderer else self.facts):
+            if reasons:
+                name, reason = next(iter(reasons.items()))
+                more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+                raise InputError(f"--dask {self.where}: no worker can measure; {name}: {reason}{more}")
+            if time.monotonic() > end:
+                raise InputError(
+                    f"--dask {self.where}: no worker within {WORKERS_S:g} s; allowed: a cluster with at least one"
+                )
+            try:
+                reasons = self._join()
+            except OSError:
+                raise self._gone() from None
+            time.sleep(0 if self.facts or reasons else 0.2)
+
     def _join(self) -> dict[str, str]:
         """Admit workers that have joined since the last call; returns why others were left out, by name."""
         known = self.client.scheduler_info(n_workers=-1)["workers"]
@@ -98,9 +203,10 @@ class Cluster:
         if not joined:
             return {}
         self._judged.update(joined)
-        found = self.client.run(workers.describe, self.setup, workers.own_versions(), workers=joined, on_error="return")
+        found = self.client.run(tasks.describe, self.setup, tasks.own_versions(), workers=joined, on_error="return")
         if self.renderer is None:
-            self.renderer = _most_common([one for one in found.values() if isinstance(one, WorkerFacts)])
+            counts = Counter(one.renderer for one in found.values() if isinstance(one, WorkerFacts) and one.renderer)
+            self.renderer = min(counts, key=lambda name: (-counts[name], name), default=None)
         reasons, admitted = {}, {}
         for address, one in found.items():
             reason = self._objection(one)
@@ -114,7 +220,7 @@ class Cluster:
                 self.reporter.note(f"worker {name} is left out: {reason}")
         for resource in {one.resource for one in admitted.values()}:
             equal = [address for address, one in admitted.items() if one.resource == resource]
-            self.client.run(workers.admit, resource, workers=equal, on_error="ignore")
+            self.client.run(tasks.admit, resource, workers=equal, on_error="ignore")
         self.facts |= admitted
         return reasons
 
@@ -124,47 +230,45 @@ class Cluster:
             return f"shadowbench is not installed there ({quoted(message(one))})"
         if isinstance(one, BaseException):
             return quoted(f"{type(one).__name__}: {message(one)}")
-        if one.reason is not None or one.info is None:
+        if one.reason is not None or self.any_renderer or one.renderer == self.renderer:
             return one.reason
-        if self.any_renderer or one.info.renderer == self.renderer:
-            return None
         return (
-            f"its renderer is {one.info.renderer}, that of the study {self.renderer}; --renderer chooses another, "
+            f"its renderer is {one.renderer}, that of the study {self.renderer}; --renderer chooses another, "
             "--any-renderer makes rows for each"
         )
 
-    def wait_until_idle(self, machine: WorkerFacts) -> None:
-        """Wait until no worker on the machine of a worker runs a task, of whatever program."""
-        beside = [one.address for one in self.facts.values() if one.host == machine.host]
-        try:
-            while any(self.client.processing(workers=beside).values()):
-                time.sleep(0.1)
-        except OSError:
-            raise self.connection.gone() from None
 
-    def _wait(self) -> None:
-        """Admit workers, of which at least one must come."""
-        end = time.monotonic() + WORKERS_S
-        reasons: dict[str, str] = {}
-        while True:
-            try:
-                reasons |= self._join()
-            except OSError:
-                raise self.connection.gone() from None
-            if self.on(self.renderer) if self.renderer else self.facts:
-                return
-            if reasons or time.monotonic() > end:
-                break
-            time.sleep(0.2)
-        where = f"--dask {self.connection.where}"
-        if reasons:
-            name, reason = next(iter(reasons.items()))
-            more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
-            raise InputError(f"{where}: no worker can measure; {name}: {reason}{more}")
-        raise InputError(f"{where}: no worker within {WORKERS_S:g} s; allowed: a cluster with at least one")
+def _local_workers(where: str) -> int | None:
+    """N of `local:N`; None for an address."""
+    if where != "local" and not where.startswith("local:"):
+        return None
+    found = re.fullmatch(r"local:(\d{1,3})", where)
+    if found is None or not 1 <= int(found[1]) <= _MOST_LOCAL:
+        raise InputError(f"--dask {where}: allowed: local:N with N from 1 to {_MOST_LOCAL}, or a scheduler's address")
+    return int(found[1])
 
 
-def _most_common(found: Sequence[WorkerFacts]) -> str | None:
-    """The renderer of most workers that have one, by name among equals; None if no worker has one."""
-    counts = Counter(one.info.renderer for one in found if one.info is not None)
-    return min(counts, key=lambda name: (-counts[name], name), default=None)
+async def _probe(address: str) -> None:
+    """Connect and close again. Raises as Dask does; a client that fails to connect may hang when it is deleted."""
+    from distributed import Security
+    from distributed.comm.core import connect
+
+    arguments = Security().get_connection_args("client")  # from Dask's configuration
+    await (await connect(address, timeout=CONNECT_S, **arguments)).close()
+
+
+def _start_local(count: int) -> "LocalCluster":
+    import dask
+    from distributed import LocalCluster
+
+    threads = max((os.cpu_count() or 1) // count, 1)
+    with dask.config.set({"distributed.worker.profile.enabled": False}):  # it samples every 10 ms
+        return LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=":0",
+            silence_logs=logging.CRITICAL,
+            # A software renderer would otherwise use all cores in every worker.
+            env={"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},
+        )

@@ -16,14 +16,12 @@ if TYPE_CHECKING:
     from shadowbench.studies.measure import Place
     from shadowbench.studies.study import Study
 
+HERE = "here"
+
 
 @contextmanager
 def opening(
-    machines: Machines,
-    plugins: Sequence[Path],
-    limits: "Limits | None",
-    reporter: "Reporter",
-    **options: Any,
+    machines: Machines, plugins: Sequence[Path], limits: "Limits | None", reporter: "Reporter", **options: Any
 ) -> "Iterator[Callable[[Path], Campaign]]":
     """What opens the campaign of a command in a folder; options: of the campaign."""
     if machines.dask is None:
@@ -36,16 +34,12 @@ def opening(
         return
     from shadowbench.cluster.campaign import ClusterCampaign, ClusterDrawer
     from shadowbench.cluster.cluster import Cluster
-    from shadowbench.cluster.connect import Connection
-    from shadowbench.cluster.timing import EACH, HERE, named_worker
 
     time_on = machines.time_on if isinstance(machines, TimingMachines) else None
-    if time_on in (EACH, HERE):
+    if time_on == HERE:
         raise InputError(f"--time-on {time_on}: allowed: one worker, by its address or machine")
-    with ExitStack() as stack:
-        connection = stack.enter_context(Connection(machines.dask))
-        cluster = stack.enter_context(Cluster(connection, reporter, plugins, limits, machines.renderer))
-        one = named_worker(time_on, cluster) if time_on is not None else None
+    with Cluster(machines.dask, reporter, plugins, limits, machines.renderer) as cluster:
+        one = cluster.named(time_on) if time_on is not None else None
         drawer = ClusterDrawer(cluster, cluster.renderers()[0], one)
         yield partial(ClusterCampaign, drawer=drawer, reporter=reporter, **options)
 
@@ -62,6 +56,7 @@ def places(
     """Where a study is measured; worker: the one here, without --dask; options: of the campaigns."""
     from shadowbench.measure.campaign import Campaign
     from shadowbench.measure.gl_drawer import GLDrawer
+    from shadowbench.measure.worker import Worker
     from shadowbench.studies.measure import Place
 
     if worker is not None:
@@ -69,29 +64,25 @@ def places(
         return
     from shadowbench.cluster.campaign import ClusterCampaign, ClusterDrawer
     from shadowbench.cluster.cluster import Cluster
-    from shadowbench.cluster.connect import Connection
-    from shadowbench.cluster.timing import timers
 
     assert machines.dask is not None
+    setup = (plugins, study.limits, machines.renderer, machines.any_renderer)
     with ExitStack() as stack:
-        connection = stack.enter_context(Connection(machines.dask))
-        setup = (plugins, study.limits, machines.renderer, machines.any_renderer)
-        cluster = stack.enter_context(Cluster(connection, reporter, *setup))
-        scored = {**options, "time_again": False}
+        cluster = stack.enter_context(Cluster(machines.dask, reporter, *setup))
+        on_dask = partial(ClusterCampaign, reporter=reporter, **options)
         found = [
-            Place(
-                partial(ClusterCampaign, drawer=ClusterDrawer(cluster, one), reporter=reporter, **scored), times=False
-            )
+            Place(partial(on_dask, drawer=ClusterDrawer(cluster, one), time_again=False), times=False)
             for one in cluster.renderers()
         ]
-        if machines.time_on is not None:
-            for name, timer in timers(machines.time_on, cluster, plugins, stack).items():
-                opened = (
-                    partial(ClusterCampaign, drawer=timer, reporter=reporter, **options)
-                    if isinstance(timer, ClusterDrawer)
-                    else partial(Campaign, drawer=timer, reporter=reporter, **options)
-                )
-                found.append(Place(opened, name))
+        if machines.time_on == HERE:
+            here = stack.enter_context(Worker(plugins, study.limits))
+            if here.info.renderer not in cluster.renderers():
+                measured = " and ".join(cluster.renderers())
+                raise InputError(f"--time-on here: the renderer here is {here.info.renderer}; allowed: {measured}")
+            found.append(Place(partial(Campaign, drawer=GLDrawer(here), reporter=reporter, **options)))
+        elif machines.time_on is not None:
+            one = cluster.named(machines.time_on)
+            found.append(Place(partial(on_dask, drawer=ClusterDrawer(cluster, str(one.renderer), one))))
         yield found
 
 
@@ -104,8 +95,8 @@ def timed_on(study: "Study", machines: TimingMachines, rounds: int | None, repor
         return study
     if machines.time_on is None and rounds:
         raise InputError(
-            f"--rounds {rounds} with --dask: times belong to one machine; allowed: --rounds 0, or --time-on here, each "
-            "or a worker"
+            f"--rounds {rounds} with --dask: times belong to one machine; allowed: --rounds 0, or --time-on here or a "
+            "worker"
         )
     if machines.time_on is not None and study.rounds == 0:
         raise InputError(f"--time-on {machines.time_on}: found 0 rounds; allowed: 1 or more")

@@ -139,9 +139,9 @@ OPTIONS: dict[str, Any] = {
         "--any-renderer", help="With --dask, use workers of every renderer; each makes rows and tables of its own."
     ),
     "time_on": typer.Option(
-        metavar="here|WORKER|each",
-        help="With --dask, where cells are timed, after all are scored: in this process, on one worker (its "
-        "address or machine), or on every machine, which a table compares  [nowhere].",
+        metavar="here|WORKER",
+        help="With --dask, where cells are timed, after all are scored: in this process, or on one worker, by its "
+        "address or machine  [nowhere].",
     ),
     "json": typer.Option("--json", help="Print JSON instead of tables."),
     "quiet": typer.Option("--quiet", "-q", help="Print results and errors only, without notes or progress."),

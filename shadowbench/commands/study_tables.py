@@ -1,14 +1,13 @@
 """The tables of a study in the terminal: one per scene, one over all scenes, and the curves of a bias sweep."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console
 
 if TYPE_CHECKING:
-    from shadowbench.measure.rows import Result
     from shadowbench.studies.measure import StudyResult
     from shadowbench.studies.sweeps import Curve
     from shadowbench.studies.tables import Slope, SummaryRow
@@ -61,8 +60,6 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
         ranked = ", best first by RMSE" if any(row.soft for row in rows) else ", best first"
         _print_scene(f"{scene}{ranked}{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
         _print_curves(scene, curves(rows, found.sweep_positions))
-    if len(found.times) > 1:
-        _print_machines(found.times)
     kinds = [
         {scene: rows for scene, rows in tables.items() if any(row.soft for row in rows) == soft}
         for soft in (False, True)
@@ -82,29 +79,6 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     if not quiet:
         beside = "; masks/ and pictures/ are beside it" if (found.frame["status"] == "ok").any() else ""
         console.print_line(f"{folder / 'table.csv'}: {counted(len(found.run.rows), 'cell')}{beside}")
-
-
-def _print_machines(times: "Mapping[str, Sequence[Result]]") -> None:
-    """Print a table per scene with the times of each machine side by side; notes on each reference time."""
-    from shadowbench.studies.tables import cells_frame, reference_times, summary
-    from shadowbench.studies.times import time_notes
-
-    frames = {machine: cells_frame(results) for machine, results in times.items()}
-    tables = {machine: summary(frame) for machine, frame in frames.items()}
-    columns = [f"{what} {machine}" for machine in frames for what in ("ms", "× ref")]
-    for scene in dict.fromkeys(scene for found in tables.values() for scene in found):
-        cells: dict[tuple[str, str], dict[str, str]] = {}
-        for machine, found in tables.items():
-            for row in found.get(scene, ()):
-                if row.values.get("frame_ms") is not None:
-                    line = cells.setdefault((row.label, str(row.map_size or "")), {})
-                    line |= {f"ms {machine}": _cell(row, "frame_ms"), f"× ref {machine}": _cell(row, "ratio")}
-        lines = [(*of, *(line.get(column, "–") for column in columns)) for of, line in sorted(cells.items())]
-        console.print_table(f"{scene}, times by machine", ("spec", "map", *columns), lines, numbers=("map", *columns))
-        for machine, frame in frames.items():
-            for note in time_notes(reference_times(frame).get(scene), []):
-                console.print_line(f"  {machine}: {note}")
-        console.out().print()
 
 
 def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", notes: list[str]) -> None:

@@ -1,7 +1,7 @@
 """Computation behind `run`: the study given by a file and options, and its measurement into a folder."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -82,8 +82,7 @@ class StudyResult:
     """Result of measuring a study into a folder.
 
     results: its cells, measured now or before; run: the whole folder, with cells of earlier commands; sweep_positions:
-    of specs in the study's bias sweeps; failures: what was left out, if it kept going; times: by name of a machine, the
-    results with its times, if several were asked for.
+    of specs in the study's bias sweeps; failures: what was left out, if it kept going.
     """
 
     study: Study
@@ -92,7 +91,6 @@ class StudyResult:
     sweep_positions: "SweepPositions"
     info: DeviceInfo
     failures: tuple[Failure, ...] = ()
-    times: Mapping[str, Sequence[Result]] = field(default_factory=dict)
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
@@ -104,10 +102,9 @@ class StudyResult:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where a study is measured: what opens a campaign in a folder; timer: name of a machine that only times, if so."""
+    """Where a study is measured: what opens a campaign in a folder, and whether cells are timed there."""
 
     campaign: Callable[[Path], Campaign]
-    timer: str | None = None
     times: bool = True
 
 
@@ -124,17 +121,13 @@ def measure(
     scored = part.of_blocks(readable_blocks(study, failures) if keep_going else [*study.blocks()])
     results: dict[str, Result] = {}  # by key: the last machine's times are in the table
     notes: dict[str, None] = {}
-    times: dict[str, Sequence[Result]] = {}
     for place in places:
         campaign = place.campaign(folder)
         blocks = scored if place.times else [replace(block, rounds=0) for block in scored]
         found = run_blocks(study, blocks, campaign)
         results |= {result.score["key"]: result for result in found.results}
         failures += campaign.failures
-        if place.timer is None:
-            notes |= dict.fromkeys(found.notes)
-        else:
-            times[place.timer] = found.results
+        notes |= dict.fromkeys(found.notes)
     from shadowbench.studies.folder import write_cells
     from shadowbench.studies.sweeps import sweep_positions
 
@@ -142,4 +135,4 @@ def measure(
     campaign.finish(study.facts, list(notes), results)
     run = write_cells(folder, list(results.values()), positions)
     info = campaign.drawer.info
-    return StudyResult(study, tuple(results.values()), run, positions, info, tuple(dict.fromkeys(failures)), times)
+    return StudyResult(study, tuple(results.values()), run, positions, info, tuple(dict.fromkeys(failures)))

@@ -22,7 +22,24 @@ pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="s
 
 Records = Callable[..., list[dict[str, Any]]]
 SPECS = ["unshadowed", "shadow-map", "shadow-map:bias=slope", "shadow-map:bias=constant", "shadow-map:filter=pcf"]
-STUDY = ["run", "cube-on-plane", "spot-lamp", "--view-size", "96", "--rounds", "0", "--phases", "8"]
+LIGHTS = 12
+CELLS = LIGHTS * (1 + 3 * (len(SPECS) - 1))
+SCENE = (
+    """
+camera = { position = [3, 2, 3], target = [0, 0, 0] }
+mesh = [{ shape = "plane", scale = 8 }, { shape = "box", translate = [0, 0.5, 0] }]
+light = ["""
+    + "".join(f'{{ name = "{n}", kind = "directional", direction = [{n / 10}, -1, -0.5] }},' for n in range(LIGHTS))
+    + "]"
+)
+
+
+def command(folder: Path) -> list[str | Path]:
+    """A study of as many blocks as lights."""
+    scene = folder / "lights.toml"
+    scene.write_text(SCENE)
+    specs = [argument for spec in SPECS for argument in ("-t", spec)]
+    return ["run", scene, "--view-size", "96", "--rounds", "0", "--phases", "3", *specs]
 
 
 class Processes:
@@ -75,8 +92,7 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
 
 @pytest.fixture
 def study(processes: Processes, tmp_path: Path) -> list[str | Path]:
-    specs = [argument for spec in SPECS for argument in ("-t", spec)]
-    return [*STUDY, *specs, "--dask", processes.address, "-o", tmp_path / "out"]
+    return [*command(tmp_path), "--dask", processes.address, "-o", tmp_path / "out"]
 
 
 def test_killed_workers_and_a_restarted_scheduler_lose_no_row(
@@ -94,7 +110,7 @@ def test_killed_workers_and_a_restarted_scheduler_lose_no_row(
     processes.start()
     code, _, err = run.end()
     assert code == 0, err
-    assert len(keys := [row["key"] for row in records(out)]) == len(set(keys)) == 2 * (1 + 8 * (len(SPECS) - 1))
+    assert len(keys := [row["key"] for row in records(out)]) == len(set(keys)) == CELLS
     assert {row["status"] for row in records(out)} == {"ok"}
 
 
@@ -111,12 +127,11 @@ def test_a_killed_client_goes_on_without_measuring_again(
     assert code == 0, err
     after = records(out)
     assert after[: len(kept)] == kept
-    assert len({row["key"] for row in after}) == len(after) == 2 * (1 + 8 * (len(SPECS) - 1))
+    assert len({row["key"] for row in after}) == len(after) == CELLS
 
 
 def test_ctrl_c_leaves_no_process(start: Any, records: Records, tmp_path: Path) -> None:
-    specs = [argument for spec in SPECS for argument in ("-t", spec)]
-    run = start(*STUDY, *specs, "--dask", "local:2", "-o", tmp_path / "out")
+    run = start(*command(tmp_path), "--dask", "local:2", "-o", tmp_path / "out")
     run.until(lambda: len(records(tmp_path / "out")) > 4)
     family = run.family()
     assert len(family) >= 4  # two workers, and the processes that draw
