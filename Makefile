@@ -83,5 +83,5 @@ wheel: setup
 	$(bin)/python tools/wheel.py
 
 clean:
-	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/demo results/latest results/stress results/fuzz results/recommend results/recommend-check results/tune
+	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/demo results/latest results/stress results/recommend results/recommend-check results/tune
 	find shadowbench tests benchmarks examples tools -name __pycache__ -prune -exec rm -rf {} +

@@ -136,12 +136,6 @@ class Session:
         reason = self._unsupported(self._ensure_open(view, request.coordinates), self._spec(request))
         return None if reason is None else quoted(reason)
 
-    def build(self, view: View, request: CellRequest) -> None:
-        """Build a cell and keep it for `draw` and `prepare_timing`. Raises as `draw` does."""
-        open_view = self._ensure_open(view, request.coordinates)
-        if request not in self._kept:
-            self._kept[request] = self._build(open_view, request)
-
     def shaders(self, view: View, request: CellRequest) -> list[ShaderText]:
         """GLSL of a cell as passed to the driver, with all includes and defines resolved. Raises as `draw` does."""
         stage = self._build(self._ensure_open(view, request.coordinates), request).stage

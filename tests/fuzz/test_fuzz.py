@@ -1,53 +1,92 @@
-"""Every generated file gives a result or one clear line; `python -m tests.fuzz` tries the full count."""
+"""Every generated file gives a result or one clear line; `FUZZ=10000 pytest tests/fuzz -m exhaustive` tries so many."""
 
+import os
+from collections.abc import Callable
 from multiprocessing.pool import ThreadPool
 
 import pytest
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
 
 from .cases import Case
 from .command import commanded
 from .corrupt import FORMATS, corrupted
-from .generate import generated
-from .pool import verdicts
+from .texts import scene_case, spec_case, study_case
+from .verdict import Verdict, Watch, judged
+
+pytestmark = pytest.mark.timeout(1200)
+CASES: dict[str, tuple[int, st.SearchStrategy[Case]]] = {  # and how many of each for one of another kind
+    "scene": (5, scene_case()),
+    "study": (3, study_case()),
+    "spec": (2, spec_case()),
+    **{kind: (1, st.integers(0, 10**6).map(lambda number, kind=kind: corrupted(kind, number))) for kind in FORMATS},
+}
+MANY = int(os.environ.get("FUZZ", "2000"))
 
 
-def failures(cases: list[Case]) -> list[str]:
-    found = [(case, verdict) for case, verdict, _ in verdicts(cases, jobs=2)]
-    assert len(found) == len(cases)
-    assert {"result", "refusal"} <= {verdict.kind for _, verdict in found}
-    return [f"{case.kind}: {verdict.line}" for case, verdict in found if verdict.kind == "failure"]
+@pytest.fixture(scope="session")
+def watch() -> Watch:
+    """With what is imported on first use, which reads files of its own."""
+    watch = Watch()  # a hook stays for the life of the process
+    judged(Case("scene", "a.toml", {"a.toml": b'[[mesh]]\nshape = "box"\n'}), watch)
+    return watch
 
 
-def test_some_files_give_a_result_or_one_line() -> None:
-    assert failures([*generated(30), *(corrupted(kind, k) for kind in FORMATS for k in range(2))]) == []
+def each(kind: str, count: int, number: int, do: Callable[[Case], None]) -> None:
+    """Calls a function with so many cases, the same for the same number; reports the first that fails."""
+    options = settings(
+        max_examples=count,
+        phases=[Phase.generate],
+        database=None,
+        deadline=30_000,  # milliseconds; what never ends, the time limit of the test ends
+        suppress_health_check=list(HealthCheck),
+    )
+    seed(number)(options(given(CASES[kind][1])(do)))()
+
+
+def try_many(watch: Watch, kind: str, count: int, number: int) -> None:
+    seen: set[str] = set()
+
+    def answer(case: Case) -> None:
+        verdict = judged(case, watch)
+        assert verdict.kind != "failure", verdict.line
+        seen.add(verdict.kind)
+
+    each(kind, count, number, answer)
+    assert count < 10 or seen == {"result", "refusal"}
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_some_files_give_a_result_or_one_line(watch: Watch, kind: str) -> None:
+    try_many(watch, kind, 3 * CASES[kind][0], 0)
 
 
 @pytest.mark.slow
-def test_five_hundred_files_give_a_result_or_one_line() -> None:
-    assert failures([*generated(350, 1), *(corrupted(kind, k) for kind in FORMATS for k in range(100, 125))]) == []
+@pytest.mark.parametrize("kind", CASES)
+def test_five_hundred_files_give_a_result_or_one_line(watch: Watch, kind: str) -> None:
+    try_many(watch, kind, 500 * CASES[kind][0] // 16, 1)
 
 
 @pytest.mark.slow
 @pytest.mark.exhaustive
-def test_two_thousand_files_give_a_result_or_one_line() -> None:
-    assert failures([*generated(1400, 1), *(corrupted(kind, k) for kind in FORMATS for k in range(100, 200))]) == []
+@pytest.mark.parametrize("kind", CASES)
+def test_many_files_give_a_result_or_one_line(watch: Watch, kind: str) -> None:
+    try_many(watch, kind, MANY * CASES[kind][0] // 16, 2)
 
 
 @pytest.mark.slow
-def test_the_command_line_gives_a_result_or_one_line() -> None:
-    counts = {"scene": 100, "study": 400, "spec": 100}  # few studies are small enough to be run
-    cases = [case for kind, count in counts.items() for case in generated(count, 2, kind)]
-    cases += [corrupted(kind, k) for kind in FORMATS for k in range(20)]
-    found = {}
-    for case, verdict, _ in verdicts(cases, jobs=2):
+def test_the_command_line_gives_a_result_or_one_line(watch: Watch) -> None:
+    found: dict[tuple[str, str], Case] = {}
+
+    def note(case: Case) -> None:
+        verdict = judged(case, watch)
         if verdict.small:
             found[case.kind, verdict.kind] = case
-    kinds = ["scene", "study", "spec", *FORMATS]
-    assert found.keys() == {(kind, answer) for kind in kinds for answer in ("result", "refusal")}
+
+    for kind in CASES:
+        each(kind, 400 if kind == "study" else 60, 3, note)  # few studies are small enough to be run
+    assert found.keys() == {(kind, answer) for kind in CASES for answer in ("result", "refusal")}
     with ThreadPool(2) as pool:
-        answers = pool.map(commanded, found.values())
-    assert [
-        f"{case.kind}: {answer.line}"
-        for case, answer in zip(found.values(), answers, strict=True)
-        if answer.kind == "failure"
-    ] == []
+        answers: list[Verdict] = pool.map(commanded, found.values())
+    failed = [f"{kind}: {one.line}" for (kind, _), one in zip(found, answers, strict=True) if one.kind == "failure"]
+    assert failed == []

@@ -1,4 +1,4 @@
-"""The fuzzer detects misbehaviour: stray reads and writes, hangs, crashes, excessive memory, tracebacks."""
+"""The fuzzer detects misbehaviour: stray reads and writes, excessive memory, tracebacks."""
 
 import os
 from collections.abc import Callable
@@ -11,8 +11,7 @@ from shadowbench.errors import InputError
 
 from . import command, verdict
 from .cases import Case
-from .pool import verdicts
-from .verdict import Verdict, Watch, judged
+from .verdict import MOST_MEMORY, Watch, judged
 
 WATCH = Watch()  # a hook stays for the life of the process
 CASE = Case("scene", "a.toml", {"a.toml": b""})
@@ -33,9 +32,18 @@ def no_memory() -> None:
         (lambda main: os.mkfifo(main.with_name("new")), "something was written"),
         (lambda main: int("x"), "ValueError: invalid literal"),
         (lambda main: no_memory(), "memory: too large"),
+        (lambda main: bytearray(2 * MOST_MEMORY), "MemoryError"),
         (lambda main: (_ for _ in ()).throw(InputError("x" * 5000)), "a line of 5000 characters"),
     ],
-    ids=["reads elsewhere", "writes", "leaves a pipe", "raises", "runs out of memory", "talks too much"],
+    ids=[
+        "reads elsewhere",
+        "writes",
+        "leaves a pipe",
+        "raises",
+        "has no memory",
+        "takes too much memory",
+        "talks too much",
+    ],
 )
 def test_a_reader_that_misbehaves_is_a_failure(
     monkeypatch: pytest.MonkeyPatch, read: Callable[[Path], Any], line: str
@@ -48,33 +56,6 @@ def test_a_reader_that_misbehaves_is_a_failure(
     found = judged(CASE, WATCH)
     assert found.kind == "failure"
     assert line in found.line
-
-
-def misbehave(case: Case, watch: Watch) -> Verdict:
-    """Misbehaves in a process of the pool."""
-    if case.text == "hang":
-        while True:
-            pass
-    if case.text == "die":
-        os.abort()
-    if case.text == "memory":
-        try:
-            bytearray(4 << 30)
-        except MemoryError:
-            return Verdict("failure", "no memory")
-    return Verdict("result", case.text)
-
-
-@pytest.mark.slow
-def test_a_case_that_hangs_or_kills_its_process_is_named_and_the_others_go_on() -> None:
-    cases = [Case("spec", "", text=text) for text in ("one", "hang", "two", "die", "three", "memory", "four")]
-    found = {case.text: answer for case, answer, _ in verdicts(cases, 2, misbehave, longest=1.0)}
-    assert {text: answer.kind for text, answer in found.items()} == {
-        "one": "result", "two": "result", "three": "result", "four": "result",
-        "hang": "failure", "die": "failure", "memory": "failure",
-    }  # fmt: skip
-    assert "hung" in found["hang"].line
-    assert "code -6" in found["die"].line
 
 
 @pytest.mark.parametrize(

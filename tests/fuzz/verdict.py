@@ -1,9 +1,10 @@
 """The outcome of shadowbench for one case, observed in the same process: a result, a one-line error, or a failure.
 
-Run in a process of its own (see pool.py), whose address space is limited, with an ear for every file and socket opened.
+With an ear for every file and socket opened, and a limit of the address space.
 """
 
 import os
+import resource
 import shutil
 import sys
 import tempfile
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import psutil
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.library import load_scene
@@ -24,6 +26,8 @@ from shadowbench.techniques.spec import parse_spec
 
 from .cases import ASSETS, INSIDE, OUTSIDE, ROOT, Case
 
+MOST_MEMORY = 4 << 30
+"""Bytes of address space that reading a file may take."""
 LONGEST_LINE = 3000
 """Characters of a refusal: it must be read by somebody."""
 FORBIDDEN = ("socket.connect", "socket.bind", "socket.getaddrinfo", "os.system", "os.remove", "os.rename", "os.mkdir",
@@ -72,6 +76,17 @@ class Watch:
             self.on = False
 
 
+@contextmanager
+def limited_memory() -> Iterator[None]:
+    """Lets this process take MOST_MEMORY more."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (psutil.Process().memory_info().vms + MOST_MEMORY, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
 def tree(root: Path) -> dict[str, Any]:
     """Size and modification time of every file below a folder, or the target of a link."""
     found = {}
@@ -89,7 +104,7 @@ def judged(case: Case, watch: Watch) -> Verdict:
         before = tree(root)
         # A study names scenes anywhere, as the command line does; a scene may not look beyond its folder.
         beyond = [root / OUTSIDE] if case.kind == "study" else []
-        with warnings.catch_warnings(), watch.over(root / INSIDE, root / ASSETS, *beyond):
+        with warnings.catch_warnings(), limited_memory(), watch.over(root / INSIDE, root / ASSETS, *beyond):
             warnings.simplefilter("error")
             verdict = _of(lambda: READ[case.kind](case, main, root / ASSETS))
         if watch.seen:
