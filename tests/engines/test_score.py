@@ -301,7 +301,10 @@ def pictured(prepared: Callable, png: Callable) -> Callable[..., Accuracy]:
     return shoot
 
 
-@pytest.mark.parametrize("ambient", [0.1, 0.2, 0.3, 0.5])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize("ambient", [0.1, pytest.param(0.2, marks=SLOW), pytest.param(0.3, marks=SLOW), 0.5])
 @pytest.mark.parametrize("fault", ["none", "gamma", "blur", "acne", "shift"])
 def test_ambient_light_that_is_in_both_pictures_is_told_and_what_else_is_wrong(
     pictured: Callable, drawn: Callable, prepared: Callable, ambient: float, fault: str

@@ -119,6 +119,7 @@ def test_what_plug_ins_print_goes_to_stderr_also_before_a_crash_and_in_any_encod
     assert "loud" not in survived.printed
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
 def test_what_hangs_costs_its_own_cell_and_plug_ins_print_on_where_stderr_is_full(
     tmp_path: Path, plugins: list[str | Path]
@@ -193,6 +194,7 @@ if "pytest" not in sys.modules:  # not in the process of the test, which draws w
 """
 
 
+@pytest.mark.slow
 def test_a_floor_that_crashes_costs_times_only_and_is_tried_again(study: Study, half: Path, tmp_path: Path) -> None:
     """`unshadowed`, above which `added_ms` is."""
     plugin = tmp_path / "half.py"

@@ -99,6 +99,7 @@ def compare(shadowbench: Command, records: Records, address: str, tmp_path: Path
     return run
 
 
+@pytest.mark.slow
 def test_a_study_has_the_same_rows_and_images(compare: Callable[..., None], half: Path, tmp_path: Path) -> None:
     """Also those of a plug-in, whose files are sent."""
     shader = tmp_path / "plug-in" / "deep" / "half.frag"

@@ -88,7 +88,12 @@ def test_a_lamp_without_a_size_is_taken_as_a_bulb() -> None:
     assert found is not None and found.assumed and found.radius == pytest.approx(BULB)
 
 
-@pytest.mark.parametrize("name", ["post", "shade", "window", "cube-on-plane", "fence"])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    "name", ["post", pytest.param("shade", marks=SLOW), pytest.param("window", marks=SLOW), "cube-on-plane", "fence"]
+)
 def test_the_error_of_hard_shadows_is_the_rmse_of_the_truth_s_own_arrays(name: str, builtin) -> None:
     """Of the scene's own light, or under the sun that is assumed; the centre's visibility is the best that is hard."""
     view = builtin(name, 128)
@@ -104,6 +109,7 @@ def test_the_error_of_hard_shadows_is_the_rmse_of_the_truth_s_own_arrays(name: s
     assert found.share.value == pytest.approx(penumbra.sum() / (scored & (soft.visibility < 1)).sum())
 
 
+@pytest.mark.slow
 def test_of_a_large_view_some_pixels_say_how_wrong_hard_shadows_are(builtin) -> None:
     large, small = (found_in(builtin("post", size)) for size in (700, 250))
     assert large is not None and small is not None

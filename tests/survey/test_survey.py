@@ -38,7 +38,7 @@ FOUND = {"light", "receivers", "closed casters", "silhouette", "texel", "map siz
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_every_scene_of_ours_has_needs_in_words(name: str) -> None:
-    found = needs(chosen_view(name, 128))
+    found = needs(chosen_view(name, 64))
     rows = explanations_of(found)
     assert {row.need for row in rows} >= FOUND | {"map size, edges", "bias", "thinnest gap", "depth bits", "penumbra"}
     assert all(row.number and row.reason and "nan" not in row.number + row.reason for row in rows)

@@ -3,7 +3,7 @@
 from typing import Any, Literal, get_args, get_origin
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
@@ -89,6 +89,7 @@ def _compatible(model: type[BaseModel], values: dict[str, object]) -> Any:
 
 
 @pytest.mark.parametrize("name", sorted(ALL))
+@settings(max_examples=40)
 @given(data=st.data())
 def test_specs_survive_formatting_and_parsing(name: str, data: st.DataObject) -> None:
     spec = data.draw(specs(ALL[name]))
