@@ -135,5 +135,6 @@ class ClusterCampaign(Campaign):
                     left = {index: future for index, future in left.items() if index not in ended}
                     yield from ended.items()
         finally:
-            with suppress(OSError, CancelledError):  # the scheduler has gone
-                cluster.client.cancel([*left.values()])
+            if cluster.client.status == "running":  # not when the scheduler has gone
+                with suppress(OSError, CancelledError):
+                    cluster.client.cancel([*left.values()])

@@ -194,14 +194,21 @@ def _around(values: list[Value], default: int, failed: set[Value]) -> tuple[tupl
 
 
 def operating_ranges(axes: Iterable[Axis], rows: Iterable[Record]) -> list[OperatingRange]:
-    """All operating ranges, in the order of the axes."""
+    """All operating ranges, in the order of the axes; none on an ordered axis whose default value was not measured.
+
+    It is around the default value that an ordered axis has its range, and a part of a sweep may be without it.
+    """
     groups: dict[tuple[str, str, str], list[Record]] = {}
     for row in rows:
         groups.setdefault((row["axis"], row["home_spec"], row["light_kind"]), []).append(row)
     known = {axis.name: axis for axis in axes}
     order = list(known)
-    ranges = [operating_range(known[name], group) for (name, _, _), group in groups.items() if name in known]
-    return sorted(ranges, key=lambda found: order.index(found.axis.name))
+    ranges = [
+        operating_range(axis, group)
+        for (name, _, _), group in groups.items()
+        if (axis := known.get(name)) and (not axis.ordered or any(row["axis_value"] == axis.default for row in group))
+    ]
+    return sorted(ranges, key=lambda one: order.index(one.axis.name))
 
 
 def ranges_frame(ranges: Sequence[OperatingRange]) -> pd.DataFrame:

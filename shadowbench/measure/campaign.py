@@ -151,14 +151,14 @@ class Campaign:
         missing = self.unscored(block)
         name, pictures, shading_written = block.scene.name, self._pictures, False
         with Writer() as writer:
-            writes: list[Callable[[], None]] = []
             if self._keeps_images is None:
-                writes.append(partial(pictures.write_truth, block.view, block.truth(0)))
+                writer.add(partial(pictures.write_truth, block.view, block.truth(0)))
             for cell, key in missing.items():
                 if block.times(cell):
                     writer.finish()  # its build is timed: nothing may run beside it
                 row, rendering = self._score_cell(block, cell, key)
                 writer.finish()  # which bounds the images in memory
+                writes: list[Callable[[], None]] = []
                 if rendering is not None and (self._keeps_images is None or self._keeps_images(row)):
                     if not shading_written:
                         writes.append(partial(pictures.write_truth, block.view, block.truth(0)))
@@ -166,9 +166,7 @@ class Campaign:
                         shading_written = True
                     writes.append(partial(pictures.write_cell, key, rendering))
                 writer.add(*writes, partial(self.store.append, row))  # after the images, which its presence promises
-                writes = []
                 self.reporter.step(f"{name} {cell.spec.text}")
-            writer.add(*writes)
         for _ in range(len(block.cells) - len(missing)):
             self.reporter.step(f"{name}: measured before")
 

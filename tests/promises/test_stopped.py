@@ -64,7 +64,7 @@ def test_a_killed_run_resumes_with_the_same_results(
 ) -> None:  # fmt: skip
     out = tmp_path / "out"
     killed = start(*arguments(place, gate), GATE=tmp_path / "shut")
-    killed.until(lambda: len(records(out)) == rows and (out / "truth").is_dir())
+    killed.until(lambda: len(records(out)) == rows and (out / "truth").is_dir() and killed.family())
     family = killed.family()
     killed.process.kill()
     killed.end()

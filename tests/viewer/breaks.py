@@ -51,7 +51,7 @@ def faults(d: Driver) -> None:
     shader = Path("shaders/shadow-map/resolve.frag")
     source = shader.read_text()
     shader.write_text(source.replace("visibility =", "visible ="))
-    d.until("a shader that does not compile", lambda: "ShaderError" in told() and "resolve.frag:5" in told())
+    d.until("a shader that does not compile", lambda: "ShaderError" in told() and "resolve.frag:7" in told())
     shader.write_text(source)
     d.until("the shader again", lambda: "ShaderError" not in told())
     spec = viewer.state.specs[0].with_(size=65536)
