@@ -219,7 +219,7 @@ def run(
         view=ViewOptions(view=view, light=light),
     )
     with _folder(folder) as path, _worker(files, chosen.limits) as worker:
-        return measure(chosen, path, [Place(partial(_campaign, worker=worker))]).frame
+        return measure(chosen, path, [Place(partial(_campaign, worker=worker))]).run.last.frame
 
 
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:

@@ -20,6 +20,8 @@ from shadowbench.measure.failures import Limits
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker
+from shadowbench.results.configurations import Section, sections
+from shadowbench.results.folder import Run
 from shadowbench.studies.run import run_blocks
 from shadowbench.studies.study import Study, read_study
 from shadowbench.techniques import spec
@@ -445,3 +447,11 @@ def records() -> Callable[..., list[dict[str, Any]]]:
         return [record for record in map(json.loads, lines) if kind in (None, record["kind"])]
 
     return read
+
+
+def sections_of(*results: Result) -> dict[str, Section]:
+    """The sections of a run with these cells, by scene."""
+    keyed = [({**one.score, "key": str(number)}, one.last_time) for number, one in enumerate(results)]
+    times = {score["key"]: time for score, time in keyed if time is not None}
+    run = Run("run", Path("run"), {}, tuple(score for score, _ in keyed), 0, False, times, {}, 0, frozenset())
+    return {section.scene: section for parts in sections([run]).values() for section in parts}

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from shadowbench.studies.folder import IDENTITY, identity
+from shadowbench.results.folder import IDENTITY, identity
 from shadowbench.studies.study import read_study
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter

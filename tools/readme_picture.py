@@ -14,9 +14,9 @@ from pages import png
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from shadowbench.reports.analysis import sections
 from shadowbench.reports.report import write_report
-from shadowbench.studies.folder import read_folders
+from shadowbench.results.configurations import sections
+from shadowbench.results.folder import read_folders
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURE = ROOT / "docs" / "pictures" / "report.png"

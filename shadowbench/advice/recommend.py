@@ -20,10 +20,10 @@ from shadowbench.measure.references import DEFAULT_REFERENCE
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import DeviceInfo
+from shadowbench.results.folder import write_cells
 from shadowbench.scenes.model import View
 from shadowbench.scores.metrics import ranking
 from shadowbench.studies.crossing import Techniques
-from shadowbench.studies.folder import write_cells
 from shadowbench.studies.study import Study
 from shadowbench.techniques.params import Component
 from shadowbench.techniques.spec import Spec
@@ -108,7 +108,7 @@ def recommend(
         found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure, among)
     campaign.finish(study.facts, view.scene.notes, [result.score["key"] for result in results])
     if results:
-        write_cells(campaign.folder, results, {})
+        write_cells(campaign.folder, {})
     return found, info
 
 

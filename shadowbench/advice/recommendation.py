@@ -19,11 +19,11 @@ from shadowbench.advice.space import (
     untried_filters,
 )
 from shadowbench.measure.rows import Result
+from shadowbench.results.tables import cells_frame
+from shadowbench.results.times import ReferenceTime, normalise_times
 from shadowbench.scenes.model import View
 from shadowbench.scores.metrics import METRICS
 from shadowbench.scores.thresholded import ThresholdedMask
-from shadowbench.studies.tables import cells_frame
-from shadowbench.studies.times import ReferenceTime, normalise_times
 from shadowbench.survey.survey import Needs, needs
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec

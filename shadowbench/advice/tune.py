@@ -13,9 +13,9 @@ from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.failures import Failure
 from shadowbench.measure.rows import Record, Result
+from shadowbench.results.folder import write_cells
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import Scene
-from shadowbench.studies.folder import write_cells
 from shadowbench.studies.run import check_sizes
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.techniques.spec import Spec, spec_of
@@ -71,7 +71,7 @@ def tune_parameters(
         found = ParameterSearch(space, cells, blocks, split).run(trials, presets)
     results = tuple(cells.results.values())
     campaign.finish(study.facts, [], [result.score["key"] for result in results])
-    write_cells(campaign.folder, results, {})
+    write_cells(campaign.folder, {})
     return TuningResult(found, results, tuple(campaign.failures))
 
 

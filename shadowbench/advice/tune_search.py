@@ -13,7 +13,7 @@ from shadowbench.advice.tune_split import SceneSplit
 from shadowbench.errors import InputError
 from shadowbench.measure.cells import Block
 from shadowbench.measure.failures import CellFailed
-from shadowbench.studies.times import pareto_front
+from shadowbench.results.times import pareto_front
 from shadowbench.techniques.spec import Spec
 
 if TYPE_CHECKING:

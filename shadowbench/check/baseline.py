@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from shadowbench.measure.flips import FLIPS, ROW_METRICS, row_metrics
 from shadowbench.measure.rows import Record, Result, driver_of
-from shadowbench.studies.folder import identity
+from shadowbench.results.folder import identity
 
 EXACT = ("draws", "primitives", "gpu_bytes", "reads", "rays")  # work counts that are deterministic on a renderer
 INVOCATIONS = 0.02  # relative tolerance of other counts: drivers differ in helper invocations of quads

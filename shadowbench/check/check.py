@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,8 @@ from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
+from shadowbench.results.folder import IDENTITY, Run, identity, read_runs
 from shadowbench.scores.metrics import is_soft
-from shadowbench.studies.folder import IDENTITY, Run, identity, read_runs
 
 _PICTURES = 8  # most difference pictures
 _UNSAFE = re.compile(r"[^\w.+=-]+")  # not allowed in file names everywhere
@@ -58,7 +58,7 @@ def check(
     baseline, and if they have no cell in common.
     """
     (whole,) = read_runs([folder], None if update else COMPARED)
-    run = replace(whole, rows=tuple(row for row in whole.rows if row["key"] not in whole.earlier))
+    run = whole.last
     reference_run = _baseline(baseline, update)
     findings = compare(run.results, reference_run.results if reference_run else (), tolerances)
     if findings.compared == 0 and not update:

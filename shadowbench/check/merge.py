@@ -17,10 +17,10 @@ from shadowbench.measure.row_store import command_line
 from shadowbench.measure.rows import SCHEMA, RunFile, StudyFacts, read_run_file
 from shadowbench.reports.stability import analyse
 from shadowbench.reports.words import counted
+from shadowbench.results.bias_sweeps import read_sweep_positions
+from shadowbench.results.folder import read_folders, write_cells
+from shadowbench.results.tables import write_table
 from shadowbench.scores.masks import mask_sha256, open_png, read_mask
-from shadowbench.studies.folder import read_folders, write_cells
-from shadowbench.studies.sweeps import read_sweep_positions
-from shadowbench.studies.tables import write_table
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _write(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile], o
         else:
             tables = [read_sweep_positions(source / "table.csv") for source in sources]
             positions = {spec: points for table in tables for spec, points in table.items()}
-            shown = write_cells(beside, (), positions).rows
+            shown = write_cells(beside, positions).rows
         with suppress(FileNotFoundError):
             output.resolve().rmdir()  # an empty one
         beside.rename(output.resolve())

@@ -11,7 +11,7 @@ from scipy.stats import kendalltau
 
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record, Result
-from shadowbench.studies.folder import identity, read_runs
+from shadowbench.results.folder import identity, read_runs
 
 LEAST_RATIO = 1.05  # least ratio of two times whose order must be repeated
 LEAST_TAU = 0.95  # least Kendall's τ

@@ -155,7 +155,7 @@ def _make_folder(folder: Path) -> None:
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     from shadowbench.advice.words import excluded_lines, obstacles, phase_notes, step_lines, target_notes
-    from shadowbench.studies.times import time_notes
+    from shadowbench.results.times import time_notes
 
     by = "work" if found.unit == "work" else "this machine's times" if info.software else "this GPU's times"
     caveat = "; times of a software renderer are not those of a GPU" if info.software else ""
@@ -181,7 +181,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
 
 def _is_rough(found: "Recommendation", one: "Trial") -> bool:
     """Whether the rounds of a time varied much."""
-    from shadowbench.studies.times import ROUGH
+    from shadowbench.results.times import ROUGH
 
     time = one.result.time if one.result else None
     return found.unit == "ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]

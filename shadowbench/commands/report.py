@@ -64,10 +64,10 @@ def report(
     shadows (lights with a size) an RMSE.
     """
     from shadowbench.commands.verdict_tables import print_verdict
-    from shadowbench.reports.analysis import sections
     from shadowbench.reports.report import report_target, write_report
     from shadowbench.reports.words import counted
-    from shadowbench.studies.folder import read_folders
+    from shadowbench.results.configurations import sections
+    from shadowbench.results.folder import read_folders
 
     target = report_target(output, format, split)
     with console.Reporter(quiet) as reporter:

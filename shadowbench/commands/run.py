@@ -25,8 +25,8 @@ from shadowbench.errors import InputError
 from shadowbench.options import Measuring, ViewOptions
 
 if TYPE_CHECKING:
+    from shadowbench.results.folder import Run
     from shadowbench.studies.crossing import Techniques
-    from shadowbench.studies.folder import Run
     from shadowbench.studies.measure import StudyResult
     from shadowbench.studies.study import Study
 
@@ -163,21 +163,22 @@ def _print(found: "StudyResult", output: Path, printed: Printed) -> None:
     if not printed.json:
         print_study(found, output, printed.quiet)
         return
-    from shadowbench.studies.tables import summary
+    from shadowbench.results.configurations import sections
 
-    tables = summary(found.frame)
-    console.print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
+    made = [section for parts in sections([found.run.last]).values() for section in parts]
+    console.print_json({section.scene: list(map(dataclasses.asdict, section.configurations)) for section in made})
 
 
 def _exit_code(found: "StudyResult", asked: "Study", known: "Techniques") -> int:
     """3 if a cell failed or something was left out, else 0; what it was, and why nothing was drawn, is printed."""
-    statuses = list(found.frame["status"])
-    if not any(found.frame["status"] == "ok") and not found.failures:
+    results = found.run.last.results
+    statuses = [one.status for one in results]
+    if "ok" not in statuses and not found.failures:
         console.print_unsupported(statuses, _others(asked, known))
     failed = [
-        ("cell", f"{cell.score['scene']} {cell.score['spec']}", status.removeprefix("failed: "))
-        for cell, status in zip(found.results, statuses, strict=True)
-        if status.startswith("failed")
+        ("cell", f"{one.score['scene']} {one.score['spec']}", one.status.removeprefix("failed: "))
+        for one in results
+        if one.status.startswith("failed")
     ]
     if found.failures or len({reason for _, _, reason in failed}) > 1:
         console.print_failures([*((one.what, one.where, one.reason) for one in found.failures), *failed])

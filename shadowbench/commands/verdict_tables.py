@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 from shadowbench.commands import console
 
 if TYPE_CHECKING:
-    from shadowbench.reports.analysis import Section
-    from shadowbench.reports.matrix import CostCell
+    from shadowbench.results.configurations import Section
+    from shadowbench.results.ranking import CostCell
 
 
 def print_verdict(sections: "Sequence[Section]") -> None:
     """The cheapest setting for each accuracy in each scene of one run, then each technique's cost over its scenes."""
-    from shadowbench.reports.analysis import by_kind
-    from shadowbench.reports.matrix import candidates, cost_row, targets_of
     from shadowbench.reports.verdict import real_time, target_name, verdict
+    from shadowbench.results.configurations import by_kind
+    from shadowbench.results.ranking import candidates, cost_row, targets_of
 
     kinds = by_kind(sections)
     if not any(map(candidates, kinds)):
@@ -40,9 +40,9 @@ def print_verdict(sections: "Sequence[Section]") -> None:
 
 
 def _print_costs(sections: "Sequence[Section]", kind: str) -> None:
-    from shadowbench.reports.matrix import candidates, cost_matrix, targets_of
     from shadowbench.reports.verdict import cost_note, target_name
     from shadowbench.reports.words import counted
+    from shadowbench.results.ranking import candidates, cost_matrix, targets_of
 
     found, targets = candidates(sections), targets_of(sections[0].ranked_by)
     heads = [f"over {counted(len(sections), f'{kind}scene')}", *map(target_name, targets)]

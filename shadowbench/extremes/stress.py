@@ -12,10 +12,10 @@ from shadowbench.extremes.sweep import block_at, points_of
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.failures import Failure, Limits
 from shadowbench.measure.rows import Record
-from shadowbench.studies.folder import read_folders
+from shadowbench.results.folder import read_folders
+from shadowbench.results.tables import write_table
 from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.study import Study
-from shadowbench.studies.tables import write_table
 from shadowbench.techniques.spec import Spec
 
 LIMITS = Limits(seconds=120.0, bytes=4 << 30)  # fixed, so that the same maps are too large on every machine

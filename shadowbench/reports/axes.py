@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.words import digits
+from shadowbench.results.configurations import Configuration, Section
 
 Chart = dict[str, Any]
 _SCORES = {"edge px": "edge_px", "SSIM": "ssim", "acne": "acne", "leak": "leak", "contact": "contact"}
@@ -28,7 +28,7 @@ def chart_point(section: Section, one: Configuration) -> Chart:
     error = one.error
     assert error is not None  # only scored configurations are drawn
     ms, iqr, ratio = (one.value(name) for name in ("frame_ms", "frame_iqr_ms", "ratio"))
-    rough = "; rough" if one.row.rough else ""
+    rough = "; rough" if one.rough else ""
     return {
         **tooltip_texts(one),
         "full spec": one.full_spec,
@@ -42,8 +42,8 @@ def chart_point(section: Section, one: Configuration) -> Chart:
         if ms is None
         else f"{digits(ms)} ms, IQR {'unknown' if iqr is None else f'{digits(iqr)} ms'}{rough}",
         "× reference": "–" if ratio is None else digits(ratio),
-        "cells": one.row.cells,
-        "phases": one.row.phases,
+        "cells": one.cells,
+        "phases": one.phases,
     }
 
 
@@ -53,9 +53,9 @@ def tooltip_texts(one: Configuration) -> Chart:
     return {
         "spec": one.spec,
         "map": str(one.map_size) if one.map_size else one.technique,
-        one.row.ranked_by.error_label: one.row.error_text(digits),
+        one.ranked_by.error_label: one.error_text(digits),
         "IoU": "–" if iou is None else f"{iou:.6g}",
-        **{title: one.row.text(name, digits) for title, name in _scores(one.row.soft).items()},
+        **{title: one.text(name, digits) for title, name in _scores(one.soft).items()},
     }
 
 

@@ -1,11 +1,11 @@
 """Charts of bias sweeps: acne against peter-panning over bias factors, one per swept spec, with a line per map size."""
 
-from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.axes import Chart, mark, quantity, tooltip_texts
 from shadowbench.reports.charts import INK_SIGNAL, chart_of
 from shadowbench.reports.styles import COLORS
 from shadowbench.reports.words import digits
-from shadowbench.studies.sweeps import Curve, curves
+from shadowbench.results.configurations import Configuration, Section
+from shadowbench.results.curves import Curve, curves
 
 _TICKS = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 _LINEAR_BELOW = 1e-3  # the scale is linear below this share and logarithmic above, so that it includes 0
@@ -13,17 +13,14 @@ _LINEAR_BELOW = 1e-3  # the scale is linear below this share and logarithmic abo
 
 def bias_charts(section: Section) -> list[tuple[str, Chart]]:
     """Pairs of a swept spec and its chart; specs without values of acne and contact, and soft shadows, are left out."""
-    found = curves([one.row for one in section.scored], section.run.sweep_positions)
+    found = curves(section.scored, section.run.sweep_positions)
     bases = dict.fromkeys(one.base for one in found)
     charts = [(base, _chart(section, base, [one for one in found if one.base == base])) for base in bases]
     return [(base, chart) for base, chart in charts if chart is not None]
 
 
 def _chart(section: Section, base: str, found: list[Curve]) -> Chart | None:
-    by_row = {id(one.row): one for one in section.scored}
-    points = [
-        point for curve in found for factor, row in curve.rows if (point := _point(curve, factor, by_row[id(row)]))
-    ]
+    points = [point for curve in found for factor, one in curve.points if (point := _point(curve, factor, one))]
     if not points:
         return None
     maps = list(dict.fromkeys(point["map"] for point in points))
@@ -49,7 +46,7 @@ def _chart(section: Section, base: str, found: list[Curve]) -> Chart | None:
 
 def _point(curve: Curve, factor: float, one: Configuration) -> Chart | None:
     acne, contact = one.value("acne"), one.value("contact")
-    if acne is None or contact is None or one.row.soft:
+    if acne is None or contact is None or one.soft:
         return None
     return {
         **tooltip_texts(one),

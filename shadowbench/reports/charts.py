@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-from shadowbench.reports.analysis import Section, front
 from shadowbench.reports.axes import (
     Chart,
     chart_point,
@@ -17,6 +16,7 @@ from shadowbench.reports.axes import (
 )
 from shadowbench.reports.styles import COLORS, INK, MAX_SHOWN, Styles
 from shadowbench.reports.words import digits, section_notes, time_source
+from shadowbench.results.configurations import Section
 
 _GRID = "#e6e6e6"
 _BAR = 36
@@ -30,7 +30,7 @@ _PASS_TIMES = [
 
 def front_chart(section: Section, styles: Styles) -> Chart | None:
     """Error against frame time of all configurations, with the Pareto front emphasised; None without times."""
-    best = front(section)
+    best = section.front
     points = [{**chart_point(section, one), "front": one in best} for one in section.timed]
     if not points:
         return None

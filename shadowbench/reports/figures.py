@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from PIL import Image
 
 from shadowbench.reports.along_axes import axis_figure
-from shadowbench.reports.analysis import Section, specs_of
 from shadowbench.reports.axes import Chart
 from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, section_figure, size_chart, titled
@@ -15,6 +14,7 @@ from shadowbench.reports.heat_map import heat_map
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import styles_of
 from shadowbench.reports.words import tolerances
+from shadowbench.results.configurations import Section, specs_of
 
 _SCALE = 2.5  # 760 units of width become 1900 pixels: 16 cm at 300 dots an inch
 _CELL = 64  # width of a heat map's cell in units, enough for its text

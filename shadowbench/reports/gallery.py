@@ -21,14 +21,14 @@ from PIL import Image
 from shadowbench.errors import InputError
 from shadowbench.extremes.ranges import value_text
 from shadowbench.measure.rows import Record
-from shadowbench.reports.analysis import Section
 from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits, fault_lines, median_text, value_of
+from shadowbench.results.configurations import Section
+from shadowbench.results.folder import Folder
 from shadowbench.scores.difference import difference_over, weight
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS, is_soft, ranking
-from shadowbench.studies.folder import Folder
 
 MAX_PIXELS = 160 * 1024 * 1024  # of all masks in a report, 28 MB if they are noise; larger masks are scaled down
 _MIN_SIZE = 128  # pixels along a side
@@ -98,11 +98,11 @@ def scored_cells(section: Section) -> list[GalleryCell]:
         one, ranked_by = configurations[score["spec"], score["map_size"]], ranking(is_soft(metrics))
         cost = "not timed" if one.value("frame_ms") is None else f"{value_of(one, 'frame_ms')} ms{software}"
         shown, own, caption = _score(score), "", ", ".join([_score(score), *others, cost])
-        if one.row.cells > 1:
-            text, which = median_text(one, ranked_by.name), f"phase {first}" if one.row.phases > 1 else "this view"
+        if one.cells > 1:
+            text, which = median_text(one, ranked_by.name), f"phase {first}" if one.phases > 1 else "this view"
             shown = f"median {ranked_by.label} {text}"
             own = f"picture: {which}, {_score(score)}"
-            caption = f"{shown} of {one.row.cells}, {cost}; {', '.join([own, *others])}"
+            caption = f"{shown} of {one.cells}, {cost}; {', '.join([own, *others])}"
         error = None if one.error is None else one.error.median
         told = tuple(fault_lines(one)[:SHOWN_FAULTS])
         found.append(GalleryCell(score, one.spec, one.map_size, view_name, shown, caption, error, own, told))

@@ -17,7 +17,6 @@ from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import OperatingRange
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.reports.along_axes import LIMITS, axis_chart, metrics_along
-from shadowbench.reports.analysis import Section, specs_of
 from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.gallery import GalleryCell, breaking_cells, gallery, no_pictures, scored_cells, size_limit
 from shadowbench.reports.heat_map import UNSUPPORTED_COLOR, is_dark, share_color
@@ -34,7 +33,8 @@ from shadowbench.reports.words import (
     time_source,
     tolerances,
 )
-from shadowbench.studies.folder import Run, Sweep
+from shadowbench.results.configurations import Section, specs_of
+from shadowbench.results.folder import Run, Sweep
 from shadowbench.techniques.registry import preset_names
 
 _PAGE = Path(__file__).parent / "page"

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from shadowbench.reports.analysis import Section, by_kind, front, specs_of
-from shadowbench.reports.matrix import candidates, cost_matrix, targets_of, title_of_all
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.verdict import accuracy_text, cell_texts, target_name, verdict
 from shadowbench.reports.words import (
@@ -23,8 +21,10 @@ from shadowbench.reports.words import (
     unscored,
     value_of,
 )
+from shadowbench.results.configurations import Section, by_kind, specs_of
+from shadowbench.results.folder import Run, Sweep
+from shadowbench.results.ranking import candidates, cost_matrix, targets_of, title_of_all
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.folder import Run, Sweep
 
 _TIMES = {"ms": "frame_ms", "camera moves, ms": "camera_ms", "× ref": "ratio"}
 _COLUMNS = {"SSIM": "ssim", "edge px": "edge_px", "acne": "acne", "leak": "leak", **_TIMES}
@@ -78,10 +78,10 @@ def _section(section: Section) -> list[str]:
     if section.timed:
         blocks.append(f"*{sentence(time_source(section.run))}* Bold: on the Pareto front of error and time.")
     blocks += [_cell(sentence(line)) for line in section_notes(section)]
-    best = front(section)
+    best = section.front
     columns = _SOFT_COLUMNS if section.soft else _COLUMNS
     rows = [
-        [_bold(f"`{one.row.label}`", one in best), str(one.map_size or ""), one.row.error_text(digits)]
+        [_bold(f"`{one.name}`", one in best), str(one.map_size or ""), one.error_text(digits)]
         + [value_of(one, name) for name in columns.values()]
         for one in section.scored
     ]

@@ -6,22 +6,10 @@ from functools import cached_property
 from typing import Any
 
 from shadowbench.measure.flips import ROW_METRICS
-from shadowbench.reports.analysis import Configuration, Section, by_kind, front
 from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.gallery import GalleryCell, gallery, no_pictures
-from shadowbench.reports.matrix import (
-    Candidate,
-    CostCell,
-    Target,
-    candidates,
-    cost_matrix,
-    cost_row,
-    mean_section,
-    targets_of,
-    title_of_all,
-)
 from shadowbench.reports.styles import Styles
 from shadowbench.reports.verdict import (
     accuracy_text,
@@ -33,7 +21,19 @@ from shadowbench.reports.verdict import (
     verdict_candidate,
 )
 from shadowbench.reports.words import digits, mask_warnings, section_notes, unscored, value_of
-from shadowbench.studies.folder import Run
+from shadowbench.results.configurations import Configuration, Section, by_kind
+from shadowbench.results.folder import Run
+from shadowbench.results.ranking import (
+    Candidate,
+    CostCell,
+    Target,
+    candidates,
+    cost_matrix,
+    cost_row,
+    mean_section,
+    targets_of,
+    title_of_all,
+)
 
 _COST = "cost, ms"
 _TIMES = {
@@ -185,7 +185,7 @@ def panel_data(
     """
     several = len(panel.sections) > 1
     section = mean_section(panel.sections, panel.title) if several else panel.sections[0]
-    best = [] if several and not section.scored else front(section)
+    best = [] if several and not section.scored else section.front
     pictures = None if several else gallery(section.run.folder, cells[section], max_size, beside)
     sizes: list[int | None] = [*sorted({one.map_size for one in section.timed if one.map_size})]
     passes = [(size, chart) for size in sizes or [None] if (chart := pass_chart(section, size)) is not None]
@@ -214,16 +214,16 @@ def _row(panel: Panel, one: Candidate, on_front: bool) -> dict[str, Any]:
     values: dict[str, tuple[float | None, str]] = {
         _COST: _value(mean, "frame_ms"),
         "map": (mean.map_size, str(mean.map_size or "")),
-        mean.row.ranked_by.error_label: (_median(mean), mean.row.error_text(digits)),
-        "worst scene": (_median(worst), f"{worst.row.error_text(digits, bounds=False)} in {worst_scene}"),
+        mean.ranked_by.error_label: (_median(mean), mean.error_text(digits)),
+        "worst scene": (_median(worst), f"{worst.error_text(digits, bounds=False)} in {worst_scene}"),
         "scenes": (len(one.by_scene), f"{len(one.by_scene)} of {len(panel.sections)}"),
         **{title: _value(mean, name) for title, name in _values(panel).items()},
-        "cells": (mean.row.cells, str(mean.row.cells)),
+        "cells": (mean.cells, str(mean.cells)),
     }
     return {
         "technique": mean.technique,
         "spec": mean.spec,
-        "label": mean.row.label,
+        "label": mean.name,
         "map": mean.map_size,
         "full": mean.full_spec,
         "front": on_front,

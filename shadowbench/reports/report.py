@@ -9,13 +9,13 @@ import pandas as pd
 from shadowbench.errors import InputError
 from shadowbench.extremes.ranges import points_frame
 from shadowbench.files import check_outputs, replace_file
-from shadowbench.reports.analysis import Section
 from shadowbench.reports.data_files import replaced_folder
 from shadowbench.reports.figures import figures
 from shadowbench.reports.html import html_report
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.stability import Stability, analyse
-from shadowbench.studies.folder import Run, Sweep
+from shadowbench.results.configurations import Section
+from shadowbench.results.folder import Run, Sweep
 
 FORMATS = ("html", "md", "csv", "png")
 

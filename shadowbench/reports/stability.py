@@ -9,8 +9,8 @@ from shadowbench.extremes.axes import AXES, Axis, Value
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import Break, OperatingRange, operating_ranges
 from shadowbench.measure.rows import Record
+from shadowbench.results.folder import Sweep
 from shadowbench.scenes.model import LightKind
-from shadowbench.studies.folder import Sweep
 from shadowbench.techniques.unshadowed import Unshadowed
 
 Series = tuple[str, LightKind]

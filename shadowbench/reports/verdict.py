@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
-from shadowbench.reports.analysis import Section
-from shadowbench.reports.matrix import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
 from shadowbench.reports.words import EDGE_NAMES, counted, digits, median_text, sentence, time_source, value_of
+from shadowbench.results.configurations import Section
+from shadowbench.results.ranking import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
 from shadowbench.scores.metrics import METRICS
 from shadowbench.techniques.registry import own_techniques
 
@@ -64,7 +64,7 @@ def verdict_candidate(found: Sequence[Candidate]) -> Candidate | None:
 
 def _able(found: Sequence[Candidate]) -> list[Candidate]:
     """The candidates that are real-time techniques and draw a shadow where one should be."""
-    return [one for one in real_time(found) if (one.mean.value("iou_soft" if one.mean.row.soft else "iou") or 0.0) > 0]
+    return [one for one in real_time(found) if (one.mean.value("iou_soft" if one.mean.soft else "iou") or 0.0) > 0]
 
 
 def cost_note(sections: Sequence[Section]) -> str:
@@ -74,7 +74,7 @@ def cost_note(sections: Sequence[Section]) -> str:
     if not any(timed):
         return "Nothing here was timed: the cost is the size of the smallest map that suffices."
     mean = "mean frame time of shadows over these scenes" if len(sections) > 1 else "frame time of shadows"
-    rough = " ~ marks a rough time." if any(one.row.rough for section in sections for one in section.timed) else ""
+    rough = " ~ marks a rough time." if any(one.rough for section in sections for one in section.timed) else ""
     untimed = "" if all(timed) else ' Where a cost is a map size or "no map", that setting lacks times.'
     return f"Cost: {mean}. {sentence(time_source(run))}{rough}{untimed}"
 
@@ -85,7 +85,7 @@ def _main_target(complete: Sequence[Candidate]) -> Target | None:
 
 
 def _targets(found: Sequence[Candidate]) -> tuple[Target, ...]:
-    return targets_of(found[0].mean.row.ranked_by) if found else ()
+    return targets_of(found[0].mean.ranked_by) if found else ()
 
 
 def _accuracy(target: Target) -> str:

@@ -1,17 +1,16 @@
 """Texts that all report formats share: numbers, notes, and operating ranges."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from shadowbench.extremes.axes.model import NAMES, Axis, value_label
 from shadowbench.extremes.ranges import HARD, SOFT, OperatingRange, value_text
-from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.stability import Stability, complete_count
+from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, Section
+from shadowbench.results.folder import Run, Sweep
+from shadowbench.results.times import time_notes
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
-from shadowbench.studies.folder import Run, Sweep
-from shadowbench.studies.tables import phase_note
-from shadowbench.studies.times import time_notes
 from shadowbench.techniques.registry import preset_names
 
 SOFTWARE = "times of a software renderer: for trends only, not representative of a GPU"
@@ -52,17 +51,43 @@ def time_source(run: Run) -> str:
 
 def section_notes(section: Section) -> list[str]:
     """Notes on a section: medians, maps scored in one phase only, the reference of its times, and rough times."""
-    rows = [one.row for one in section.scored]
-    rough = [one.row.rough for one in section.timed]
-    flat = [NO_HARDENING] if section.soft and not any(row.values.get("hardening") for row in rows) else []
+    rough = [one.rough for one in section.timed]
+    flat = [NO_HARDENING] if section.soft and not any(one.values["hardening"] for one in section.scored) else []
     cells = f"medians over up to {section.max_cells} cells (views × phases) a configuration"
     several = [cells, _BRACKETS] if section.max_cells > 1 else []
-    return [*several, *filter(None, [phase_note(rows)]), *flat, *time_notes(section.reference, rough)]
+    return [*several, *filter(None, [phase_note(section.scored)]), *flat, *time_notes(section.reference, rough)]
+
+
+def phase_note(found: Sequence[Configuration]) -> str | None:
+    """A warning about maps that were scored at one sub-texel offset only; None where there are none."""
+    mapped = [one for one in found if one.map_size is not None and one.cells]
+    if not any(one.single_phase for one in mapped):
+        return None
+    which = "" if all(one.single_phase for one in mapped) else "maps without an interval: "
+    return f"{which}scored in one phase (sub-texel offset) only; another may reverse the order of two maps (--phases 8)"
+
+
+def bias_notes(found: Sequence[Configuration]) -> list[str]:
+    """What biases of a fixed size mean on each map, in metres and in texels, for a sun."""
+    notes = []
+    for one in found:
+        bias, bias_texels, offset, offset_texels = map(one.value, BIAS_LENGTHS)
+        parts = [
+            f"{digits(metres)} m ({digits(texels)} texels) {along}"
+            for metres, texels, along in (
+                (bias, bias_texels, "along the light"),
+                (offset, offset_texels, "along the normal at grazing light"),
+            )
+            if metres is not None and texels is not None
+        ]
+        if parts:
+            notes.append(f"bias of {one.name} at {one.map_size}: {' and '.join(parts)}")
+    return notes
 
 
 def value_of(one: Configuration, name: str) -> str:
-    """Text of a metric or time (see `SummaryRow.text`)."""
-    return one.row.text(name, digits)
+    """Text of a metric or time (see `Configuration.text`)."""
+    return one.text(name, digits)
 
 
 def median_text(one: Configuration, name: str, limit: float | None = None) -> str:
@@ -70,11 +95,11 @@ def median_text(one: Configuration, name: str, limit: float | None = None) -> st
 
     limit: a target, to the other side of which the median is not rounded.
     """
-    found = one.row.values[name]
+    found = one.values[name]
     if found is None:
         return "–"
     form = METRICS["iou"].digits_beside(1.0, "{:.4g}".format) if name == "iou" else digits
-    text = one.row.text(name, form if limit is None else METRICS[name].digits_beside(limit, form))
+    text = one.text(name, form if limit is None else METRICS[name].digits_beside(limit, form))
     ends = [form(end) for end in (found.least, found.most) if end is not None]
     return f"{text}{' px' if name == 'edge_px' else ''}" + (f" ({'–'.join(ends)})" if len(set(ends)) > 1 else "")
 
@@ -97,13 +122,13 @@ def unscored(section: Section) -> list[tuple[str, str]]:
     found: dict[tuple[str, str], list[int]] = {}
     for one in section.configurations:
         reasons = []
-        if one.row.cells and one.error is None:
+        if one.cells and one.error is None:
             reasons.append("no IoU: neither the truth nor the mask has a shadow")
-        for status, count in Counter(one.row.refused).items():
-            total = one.row.cells + len(one.row.refused)
+        for status, count in Counter(one.refused).items():
+            total = one.cells + len(one.refused)
             reasons.append(f"{count} of {total} cells {status}" if total > 1 else status)
         for reason in reasons:
-            sizes = found.setdefault((one.row.label, reason), [])
+            sizes = found.setdefault((one.name, reason), [])
             sizes += [one.map_size] if one.map_size else []
     return [
         (f"{spec} at {', '.join(map(str, sorted(sizes)))}" if sizes else spec, reason)

@@ -2,13 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.failures import Failure
-from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.options import AS_STUDIED, FIRST, Measuring, ViewOptions
 from shadowbench.scenes.model import Scene
@@ -20,10 +18,8 @@ from shadowbench.studies.study import Study, find_study, read_study
 from shadowbench.techniques.spec import Spec, has_size
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
-    import pandas as pd
-
-    from shadowbench.studies.folder import Run
-    from shadowbench.studies.sweeps import SweepPositions
+    from shadowbench.results.bias_sweeps import SweepPositions
+    from shadowbench.results.folder import Run
 
 
 def study_from_options(
@@ -81,23 +77,15 @@ def estimate(study: Study) -> tuple[int, float]:
 class StudyResult:
     """Result of measuring a study into a folder.
 
-    results: its cells, measured now or before; run: the whole folder, with cells of earlier commands; sweep_positions:
-    of specs in the study's bias sweeps; failures: what was left out, if it kept going.
+    run: the whole folder, with cells of earlier commands, of which `run.last` are the study's; sweep_positions: of
+    specs in its bias sweeps; failures: what was left out, if it kept going.
     """
 
     study: Study
-    results: tuple[Result, ...]
     run: "Run"
     sweep_positions: "SweepPositions"
     info: DeviceInfo
     failures: tuple[Failure, ...] = ()
-
-    @cached_property
-    def frame(self) -> "pd.DataFrame":
-        """One line per cell of the study, with the columns of `table.csv`."""
-        from shadowbench.studies.tables import cells_frame
-
-        return cells_frame(self.results)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,20 +107,18 @@ def measure(
     """
     failures: list[Failure] = []
     scored = part.of_blocks(readable_blocks(study, failures) if keep_going else [*study.blocks()])
-    results: dict[str, Result] = {}  # by key: the last machine's times are in the table
+    keys: dict[str, None] = {}
     notes: dict[str, None] = {}
     for place in places:
         campaign = place.campaign(folder)
         blocks = scored if place.times else [replace(block, rounds=0) for block in scored]
         found = run_blocks(study, blocks, campaign)
-        results |= {result.score["key"]: result for result in found.results}
+        keys |= dict.fromkeys(found.keys)
         failures += campaign.failures
         notes |= dict.fromkeys(found.notes)
-    from shadowbench.studies.folder import write_cells
-    from shadowbench.studies.sweeps import sweep_positions
+    from shadowbench.results.folder import write_cells
 
-    positions = sweep_positions(study.sweeps)
-    campaign.finish(study.facts, list(notes), results)
-    run = write_cells(folder, list(results.values()), positions)
-    info = campaign.drawer.info
-    return StudyResult(study, tuple(results.values()), run, positions, info, tuple(dict.fromkeys(failures)))
+    positions = study.sweep_positions
+    campaign.finish(study.facts, list(notes), keys)
+    run = write_cells(folder, positions)
+    return StudyResult(study, run, positions, campaign.drawer.info, tuple(dict.fromkeys(failures)))

@@ -24,9 +24,9 @@ _LONG_S = 60.0  # from which an estimate is given
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """Results of all cells of a run, measured now or before, and its notes."""
+    """Keys of all cells of a run, measured now or before, and its notes."""
 
-    results: list[Result]
+    keys: list[str]
     notes: list[str]
 
 
@@ -60,16 +60,16 @@ def run_blocks(study: Study, blocks: Sequence[Block], campaign: Campaign) -> Run
             rough = f"about {duration(seconds)} on two cores without a GPU"
             reporter.note(f"{len(missing)} of {len(cells)} cells to measure: {rough}")
         reporter.stage("cells", len(cells) + sum(block.times(cell) for block, cell in cells))
-        results: list[Result] = []
+        keys: list[str] = []
         measured = campaign.measure(block.fresh() for block, _ in traced)
         for (block, uniform), found in zip(traced, measured, strict=True):
-            results += found.values()
+            keys += [result.score["key"] for result in found.values()]
             if uniform is None:
                 for line in dict.fromkeys(filter(None, map(_uniform_mask, found.values()))):  # phases may say the same
                     add(block, line)
-    if not results:
+    if not keys:
         raise _nothing("was measured", campaign.failures)
-    return RunResult(results, notes)
+    return RunResult(keys, notes)
 
 
 def _nothing(what: str, failures: Sequence[Failure]) -> ShadowbenchError:

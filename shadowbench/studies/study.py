@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, ValidationError
 
@@ -22,6 +22,9 @@ from shadowbench.strict import Strict, explain, read_toml
 from shadowbench.studies.crossing import MOST_SPECS, BiasSweep, CrossedSpecs, Techniques
 from shadowbench.studies.fields import Cameras, Crossings, Lights, Reference, Scenes, Sizes, Source
 from shadowbench.techniques.spec import Spec, parse_spec
+
+if TYPE_CHECKING:
+    from shadowbench.results.bias_sweeps import SweepPositions
 
 MOST_CELLS = 1_000_000
 """Most cells of a study file in one view, counting each phase."""
@@ -70,6 +73,17 @@ class Study(Strict):
     def sweeps(self) -> tuple[BiasSweep, ...]:
         """All bias sweeps."""
         return tuple(sweep for crossed in self.technique for sweep in crossed.sweeps)
+
+    @property
+    def sweep_positions(self) -> "SweepPositions":
+        """Positions of its specs in bias sweeps."""
+        from shadowbench.results.bias_sweeps import positions_in_sweeps  # pandas takes long to import
+
+        return positions_in_sweeps(
+            ((spec.sizeless_text, spec.map_size if "size" in spec.explicit else None), (home.sizeless_text, factor))
+            for home, variants in ((sweep.base, sweep.variants) for sweep in self.sweeps)
+            for factor, spec in variants
+        )
 
     @staticmethod
     def of(scenes: Sequence[str | Scene], specs: Sequence[Spec], **others: Any) -> "Study":

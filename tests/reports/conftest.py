@@ -17,11 +17,11 @@ from PIL import Image
 
 from shadowbench.extremes.axes import AXES, Value, value_label
 from shadowbench.extremes.axes.model import NAMES
-from shadowbench.reports.analysis import Section, sections
 from shadowbench.reports.stability import Stability, analyse
+from shadowbench.results.configurations import Section, sections
+from shadowbench.results.folder import read_folders, read_runs
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.folder import read_folders, read_runs
 from tests.conftest import key_of
 
 RECEIVERS = 1000

@@ -6,19 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from shadowbench.reports.analysis import Section, front, sections
 from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.markdown import markdown_report
-from shadowbench.reports.matrix import Target
 from shadowbench.reports.verdict import cost_note, verdict
 from shadowbench.reports.words import mask_warnings, section_notes, time_source, unscored, value_of
-from shadowbench.studies.folder import read_runs
-from shadowbench.studies.tables import Interval
+from shadowbench.results.configurations import Section, sections
+from shadowbench.results.folder import read_runs
+from shadowbench.results.intervals import Interval
+from shadowbench.results.ranking import Target
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
 
 
 def test_the_front_of_a_scene_leaves_out_what_is_slower_and_worse(section_of: Callable[..., Section]) -> None:
-    labels = [one.label for one in front(section_of())]
+    labels = [one.label for one in section_of().front]
     assert labels == [
         "unshadowed",
         "shadow-map:bias=none at 512",
@@ -88,7 +88,7 @@ def test_front_prices_and_passes_are_by_ratios_whatever_the_machine_did_meanwhil
     section_of: Callable[..., Section],
 ) -> None:
     section = section_of(LOADED)
-    assert [one.label for one in front(section)] == ["fast at 512"]
+    assert [one.label for one in section.front] == ["fast at 512"]
     assert (
         verdict([section])[0]
         == "99% of the shadow right: `fast at 512` is the cheapest real-time setting, 12.0 ms a frame."
@@ -119,7 +119,7 @@ def test_a_section_says_what_its_times_are_by_and_which_are_rough(section_of: Ca
 def test_every_time_of_a_cell_that_varied_is_marked_and_no_metric(section_of: Callable[..., Section]) -> None:
     marks = {}
     for one in section_of(LOADED).timed:
-        one.row.values["camera_ms"] = Interval(3.0)
+        one.values["camera_ms"] = Interval(3.0)
         marks[one.spec] = [value_of(one, name)[0] == "~" for name in ("frame_ms", "camera_ms", "ratio", "ssim")]
     assert marks["slow"] == [True, True, False, False] and not any(marks["fast"])
 
@@ -141,7 +141,7 @@ def test_a_run_without_times_has_no_prices(section_of: Callable[..., Section]) -
     section = section_of([Cell("a", 512, 0.1, None)])
     assert "Nothing here was timed" in cost_note([section])
     assert time_source(section.run) == "nothing was timed"
-    assert front(section) == []
+    assert section.front == []
 
 
 def test_another_view_size_or_run_is_a_section_of_its_own(run_folder: Callable[..., object]) -> None:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from shadowbench.reports.analysis import Section, sections, specs_of
 from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, section_figure, size_chart
 from shadowbench.reports.styles import COLORS, MAX_SHOWN, SHAPES, Styles, styles_of
-from shadowbench.studies.folder import read_runs
+from shadowbench.results.configurations import Section, sections, specs_of
+from shadowbench.results.folder import read_runs
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell, marks, texts
 
 Chart = dict[str, Any]

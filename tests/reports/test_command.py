@@ -17,8 +17,8 @@ from rich.console import Console
 from shadowbench.commands import console
 from shadowbench.reports import gallery, report
 from shadowbench.reports.gallery import difference
+from shadowbench.results import folder as folder_of_cells
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
-from shadowbench.studies import folder as folder_of_cells
 from shadowbench.techniques.registry import preset_names
 from tests.reports.conftest import CELLS, SIDE, Cell, galleries, image_of, scripts
 

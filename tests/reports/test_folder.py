@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.studies.folder import read_folders, read_runs
+from shadowbench.results.folder import read_folders, read_runs
 from tests.reports.conftest import POINTS, Cell
 
 Write = Callable[..., Path]

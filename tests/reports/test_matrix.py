@@ -7,9 +7,14 @@ from typing import Any
 
 import pytest
 
-from shadowbench.reports.analysis import Section, by_kind, front, sections
 from shadowbench.reports.gallery import scored_cells
-from shadowbench.reports.matrix import (
+from shadowbench.reports.panels import panels_of
+from shadowbench.reports.verdict import cell_texts, cost_note, verdict
+from shadowbench.reports.words import faults_of, run_facts
+from shadowbench.results.configurations import Section, by_kind, sections
+from shadowbench.results.folder import read_runs
+from shadowbench.results.intervals import Interval
+from shadowbench.results.ranking import (
     Target,
     candidates,
     cheapest,
@@ -18,12 +23,7 @@ from shadowbench.reports.matrix import (
     targets_of,
     ties,
 )
-from shadowbench.reports.panels import panels_of
-from shadowbench.reports.verdict import cell_texts, cost_note, verdict
-from shadowbench.reports.words import faults_of, run_facts
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.folder import read_runs
-from shadowbench.studies.tables import Interval
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell
 
 Make = Callable[..., list[Section]]
@@ -220,7 +220,7 @@ def test_the_section_of_all_scenes_has_means_of_configurations_scored_in_all(mea
     (mean,) = section.configurations
     assert mean.label == "a at 512" and mean.value("frame_ms") == 6.0
     assert mean.error is not None and mean.error.median == pytest.approx(0.006)
-    assert [best.label for best in front(section)] == ["a at 512"]
+    assert [best.label for best in section.front] == ["a at 512"]
 
 
 # Soft shadows: the one with the lower IoU has the lower RMSE
@@ -244,7 +244,7 @@ def test_soft_shadows_are_judged_by_their_rmse(measured: Make) -> None:
         "sampled": ["90.0 ms sampled"] * 3,
         "sharp": ["– best 0.100"] * 3,
     }
-    assert [one.label for one in front(made[0])] == ["unshadowed", "sharp at 512", "blurred at 512", "sampled"]
+    assert [one.label for one in made[0].front] == ["unshadowed", "sharp at 512", "blurred at 512", "sampled"]
     assert verdict(measured(SOFT[1], name="hard")) == [
         "No real-time technique here reaches RMSE ≤ 0.05.",
         "Closest: `sharp at 512`, RMSE 0.100.",
@@ -407,5 +407,5 @@ def test_soft_cells_say_what_is_wrong_and_how_much(measured: Make) -> None:
     assert [label for label, _ in faults_of(soft)] == [one.label for one in soft.scored]
     assert not faults_of(hard) and not any(cell.faults for cell in scored_cells(hard))
     for one in soft.scored:
-        one.row.values["bleed"] = Interval(0.25)
+        one.values["bleed"] = Interval(0.25)
     assert all("mean visibility is 0.25, not 0" in line for _, line in faults_of(soft)), "medians, as in the table"

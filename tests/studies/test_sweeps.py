@@ -11,9 +11,11 @@ import pandas as pd
 import pytest
 
 from shadowbench.errors import InputError
+from shadowbench.results.bias_sweeps import SweepPositions, add_factor_columns, read_sweep_positions
+from shadowbench.results.configurations import Configuration
+from shadowbench.results.curves import curves
+from shadowbench.results.intervals import Interval
 from shadowbench.studies.study import Study, read_study
-from shadowbench.studies.sweeps import SweepPositions, add_factor_columns, curves, read_sweep_positions, sweep_positions
-from shadowbench.studies.tables import Interval, SummaryRow
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.registry import techniques
 
@@ -76,10 +78,10 @@ def test_a_factor_beyond_the_limits_of_the_bias_is_dropped_with_a_note(tmp_path:
 def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = [4, 1, 2]")
 
-    def row(scale: float, size: int, iou: float, ssim: float | None) -> SummaryRow:
+    def row(scale: float, size: int, iou: float, ssim: float | None) -> Configuration:
         spec = "shadow-map" if scale == 1 else f"shadow-map:bias=texel(scale={scale})"
         values = {"iou": Interval(iou), "ssim": None if ssim is None else Interval(ssim)}
-        return SummaryRow(spec, size, 1, (), values, 1)
+        return Configuration("shadow-map", spec, spec, size, 1, (), values, 1)
 
     rows = [
         row(2.0, 1024, 0.97, 0.99),
@@ -88,9 +90,9 @@ def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> Non
         row(1.0, 512, 0.95, 0.95),
         row(4.0, 512, 0.94, 0.93),
     ]
-    small, large = curves(rows, sweep_positions(made.sweeps))
-    assert (small.map_size, [factor for factor, _ in small.rows], small.best) == (512, [1, 4], 1)
-    assert (large.map_size, [factor for factor, _ in large.rows], large.best) == (1024, [1, 2], 2)
+    small, large = curves(rows, made.sweep_positions)
+    assert (small.map_size, [factor for factor, _ in small.points], small.best) == (512, [1, 4], 1)
+    assert (large.map_size, [factor for factor, _ in large.points], large.best) == (1024, [1, 2], 2)
     assert curves(rows, {}) == []
 
 
@@ -137,18 +139,18 @@ def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path
     values = {"iou": Interval(0.9), "ssim": Interval(0.9)}
     cells = list(dict.fromkeys((spec.sizeless_text, spec.map_size) for spec in made.specs))
     assert len(cells) == 8
-    rows = [SummaryRow(spec, size, 1, (), values, 1) for spec, size in cells]
+    rows = [Configuration("shadow-map", spec, spec, size, 1, (), values, 1) for spec, size in cells]
     frame = pd.DataFrame(cells, columns=["spec", "map_size"])
 
     def told(found: SweepPositions) -> list[tuple[str, int | None, list[tuple[float, str]]]]:
         return [
-            (one.base, one.map_size, [(factor, row.spec) for factor, row in one.rows]) for one in curves(rows, found)
+            (one.base, one.map_size, [(factor, row.spec) for factor, row in one.points]) for one in curves(rows, found)
         ]
 
     def bias(units: float) -> str:
         return f"shadow-map:bias=constant(units={units})"
 
-    found = sweep_positions(made.sweeps)
+    found = made.sweep_positions
     assert told(found) == [
         (bias(home), size, [(factor, bias(home * factor)) for factor in (0.5, 1, 2)])
         for home in (0.25, 0.5)
@@ -169,14 +171,14 @@ def test_a_sweep_of_one_map_size_says_nothing_of_another(tmp_path: Path) -> None
         "[[technique]]\nspec = 'shadow-map:bias=constant(units=0.5)'\nsize = 512\nbias_sweep = [1]",
     )
     specs = [(spec.sizeless_text, spec.map_size) for spec in made.specs]
-    table = add_factor_columns(pd.DataFrame(specs, columns=["spec", "map_size"]), sweep_positions(made.sweeps))
+    table = add_factor_columns(pd.DataFrame(specs, columns=["spec", "map_size"]), made.sweep_positions)
     assert table["bias_factor"].tolist() == [1, 2, 1]
     assert "bias_also" not in table
 
 
 def test_a_bias_of_nothing_has_one_point(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map:bias=constant(units=0)'\nbias_sweep = [0.5, 1, 2]")
-    assert [place for several in sweep_positions(made.sweeps).values() for place in several] == [
+    assert [place for several in made.sweep_positions.values() for place in several] == [
         ("shadow-map:bias=constant(units=0.0)", 1)
     ]
 

@@ -1,32 +1,14 @@
-"""Results of bias sweeps: curves of acne against contact over bias factors, and the best factor."""
+"""Positions of specs in bias sweeps, which tables keep in the columns `bias_of` and `bias_factor`."""
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import pandas as pd
 
 from shadowbench.errors import InputError
 from shadowbench.strict import short
-from shadowbench.studies.crossing import BiasSweep
-from shadowbench.studies.tables import SummaryRow
 
 _ALSO, _TIMES = "; ", " × "  # no spec has either in it
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Bias sweep of a spec at one map size in one scene.
-
-    rows: (factor, row) pairs by increasing factor; best: the factor that minimises the error, 1 − IoU or
-    RMSE, times 1 − SSIM.
-    """
-
-    base: str
-    map_size: int | None
-    rows: tuple[tuple[float, SummaryRow], ...]
-    best: float
 
 
 SweepPoint = tuple[str, float]
@@ -37,30 +19,12 @@ SweepPositions = Mapping[tuple[str, int | None], tuple[SweepPoint, ...]]
 None for any."""
 
 
-def sweep_positions(sweeps: Sequence[BiasSweep]) -> SweepPositions:
-    """Position of each spec in a study's sweeps; in several if multiplied biases coincide."""
+def positions_in_sweeps(points: Iterable[tuple[tuple[str, int | None], SweepPoint]]) -> SweepPositions:
+    """Position of each spec in sweeps; in several if multiplied biases coincide. points: of specs and map sizes."""
     found: dict[tuple[str, int | None], dict[str, float]] = {}
-    for sweep in sweeps:
-        for factor, spec in sweep.variants:
-            key = spec.sizeless_text, spec.map_size if "size" in spec.explicit else None
-            _add(found.setdefault(key, {}), sweep.base.sizeless_text, factor)
+    for key, (base, factor) in points:
+        _add(found.setdefault(key, {}), base, factor)
     return {key: _own_first(bases) for key, bases in found.items()}
-
-
-def curves(rows: Sequence[SummaryRow], found: SweepPositions) -> list[Curve]:
-    """Curves of a scene's table, by base spec and map size; specs without a successful cell are left out."""
-    succeeded = [row for row in rows if row.cells and _error(row) is not None]
-    points: dict[tuple[str, int | None], list[tuple[float, SummaryRow]]] = {}
-    for row in succeeded:
-        for base, factor in _positions(found, row.spec, row.map_size):
-            points.setdefault((base, row.map_size), []).append((factor, row))
-    bases = list(dict.fromkeys(base for several in found.values() for base, _ in several))
-    made = []
-    for base, size in sorted(points, key=lambda key: (bases.index(key[0]), key[1] or 0)):
-        at_size = sorted(points[base, size], key=lambda point: point[0])
-        best = min(at_size, key=lambda point: _error(point[1]) or 0.0)[0]
-        made.append(Curve(base, size, tuple(at_size), best))
-    return made
 
 
 def add_factor_columns(frame: pd.DataFrame, found: SweepPositions) -> pd.DataFrame:
@@ -71,7 +35,7 @@ def add_factor_columns(frame: pd.DataFrame, found: SweepPositions) -> pd.DataFra
     """
     if not found:
         return frame
-    positions = [_positions(found, spec, None if pd.isna(size) else int(size)) for spec, size in _lines(frame)]
+    positions = [positions_of(found, spec, None if pd.isna(size) else int(size)) for spec, size in _lines(frame)]
     columns = {
         "bias_of": [points[0][0] if points else None for points in positions],
         "bias_factor": [points[0][1] if points else None for points in positions],
@@ -116,7 +80,8 @@ def _others(text: object) -> tuple[SweepPoint, ...]:
     return tuple((base, float(factor)) for base, factor in parts)
 
 
-def _positions(found: SweepPositions, spec: str, size: int | None) -> tuple[SweepPoint, ...]:
+def positions_of(found: SweepPositions, spec: str, size: int | None) -> tuple[SweepPoint, ...]:
+    """Positions of a spec at one map size, its own sweep first."""
     bases: dict[str, float] = {}
     for key in dict.fromkeys([(spec, size), (spec, None)]):
         for base, factor in found.get(key, ()):
@@ -132,8 +97,3 @@ def _add(bases: dict[str, float], base: str, factor: float) -> None:
 
 def _own_first(bases: Mapping[str, float]) -> tuple[SweepPoint, ...]:
     return tuple(sorted(bases.items(), key=lambda point: point[1] != 1))
-
-
-def _error(row: SummaryRow) -> float | None:
-    error, ssim = row.error, row.values["ssim"]
-    return None if error is None or ssim is None else math.sqrt(error.median * (1 - ssim.median))

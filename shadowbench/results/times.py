@@ -64,9 +64,8 @@ def normalise_times(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime | 
         frame_ms=ratio.where(ours) * ms,
         frame_iqr_ms=(ratio_iqr * ms).where(~itself, table["frame_iqr_ms"].astype(float) * scale).where(ours),
     )
-    for column in map(str, table.columns):
-        if column in _SCALED or column.startswith("pass_"):
-            shown[column] = table[column].astype(float) * scale
+    others = [name for name in map(str, table.columns) if name in _SCALED or name.startswith("pass_")]
+    shown = shown.drop(columns=others).join(table[others].astype(float).mul(scale, axis=0))[list(table.columns)]
     if name is None:
         return shown, None
     left_out = int((table["frame_ms"].notna() & ~ours).sum())

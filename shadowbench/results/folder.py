@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import chain
 from operator import itemgetter
@@ -16,9 +16,9 @@ import pandas as pd
 
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record, Result, RunFile, read_run_file, stream_rows
+from shadowbench.results.bias_sweeps import SweepPositions, add_factor_columns, read_sweep_positions
+from shadowbench.results.tables import cells_frame, cells_frames, write_table
 from shadowbench.scores.metrics import is_soft
-from shadowbench.studies.sweeps import SweepPositions, add_factor_columns, read_sweep_positions
-from shadowbench.studies.tables import cells_frame, cells_frames, write_table
 from shadowbench.techniques.spec import without_retired
 
 IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
@@ -107,6 +107,14 @@ class Run(Folder):
         return cells_frame(self.results)
 
     @cached_property
+    def last(self) -> "Run":
+        """The cells of the last command alone, in its order."""
+        order = {key: at for at, key in enumerate(self.about.get("keys", ()))}
+        rows = [row for row in self.rows if row["key"] not in self.earlier]
+        rows.sort(key=lambda row: order.get(row["key"], len(order)))
+        return replace(self, rows=tuple(rows), earlier=frozenset())
+
+    @cached_property
     def sweep_positions(self) -> SweepPositions:
         """Positions of specs in bias sweeps, from `table.csv`."""
         return read_sweep_positions(self.folder / "table.csv")
@@ -140,60 +148,66 @@ def read_runs(folders: Sequence[Path], fields: Set[str] | None = None) -> list[R
     return runs
 
 
-def write_cells(folder: Path, results: Sequence[Result], positions: SweepPositions) -> Run:
+def write_cells(folder: Path, positions: SweepPositions) -> Run:
     """Write `table.csv`, one line per cell of the folder, and return the folder.
 
-    results: of the command that has just written `run.json`; other cells are represented by their newest row;
-    positions: of specs in the command's bias sweeps.
+    positions: of specs in the bias sweeps of the command that has just written `run.json`.
     """
     (run,) = read_runs([folder])
-    live = {result.score["key"]: result for result in results}  # these also hold timing failures
-    shown = [live.get(result.score["key"], result) for result in run.results]
     names = ["spec", "map_size"]
-    cells = pd.DataFrame([[result.score[name] for name in names] for result in shown], columns=names)
+    cells = pd.DataFrame([[row[name] for name in names] for row in run.rows], columns=names)
     factors = add_factor_columns(cells, {**run.sweep_positions, **positions}).drop(columns=names)
-    write_table(folder / "table.csv", (frame.join(factors) for frame in cells_frames(shown)))
+    write_table(folder / "table.csv", (frame.join(factors) for frame in cells_frames(run.results)))
     return run
 
 
-def _read(folder: Path, label: str, fields: Set[str] | None) -> Run | Sweep:
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; allowed: {_ALLOWED}")
-    file = folder / "rows.jsonl"
+@dataclass(eq=False)
+class _Rows:
+    """All records of a file: scores, the last two times of a key on each machine, and the last machine."""
+
+    scores: list[Record] = field(default_factory=list)
+    times: dict[str | None, dict[str, tuple[Record, Record | None]]] = field(default_factory=dict)
+    timed: Counter[str | None] = field(default_factory=Counter)
+    machine: str | None = None
+    cut_off: bool = False
+
+
+def _rows_of(file: Path, fields: Set[str] | None) -> _Rows:
+    if not file.parent.is_dir():
+        raise InputError(f"{file.parent}: no such folder; allowed: {_ALLOWED}")
     if not file.exists():
-        raise InputError(f"{folder}: found no rows.jsonl; allowed: {_ALLOWED}")
-    scores: list[Record] = []
-    times: dict[str | None, dict[str, tuple[Record, Record | None]]] = {}  # the last two of a key on a machine
-    timed: Counter[str | None] = Counter()
-    complete, machine = 0, None
+        raise InputError(f"{file.parent}: found no rows.jsonl; allowed: {_ALLOWED}")
+    found, complete = _Rows(), 0
     wanted = None if fields is None else _READ_HERE | fields
     for whole, end in stream_rows(file):
         complete = end
         row = whole if wanted is None else {name: value for name, value in whole.items() if name in wanted}
         if row["kind"] == "score":
-            scores.append(row)
+            found.scores.append(row)
         else:
-            machine = row.get("machine")
-            timed[machine] += 1
-            on_machine = times.setdefault(machine, {})
+            found.machine = row.get("machine")
+            found.timed[found.machine] += 1
+            on_machine = found.times.setdefault(found.machine, {})
             on_machine[row["key"]] = row, on_machine.get(row["key"], (None,))[0]
-    cut_off = complete < file.stat().st_size
-    if not scores:
+    found.cut_off = complete < file.stat().st_size
+    if not found.scores:
         raise InputError(f"{file}: found no cell; allowed: rows of a run or a sweep that measured something")
-    kinds = {"axis" in row for row in scores}
-    if len(kinds) > 1:
+    if len({"axis" in row for row in found.scores}) > 1:
         raise InputError(f"{file}: found cells of `run` and of `stress`; allowed: those of one, in a folder of its own")
-    about = read_run_file(folder / "run.json")
-    table = _table_keys(folder / "table.csv")
+    return found
+
+
+def _read(folder: Path, label: str, fields: Set[str] | None) -> Run | Sweep:
+    found = _rows_of(folder / "rows.jsonl", fields)
+    about, table = read_run_file(folder / "run.json"), _table_keys(folder / "table.csv")
     keys = set(about["keys"]) if "keys" in about else table  # older versions tabled the last command only
+    scores, last = found.scores, _with_keys(found.scores, keys)
     count = len({row["key"] for row in scores})
-    if kinds == {True}:
-        shown, last = _with_keys(scores, table), _with_keys(scores, keys)
-        points = _points(scores if table is None else shown, last)
-        return Sweep(label, folder, about, tuple(points), count - len(points), cut_off)
-    machine = about.get("machine_key") or machine
-    ours = times.get(machine, {})
-    last = _with_keys(scores, keys)
+    if "axis" in scores[0]:
+        points = _points(scores if table is None else _with_keys(scores, table), last)
+        return Sweep(label, folder, about, tuple(points), count - len(points), found.cut_off)
+    machine = about.get("machine_key") or found.machine
+    ours = found.times.get(machine, {})
     cells = _with_renderers(_cells(scores, table, keys), last)
     last_keys = {row["key"] for row in last}
     earlier = [row["key"] for row in cells if keys is not None and row["key"] not in last_keys and "content" not in row]
@@ -203,10 +217,10 @@ def _read(folder: Path, label: str, fields: Set[str] | None) -> Run | Sweep:
         about=about,
         rows=tuple(cells),
         older=count - len(cells),
-        cut_off=cut_off,
-        times={key: last for key, (last, _) in ours.items()},
+        cut_off=found.cut_off,
+        times={key: time for key, (time, _) in ours.items()},
         previous_times={key: previous for key, (_, previous) in ours.items() if previous is not None},
-        foreign=timed.total() - timed[machine],
+        foreign=found.timed.total() - found.timed[machine],
         earlier=frozenset(earlier),
     )
 

@@ -1,25 +1,19 @@
-"""Tables: medians with confidence intervals, and slopes, of known values."""
+"""Configurations: medians with confidence intervals, and slopes, of known values."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.rows import Result
+from shadowbench.results.configurations import Configuration, mean
+from shadowbench.results.curves import Slope, slopes
+from shadowbench.results.intervals import Interval, interval
+from shadowbench.results.tables import cells_frame
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.tables import (
-    Interval,
-    SummaryRow,
-    cells_frame,
-    interval,
-    mean_over_scenes,
-    slopes,
-    summary,
-)
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
+from tests.runs import sections_of
 
 
 def result(
@@ -34,15 +28,32 @@ def result(
 ) -> Result:
     """A cell's rows; keywords: fields of the time record."""
     score = {
-        "scene": "cube", "view": view, "light": light, "phase": phase, "technique": "t", "spec": spec, "map_size": size,
-        "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS) | {"iou": iou},
+        "scene": "cube", "view": view, "light": light, "phase": phase, "technique": "t", "spec": spec,
+        "full_spec": spec, "map_size": size, "view_size": 8, "renderer": "r", "status": "ok", "key": "k",
+        "metrics": dict.fromkeys(METRICS) | {"iou": iou},
     }  # fmt: skip
     time = {"status": f"failed: {untimed}"} if untimed else of or None
     return Result(score, time)
 
 
+def configurations(*cells: Result) -> tuple[Configuration, ...]:
+    (section,) = sections_of(*cells).values()
+    return section.configurations
+
+
+def slopes_of(*cells: Result) -> list[Slope]:
+    (section,) = sections_of(*cells).values()
+    return slopes(section)
+
+
+def one(
+    spec: str = "a", size: int | None = 512, phases: int = 1, unset: tuple[str, ...] = (), **values: Any
+) -> Configuration:
+    return Configuration(spec, spec, spec, size, 1, (), values, phases, unset)
+
+
 def timed(ratio: float, reference_ms: float = 10.0) -> dict[str, Any]:
-    times = {"frame_ms": ratio * reference_ms, "ratio": ratio, "ratio_iqr": 0.01}
+    times = {"frame_ms": ratio * reference_ms, "ratio": ratio, "ratio_iqr": 0.01, "passes": {}}
     return times | {"reference": "r", "reference_ms": reference_ms}
 
 
@@ -50,7 +61,7 @@ def test_a_summary_is_the_median_over_views() -> None:
     cells = [
         result(iou, view, **timed(ratio)) for iou, view, ratio in [(0.1, "a", 0.1), (0.2, "b", 0.2), (0.9, "c", 3)]
     ]
-    (row,) = summary(cells_frame(cells))["cube"]
+    (row,) = configurations(*cells)
     iou, ms = row.values["iou"], row.values["frame_ms"]
     assert iou is not None and ms is not None
     assert (row.cells, iou.median, ms.median) == (3, 0.2, 2)
@@ -68,12 +79,12 @@ def test_facts_of_techniques_have_columns() -> None:
 def test_a_table_of_more_than_100_columns_is_in_one_piece() -> None:
     cell = result()
     cell.score["facts"] = dict.fromkeys(map(str, range(100)), 1.0)
-    assert slopes(cells_frame([cell])) == []
+    assert slopes_of(cell) == []
 
 
 def test_unsuccessful_cells_are_left_out() -> None:
     cells = [result(0.1, "a"), result(0.9, "b", untimed="crashed"), result(0.2, "c")]
-    (row,) = summary(cells_frame(cells))["cube"]
+    (row,) = configurations(*cells)
     assert row.values["iou"] is not None
     assert row.values["iou"].median == pytest.approx(0.15)
     assert (row.cells, row.refused) == (2, ("failed: while timed: crashed",))
@@ -121,31 +132,31 @@ def test_a_slope_is_fitted_separately_for_each_view_and_phase(apart: dict[str, A
         for of, scale, power in [({}, 0.5, 1), (apart, 0.1, 2)]
         for size in (64, 128, 256)
     ]
-    (found,) = slopes(cells_frame(cells))
+    (found,) = slopes_of(*cells)
     assert (found.slope.low, found.slope.median, found.slope.high) == pytest.approx((-2, -1.5, -1))
     assert found.sizes == (64, 128, 256)
 
 
 def test_a_cell_without_an_error_has_no_logarithm_and_takes_no_part_in_a_slope() -> None:
     cells = [result(1 - 64 / size, size=size) for size in (128, 256)] + [result(1.0, size=512), result(1.0, size=64)]
-    (found,) = slopes(cells_frame(cells))
+    (found,) = slopes_of(*cells)
     assert (found.slope.median, found.sizes) == (pytest.approx(-1), (128, 256))
 
 
 def test_a_table_of_many_passes_is_summarised_without_a_warning() -> None:
     """Each technique of a study has passes, and so columns, of its own; warnings are errors in tests."""
     passes = {f"pass-{number}": {"ms": 1.0} for number in range(120)}
-    cells = [result(0.5, size=size, **timed(1), passes=passes) for size in (64, 128)]
-    assert len(slopes(cells_frame(cells))) == 1
+    cells = [result(0.5, size=size, **(timed(1) | {"passes": passes})) for size in (64, 128)]
+    assert len(slopes_of(*cells)) == 1
 
 
 def test_one_size_has_no_slope() -> None:
-    assert slopes(cells_frame([result(0.5), result(0.5, size=None), result(0.9, "b")])) == []
+    assert slopes_of(result(0.5), result(0.5, size=None), result(0.9, "b")) == []
 
 
 def test_a_summary_has_times_without_their_measurement_details() -> None:
     times = timed(2.0) | {"frame_iqr_ms": 0.1, "added_ms": 0.5, "n": 9, "clock": "gpu"}
-    (row,) = summary(cells_frame([result(**times)]))["cube"]
+    (row,) = configurations(result(**times))
     assert {"frame_ms", "frame_iqr_ms", "added_ms", "ratio"} <= row.values.keys()
     assert row.values["ratio"] == Interval(2.0)
     assert not {"n", "clock"} & row.values.keys()
@@ -162,12 +173,11 @@ def test_times_that_were_added_are_columns_after_all_others() -> None:
 def test_lights_of_one_scene_are_tables_of_their_own() -> None:
     """Techniques that support only a sun must not be compared with medians that include lamps."""
     cells = [result(0.9), result(0.5, light="lamp"), result(0.8, spec="cascades")]
-    tables = summary(cells_frame(cells))
-    assert {title: [row.spec for row in rows] for title, rows in tables.items()} == {
+    assert {scene: [row.spec for row in section.configurations] for scene, section in sections_of(*cells).items()} == {
         "cube, sun": ["t", "cascades"],
         "cube, lamp": ["t"],
     }
-    assert list(summary(cells_frame(cells[:1]))) == ["cube"], "one light needs no name"
+    assert list(sections_of(cells[0])) == ["cube"], "one light needs no name"
 
 
 def test_soft_shadows_are_ranked_by_rmse_and_hard_ones_by_iou() -> None:
@@ -175,27 +185,24 @@ def test_soft_shadows_are_ranked_by_rmse_and_hard_ones_by_iou() -> None:
     cells = [result(0.9, spec="sharp"), result(0.8, spec="wide")]
     for cell, rmse in zip(cells, (0.2, 0.1), strict=True):
         cell.score["metrics"] |= {"rmse": rmse}
-    (rows,) = summary(cells_frame(cells)).values()
+    rows = configurations(*cells)
     assert [(row.spec, row.soft) for row in rows] == [("sharp", False), ("wide", False)]
     for cell in cells:
         cell.score["metrics"] |= {"rmse_pen": 0.5}
         cell.score.update({"truth_error": 0.01, "truth_error_pen": 0.02, "penumbra": 7, "width_share": None})
-    frame = cells_frame(cells)
-    (rows,) = summary(frame).values()
+    frame, rows = cells_frame(cells), configurations(*cells)
     assert [(row.spec, row.soft) for row in rows] == [("wide", True), ("sharp", True)]
     assert (rows[0].values["truth_error"], rows[0].values["truth_error_pen"]) == (Interval(0.01), Interval(0.02))
     assert frame["penumbra"].tolist() == [7, 7]
-    _, means = mean_over_scenes({"one": rows, "two": rows})
-    assert [row.spec for row in means] == ["wide", "sharp"]
-    assert means[0].values["truth_error_pen"] == Interval(0.02)
+    assert mean([rows[0], rows[0]]).values["truth_error_pen"] == Interval(0.02)
 
 
 def test_a_slope_of_soft_shadows_is_that_of_their_rmse() -> None:
     cells = [result(0.9, size=512), result(0.9, size=1024)]
     for cell, rmse in zip(cells, (0.1, 0.4), strict=True):
         cell.score["metrics"] |= {"rmse": rmse, "rmse_pen": 0.5}
-    (slope,) = slopes(cells_frame(cells))
-    assert (slope.error, slope.slope.median) == ("RMSE", pytest.approx(2))
+    (slope,) = slopes_of(*cells)
+    assert slope.slope.median == pytest.approx(2)
 
 
 def test_a_score_below_the_error_of_the_truth_is_no_number() -> None:
@@ -206,23 +213,10 @@ def test_a_score_below_the_error_of_the_truth_is_no_number() -> None:
         "iou": Interval(0.9),
     }
     truth = {"truth_error": Interval(0.002), "truth_error_pen": Interval(0.005)}
-    row = SummaryRow("a", None, 1, (), {**values, **truth}, 1)
+    row = one("a", None, **values, **truth)
     assert row.error_text("{:.3g}".format) == "<0.002"
     shown = [row.text(name, "{:.3g}".format) for name in ("rmse_pen", "noise", "iou", "width")]
     assert shown == ["0.01", "<0.005", "0.9", "–"]
-
-
-def test_a_spec_without_a_successful_cell_is_left_out_of_the_mean_over_scenes() -> None:
-    tables = {
-        scene: [
-            SummaryRow("a", 512, 1, (), dict.fromkeys(ROW_METRICS, Interval(iou)), 1),
-            SummaryRow("cube-map", 512, 0, ("unsupported: no",), dict.fromkeys(ROW_METRICS), 0),
-        ]
-        for scene, iou in (("one", 0.2), ("two", 0.4))
-    }
-    scenes, means = mean_over_scenes(tables)
-    assert scenes == ["one", "two"]
-    assert [(row.spec, row.values["iou"].median) for row in means] == [("a", pytest.approx(0.3))]
 
 
 def test_a_number_by_which_specs_of_a_technique_differ_is_printed_at_its_default_too() -> None:
@@ -237,7 +231,7 @@ def test_a_number_by_which_specs_of_a_technique_differ_is_printed_at_its_default
     cells = [result(spec=spec) for spec in specs]
     for cell, full in zip(cells, specs.values(), strict=True):
         cell.score["full_spec"] = full
-    printed = {row.spec: row.label for row in summary(cells_frame(cells))["cube"]}
+    printed = {row.spec: row.name for row in configurations(*cells)}
     differing = {
         "light-samples": "light-samples:n=16",
         "light-samples:of=shadow-volume": "light-samples:of=shadow-volume,n=16",
@@ -248,39 +242,37 @@ def test_a_number_by_which_specs_of_a_technique_differ_is_printed_at_its_default
 def test_a_map_that_was_scored_at_one_offset_is_marked() -> None:
     two = [result(phase=0), result(0.6, phase=1)]
     without, lost = result(size=None, spec="volume"), result(spec="lost", untimed="crashed")
-    (row,) = summary(cells_frame(two))["cube"]
+    (row,) = configurations(*two)
     assert (row.phases, row.single_phase) == (2, False)
-    (row,) = summary(cells_frame(two[:1]))["cube"]
+    (row,) = configurations(*two[:1])
     assert (row.phases, row.single_phase) == (1, True)
-    assert not any(row.single_phase for row in summary(cells_frame([without, lost]))["cube"]), (
-        "no map, or none that held"
-    )
-    assert [fit.phases for fit in slopes(cells_frame([*two, result(size=128), result(0.7, size=128, phase=1)]))] == [2]
+    assert not any(row.single_phase for row in configurations(without, lost)), "no map, or none that held"
+    assert [fit.phases for fit in slopes_of(*two, result(size=128), result(0.7, size=128, phase=1))] == [2]
 
 
-def test_the_mean_over_scenes_has_the_fewest_phases_of_them() -> None:
-    row = SummaryRow("a", 512, 2, (), dict.fromkeys(ROW_METRICS, Interval(0.2)), 2)
-    _, (mean,) = mean_over_scenes({"one": [row], "two": [replace(row, cells=1, phases=1)]})
-    assert (mean.cells, mean.phases) == (3, 1)
+def test_a_mean_over_scenes_has_the_fewest_phases_of_them_and_no_value_that_one_lacks() -> None:
+    found = mean([one(phases=2, iou=Interval(0.2), contact=Interval(0.1)), one(iou=Interval(0.4), contact=None)])
+    assert (found.cells, found.phases) == (2, 1)
+    assert (found.value("iou"), found.value("contact")) == (pytest.approx(0.3), None)
 
 
 @pytest.mark.parametrize(("iqr", "rough"), [(None, False), (0.99, False), (1.0, False), (1.01, True)])
 def test_a_time_whose_middle_half_spans_more_than_a_third_of_it_is_rough(iqr: float | None, rough: bool) -> None:
     values = {"frame_ms": Interval(3.0), "frame_iqr_ms": None if iqr is None else Interval(iqr)}
-    assert SummaryRow("a", 512, 1, (), values, 1).rough is rough
-    assert not SummaryRow("a", 512, 1, (), {"frame_iqr_ms": Interval(9.0)}, 1).rough
+    assert one(**values).rough is rough
+    assert not one(frame_iqr_ms=Interval(9.0)).rough
 
 
 def test_a_preset_is_printed_by_its_name_and_other_specs_as_they_are() -> None:
     known = techniques()
     for text in ("shadow-map:preset=three", "cascades:preset=godot", "cube-map:preset=course"):
         spec = parse_spec(f"{text},size=128", known).sizeless_text
-        assert SummaryRow(spec, 128, 1, (), {}, 1, ("blend=0.0",)).label == text
-        assert SummaryRow(f"{spec},cull=false", 128, 1, (), {}, 1).label == f"{spec},cull=false"
-    assert SummaryRow("shadow-map", 128, 1, (), {}, 1).label == "shadow-map"
+        assert one(spec, unset=("blend=0.0",)).name == text
+        assert one(f"{spec},cull=false").name == f"{spec},cull=false"
+    assert one("shadow-map").name == "shadow-map"
 
 
 @pytest.mark.parametrize(("bias", "text"), [(0.9, "1 wide"), (-0.9, "1 narrow"), (0.2, "1"), (None, "1")])
 def test_the_width_of_penumbrae_has_a_direction(bias: float | None, text: str) -> None:
     values = {"width": Interval(1.0), "width_bias": None if bias is None else Interval(bias)}
-    assert SummaryRow("pcss", 64, 1, (), values, 1).text("width", "{:g}".format) == text
+    assert one("pcss", **values).text("width", "{:g}".format) == text

@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import fmean
 
 import pandas as pd
 
-from shadowbench.reports.analysis import Configuration, Section
+from shadowbench.results.configurations import Configuration, Section, mean
 from shadowbench.scores.metrics import METRICS, Metric
-from shadowbench.studies.tables import Interval, SummaryRow
 from shadowbench.techniques.unshadowed import Unshadowed
 
 _KINDS = {False: "hard ", True: "soft "}
@@ -59,7 +57,7 @@ class Candidate:
     @property
     def worst_scene(self) -> str:
         """Title of the scene with the largest error."""
-        return self.worst_by(self.mean.row.ranked_by.name)
+        return self.worst_by(self.mean.ranked_by.name)
 
     def worst_by(self, metric: str) -> str:
         """Title of the scene with the worst value of a metric."""
@@ -110,11 +108,11 @@ def candidates(sections: Sequence[Section]) -> list[Candidate]:
     titles = [section.title for section in sections]
     found = []
     for parts in by_key.values():
-        scored = {title: one for title, one in parts.items() if one.error is not None and not one.row.refused}
+        scored = {title: one for title, one in parts.items() if one.error is not None and not one.refused}
         unsupported = tuple(title for title, one in parts.items() if title not in scored and _unsupported(one))
         missing = tuple(title for title in titles if title not in scored and title not in unsupported)
         if scored:
-            found.append(Candidate(_mean(list(scored.values())), scored, unsupported, missing))
+            found.append(Candidate(mean(list(scored.values())), scored, unsupported, missing))
     return sorted(found, key=lambda one: (not one.in_all_scenes, -len(one.by_scene), _error(one.mean)))
 
 
@@ -123,22 +121,8 @@ def _error(one: Configuration) -> float:
 
 
 def _unsupported(one: Configuration) -> bool:
-    statuses = one.row.refused
-    return not one.row.cells and bool(statuses) and all(status.startswith("unsupported") for status in statuses)
-
-
-def _mean(parts: Sequence[Configuration]) -> Configuration:
-    """Means of one configuration over scenes; a value that is missing in one of them is None."""
-    if len(parts) == 1:
-        return parts[0]
-    first = parts[0]
-    values: dict[str, Interval | None] = {}
-    for name in first.row.values:
-        medians = [value.median for one in parts if (value := one.row.values[name]) is not None]
-        values[name] = Interval(fmean(medians)) if len(medians) == len(parts) else None
-    cells, phases = sum(one.row.cells for one in parts), min(one.row.phases for one in parts)
-    row = SummaryRow(first.spec, first.map_size, cells, (), values, phases, first.row.unset)
-    return Configuration(first.technique, first.full_spec, row, ())
+    statuses = one.refused
+    return not one.cells and bool(statuses) and all(status.startswith("unsupported") for status in statuses)
 
 
 def title_of_all(kind: Sequence[Section], kinds: int) -> str:

@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.measure.rows import Result
+from shadowbench.results.tables import cells_frame
+from shadowbench.results.times import DRIFT, ROUGH, ReferenceTime, normalise_times, pareto_front, time_notes
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.tables import cells_frame, reference_times, summary
-from shadowbench.studies.times import DRIFT, ROUGH, ReferenceTime, normalise_times, pareto_front, time_notes
+from tests.runs import sections_of
 
 
 def timed(
@@ -25,7 +26,8 @@ def timed(
 ) -> Result:
     """A cell and its time, in a block in which the reference took `reference_ms`; `iqr` is the ratio's."""
     score = {
-        "scene": scene, "view": view, "light": light, "phase": 0, "technique": spec, "spec": spec, "map_size": None,
+        "scene": scene, "view": view, "light": light, "phase": 0, "technique": spec, "spec": spec, "full_spec": spec,
+        "map_size": None,
         "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS),
     }  # fmt: skip
     time = {
@@ -50,7 +52,7 @@ def test_cells_of_different_blocks_are_ordered_by_their_ratios() -> None:
     assert frame["frame_ms"].tolist() == [18, 10, 16], "as they were measured, in the table of cells"
     times = shown(*MIXED)["frame_ms"]
     assert times.to_dict() == pytest.approx({"slow": 1.8 * 15, "reference": 15, "fast": 0.8 * 15})
-    rows = {row.spec: row.values["frame_ms"].median for row in summary(frame)["cube"]}  # type: ignore[union-attr]
+    rows = {one.spec: one.value("frame_ms") for one in sections_of(*MIXED)["cube"].configurations}
     assert rows == pytest.approx(times.to_dict())
 
 
@@ -98,7 +100,7 @@ def test_without_any_ratio_there_is_no_time() -> None:
 
 def test_each_table_has_a_reference_of_its_own() -> None:
     cells = [*MIXED, timed("lamp", 8.0, 4.0, scene="lamp", reference="cube-map:size=1024")]
-    found = reference_times(cells_frame(cells))
+    found = {scene: section.reference for scene, section in sections_of(*cells).items()}
     assert {scene: one and (one.name, one.ms) for scene, one in found.items()} == {
         "cube": ("shadow-map:size=1024", 15),
         "lamp": ("cube-map:size=1024", 4),
@@ -124,7 +126,7 @@ def test_a_reference_that_costs_more_in_another_view_is_no_drift_of_the_machine(
 
 @pytest.mark.parametrize(("spread", "wide"), [(0.99 * ROUGH, False), (1.01 * ROUGH, True)])
 def test_a_time_whose_own_rounds_spread_is_marked(spread: float, wide: bool) -> None:
-    (row,) = summary(cells_frame([timed("a", 30.0, iqr=3 * spread)]))["cube"]
+    (row,) = sections_of(timed("a", 30.0, iqr=3 * spread))["cube"].configurations
     assert row.rough is wide
 
 

@@ -1,0 +1,1 @@
+"""What run folders hold: their rows as frames, summaries, comparisons and rankings."""

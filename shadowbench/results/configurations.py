@@ -1,0 +1,304 @@
+"""Configurations, a spec at one map size each, summarised over the cells of a run in one scene."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from statistics import fmean
+from typing import cast
+
+import numpy as np
+import pandas as pd
+
+from shadowbench.measure.flips import ROW_METRICS
+from shadowbench.results.folder import Run
+from shadowbench.results.intervals import Interval, interval
+from shadowbench.results.tables import TIMES, TOTALS, TRUTH_ERRORS
+from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
+from shadowbench.scores.metrics import METRICS, Metric, is_soft, ranking
+from shadowbench.techniques.grammar import parameters_of
+from shadowbench.techniques.registry import preset_names
+
+BIAS_LENGTHS = ("fact_bias_m", "fact_bias_texels", "fact_normal_offset_m", "fact_normal_offset_texels")
+_VALUES = [*ROW_METRICS, *TRUTH_ERRORS, "width_bias", *TIMES[:4], *TOTALS, "gpu_bytes"]
+
+
+@dataclass(frozen=True)
+class PassTime:
+    """Median time of a rendering pass, relative to the section's reference; changes: what invalidates its result."""
+
+    name: str
+    ms: float
+    changes: str
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """A spec at one map size; spec: as written by the user, without the map size.
+
+    cells: number of successful cells; refused: statuses of the others; values: medians over the successful cells, with
+    times normalised to one reference time; phases: number of phases among the successful cells; unset: numbers at
+    their defaults that other specs of the technique set, such as `n=16`.
+    """
+
+    technique: str
+    spec: str
+    full_spec: str
+    map_size: int | None
+    cells: int
+    refused: tuple[str, ...]
+    values: Mapping[str, Interval | None]
+    phases: int
+    unset: tuple[str, ...] = ()
+    passes: tuple[PassTime, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The spec as tables print it: a preset by its name, or with the numbers by which it differs from others."""
+        short = preset_names().get(self.spec)
+        if short or not self.unset:
+            return short or self.spec
+        return f"{self.spec}{',' if ':' in self.spec else ':'}{','.join(self.unset)}"
+
+    @property
+    def label(self) -> str:
+        """Name and map size, as in `shadow-map at 1024`."""
+        return f"{self.name} at {self.map_size}" if self.map_size else self.name
+
+    def value(self, name: str) -> float | None:
+        """Median of a metric or time such as `frame_ms`; None if it was not measured."""
+        found = self.values.get(name)
+        return None if found is None else found.median
+
+    @property
+    def rough(self) -> bool:
+        """Whether the IQR of the time is so large that it is only a rough estimate."""
+        ms, iqr = self.value("frame_ms"), self.value("frame_iqr_ms")
+        return ms is not None and iqr is not None and iqr > ROUGH * ms
+
+    @property
+    def soft(self) -> bool:
+        """Whether the truth has penumbrae."""
+        return is_soft(self.values)
+
+    @property
+    def ranked_by(self) -> Metric:
+        """The metric that ranks its shadows."""
+        return ranking(self.soft)
+
+    @property
+    def error(self) -> Interval | None:
+        """The error by which it is ranked, 1 − IoU or RMSE; None without a score."""
+        value = self.values.get(self.ranked_by.name)
+        return value.complement() if value is not None and self.ranked_by.better == "higher" else value
+
+    def error_text(self, digits: Callable[[float], str], bounds: bool = True) -> str:
+        """Text of the error, by default with its interval, or `<0.0012` below the truth's own error."""
+        value = self.error
+        if value is None:
+            return "–"
+        below = self.text(self.ranked_by.name, digits)
+        return below if below.startswith("<") else value.text(digits) if bounds else digits(value.median)
+
+    def text(self, name: str, digits: Callable[[float], str]) -> str:
+        """Text of a value's median, – for none; ~ for a time that varied widely, `<0.0012` below the truth's error."""
+        value = self.value(name)
+        if value is None:
+            return "–"
+        if name in METRICS:
+            errors = {field: found for field in TRUTH_ERRORS if (found := self.value(field)) is not None}
+            return METRICS[name].text(value, digits, errors) + (self._way if name == "width" else "")
+        return f"{'~' if name.endswith('_ms') and self.rough else ''}{digits(value)}"
+
+    @property
+    def _way(self) -> str:
+        """Whether most penumbrae are drawn too wide or too narrow; empty if about as many are either."""
+        width, bias = self.value("width"), self.value("width_bias")
+        if width is None or not bias or abs(bias) < width / 2:
+            return ""
+        return " wide" if bias > 0 else " narrow"
+
+    @property
+    def single_phase(self) -> bool:
+        """Whether a map was scored at a single phase."""
+        return self.map_size is not None and self.phases == 1
+
+    @property
+    def order(self) -> tuple[float, str, int]:
+        """Sort key: the best first."""
+        return math.inf if self.error is None else self.error.median, self.spec, self.map_size or 0
+
+
+def mean(parts: Sequence[Configuration]) -> Configuration:
+    """Means of one configuration over scenes; a value that is missing in one of them is None."""
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+    found = {name: [one.value(name) for one in parts] for name in first.values}
+    values = {
+        name: None if None in medians else Interval(fmean(cast("list[float]", medians)))
+        for name, medians in found.items()
+    }
+    cells, phases = sum(one.cells for one in parts), min(one.phases for one in parts)
+    return Configuration(
+        first.technique, first.spec, first.full_spec, first.map_size, cells, (), values, phases, first.unset
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Results of one run in one scene, under one light where there are several.
+
+    frame: the run's cells, with times normalised to `reference`, which is None if no cell has a time ratio;
+    configurations: best first.
+    """
+
+    run: Run
+    scene: str
+    title: str
+    frame: pd.DataFrame
+    reference: ReferenceTime | None
+    configurations: tuple[Configuration, ...]
+
+    @cached_property
+    def scored(self) -> list[Configuration]:
+        """The configurations with a score."""
+        return [one for one in self.configurations if one.error is not None]
+
+    @cached_property
+    def soft(self) -> bool:
+        """Whether its shadows have penumbrae."""
+        return any(one.soft for one in self.scored)
+
+    @property
+    def ranked_by(self) -> Metric:
+        """The metric that ranks its configurations."""
+        return ranking(self.soft)
+
+    @cached_property
+    def timed(self) -> list[Configuration]:
+        """The configurations with a score and a time."""
+        return [one for one in self.scored if one.value("frame_ms") is not None]
+
+    @cached_property
+    def front(self) -> list[Configuration]:
+        """The Pareto-optimal configurations in error and time, fastest and least accurate first."""
+        points = [(one.value("frame_ms"), one.error) for one in self.timed]
+        return [
+            self.timed[index] for index in pareto_front([(ms, error.median) for ms, error in points if ms and error])
+        ]
+
+    @cached_property
+    def least_error(self) -> float:
+        """The error at which charts draw smaller ones: of half a wrong pixel, or for soft shadows the truth's own."""
+        if self.soft:
+            return float(self.frame["truth_error"].mean())
+        receivers = self.frame["receivers"].dropna()
+        return 0.5 / float(receivers.max()) if len(receivers) else 1e-7
+
+    @property
+    def file_stem(self) -> str:
+        """Start of the names of its chart files: scene, light, view size, and `absolute` for absolute coordinates."""
+        first = self.frame.iloc[0]
+        stem = f"{self.scene.replace(', ', '.')}.{first['view_size']}"
+        return stem + (".absolute" if first["coordinates"] == "absolute" else "")
+
+    @cached_property
+    def max_cells(self) -> int:
+        """Largest number of cells (views × phases) of any configuration."""
+        return max((one.cells for one in self.configurations), default=0)
+
+
+def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
+    """The sections of all runs, by title. Different lights, view sizes or coordinates are different sections."""
+    found: dict[str, list[Section]] = {}
+    for run in runs:
+        for (scene, size, coordinates), measured in run.frame.groupby(
+            [_scenes(run.frame), "view_size", "coordinates"], sort=False, dropna=False
+        ):
+            title = f"{scene}, {size}² view" + (f", {coordinates} coordinates" if coordinates == "absolute" else "")
+            frame, reference = normalise_times(measured)
+            section = Section(run, str(scene), title, frame, reference, tuple(_configurations(run, frame)))
+            found.setdefault(title, []).append(section)
+    return found
+
+
+def _scenes(frame: pd.DataFrame) -> pd.Series:
+    """The scene of each line, and its light and renderer where there are several.
+
+    One table for several lights would compare medians over different cells, since techniques differ in the kinds of
+    light that they support.
+    """
+    several = frame.groupby("scene")["light"].transform("nunique") > 1
+    found = frame["scene"].where(~several, frame["scene"] + ", " + frame["light"])
+    return (found if frame["renderer"].nunique() < 2 else found + ", " + frame["renderer"]).astype(str)
+
+
+def by_kind(sections: Sequence[Section]) -> list[list[Section]]:
+    """The sections with hard shadows and those with soft ones, whose errors are not comparable; without empty lists.
+
+    A section without any score, such as one whose light nothing supports, is of neither kind.
+    """
+    kinds = [[section for section in sections if section.scored and section.soft == soft] for soft in (False, True)]
+    return [kind for kind in kinds if kind]
+
+
+def specs_of(sections: Sequence[Section]) -> list[str]:
+    """All specs that the sections' runs measured, in the order in which they were measured."""
+    return list(dict.fromkeys(str(spec) for section in sections for spec in section.run.frame["spec"]))
+
+
+def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
+    """The configurations of a frame, best first; its times must be normalised to one reference time."""
+    numbers = _numbers_set(frame["spec"])
+    names = [*_VALUES, *(name for name in BIAS_LENGTHS if name in frame)]
+    columns = {name: frame[name].to_numpy(dtype=float, na_value=np.nan) for name in names}
+    position = pd.Series(range(len(frame)), index=frame.index)
+    found = []
+    for key, group in frame.groupby(["spec", "map_size"], sort=False, dropna=False):
+        spec, size = cast("tuple[str, float]", key)
+        succeeded = group[group["status"] == "ok"]
+        lines = position[succeeded.index].to_numpy()
+        full_spec = str(group["full_spec"].iloc[0])
+        one = Configuration(
+            technique=str(group["technique"].iloc[0]),
+            spec=spec,
+            full_spec=full_spec,
+            map_size=None if pd.isna(size) else int(size),
+            cells=len(succeeded),
+            refused=tuple(group.loc[group["status"] != "ok", "status"]),
+            values={name: interval(column[lines]) for name, column in columns.items()},
+            phases=succeeded["phase"].nunique(),
+            unset=_unset(spec, full_spec, numbers),
+            passes=_pass_times(run, group),
+        )
+        found.append(one)
+    return sorted(found, key=lambda one: one.order)
+
+
+def _pass_times(run: Run, group: pd.DataFrame) -> tuple[PassTime, ...]:
+    times = [time for index in group.index if (time := run.results[int(index)].time)]
+    changes = {
+        name: str(entry.get("changes", "frame")) for time in reversed(times) for name, entry in time["passes"].items()
+    }
+    names = dict.fromkeys(name for time in times for name in time["passes"])
+    medians = {name: interval(group[f"pass_{name}_ms"].tolist()) for name in names}
+    return tuple(PassTime(name, one.median, changes[name]) for name, one in medians.items() if one is not None)
+
+
+def _numbers_set(specs: Iterable[str]) -> dict[str, set[str]]:
+    """Names of the numbers that specs set, by technique."""
+    found: dict[str, set[str]] = {}
+    for spec in specs:
+        technique, values = parameters_of(spec)
+        found.setdefault(technique, set()).update(key for key, value in values.items() if type(value) in (int, float))
+    return found
+
+
+def _unset(spec: str, full_spec: str, numbers: Mapping[str, set[str]]) -> tuple[str, ...]:
+    """The numbers of a spec at their defaults that another spec of its technique sets."""
+    technique, values = parameters_of(spec)
+    if numbers[technique] <= set(values):
+        return ()
+    given = parameters_of(full_spec)[1].items()
+    return tuple(f"{key}={value}" for key, value in given if key in numbers[technique] and key not in values)
