@@ -3,11 +3,11 @@
 import dataclasses
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from shadowbench.advice.recommendation import Recommendation, Target, Unit, find_cheapest
+from shadowbench.advice.recommendation import Measure, Recommendation, Target, Unit, find_cheapest
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import chosen_techniques
 from shadowbench.advice.words import obstacles, target_notes
@@ -32,6 +32,15 @@ from shadowbench.truths.cache import cached_truth
 ROUNDS = 9
 
 
+_ALLOWED: dict[str, tuple[Callable[[float], bool], str]] = {
+    "--min-iou": (lambda value: 0 < value <= 1, "above 0, up to 1"),
+    "--max-edge-px": (lambda value: 0 <= value < math.inf, "0 and more"),
+    "--max-rmse": (lambda value: 0 <= value <= 1, "0 to 1"),
+    "--budget-ms": (lambda value: 0 < value < math.inf, "above 0"),
+}
+_METRICS: dict[str, Measure] = {"--min-iou": "iou", "--max-edge-px": "edge_px", "--max-rmse": "rmse"}
+
+
 def target_of(
     min_iou: float | None = None,
     max_edge_px: float | None = None,
@@ -49,20 +58,13 @@ def target_of(
     if len(given) > 1:
         found = "both" if len(given) == 2 else "all"
         raise InputError(f"{' and '.join(given)}: found {found}; allowed: one of them")
-    if min_iou is not None and not 0 < min_iou <= 1:
-        raise InputError(f"--min-iou: found {min_iou:g}; allowed: above 0, up to 1")
-    if max_edge_px is not None and not 0 <= max_edge_px < math.inf:
-        raise InputError(f"--max-edge-px: found {max_edge_px:g}; allowed: 0 and more")
-    if max_rmse is not None and not 0 <= max_rmse <= 1:
-        raise InputError(f"--max-rmse: found {max_rmse:g}; allowed: 0 to 1")
-    if budget_ms is not None and not 0 < budget_ms < math.inf:
-        raise InputError(f"--budget-ms: found {budget_ms:g}; allowed: above 0")
-    if max_edge_px is not None:
-        return Target("edge_px", max_edge_px, budget_ms)
-    if max_rmse is not None:
-        return Target("rmse", max_rmse, budget_ms)
-    if min_iou is not None:
-        return Target("iou", min_iou, budget_ms)
+    for name, value in {**options, "--budget-ms": budget_ms}.items():
+        is_allowed, told = _ALLOWED[name]
+        if value is not None and not is_allowed(value):
+            raise InputError(f"{name}: found {value:g}; allowed: {told}")
+    if given:
+        (name,) = given
+        return Target(_METRICS[name], options[name] or 0.0, budget_ms)
     metric = ranking(soft)
     return Target("rmse" if soft else "iou", metric.targets[1], budget_ms)
 

@@ -175,15 +175,8 @@ def find_cheapest(
     """
     known = chosen_techniques(known, among, view.light.hard_kind, view.light.soft)
     found = needs(view, penumbrae=False)  # those rule out no spec
-    space, size = full_space(known, view.light.hard_kind, largest, view.light.soft), 0
-    least_iou = target.value if target.metric == "iou" else None
-    left, excluded = prune(space, found, least_iou, unit == "work")
-    declined = unavailable(known, view.light.hard_kind, view.light.soft)
-    out = [*declined, *untried_filters(space, view.light.soft), *excluded]
-    if not (truth.receivers & (truth.visibility < (1.0 if target.metric == "rmse" else 0.5))).any():
-        left = [Spec(Unshadowed, Unshadowed.Params())]
-        dark = "in shadow" if target.metric == "rmse" or not view.light.soft else "more than half in shadow"
-        out, size = [Exclusion(f"all but {Unshadowed.name}", f"nothing that is seen is {dark}", len(space))], 1
+    space = full_space(known, view.light.hard_kind, largest, view.light.soft)
+    left, out = _to_search(view, truth, target, unit, known, space, found)
     unsuccessful: dict[str, str] = {}
 
     def try_spec(spec: Spec) -> Trial | None:
@@ -223,13 +216,32 @@ def find_cheapest(
         unsuccessful=unsuccessful,
         excluded=tuple(out),
         untried=search.untried(),
-        space_size=len(space) + size,
+        space_size=len({*space, *left}),
         cheaper=_cheaper(trials, best),
         better=_better(trials, best),
         needs=found,
         reference=reference,
         among=tuple(among),
     )
+
+
+def _to_search(
+    view: View,
+    truth: Truth,
+    target: Target,
+    unit: Unit,
+    known: Mapping[str, type[Technique]],
+    space: Sequence[Spec],
+    found: Needs,
+) -> tuple[list[Spec], list[Exclusion]]:
+    """The specs of a space that are searched, `unshadowed` alone where nothing is dark, and what is excluded."""
+    if not (truth.receivers & (truth.visibility < (1.0 if target.metric == "rmse" else 0.5))).any():
+        dark = "in shadow" if target.metric == "rmse" or not view.light.soft else "more than half in shadow"
+        left_out = Exclusion(f"all but {Unshadowed.name}", f"nothing that is seen is {dark}", len(space))
+        return [Spec(Unshadowed, Unshadowed.Params())], [left_out]
+    left, excluded = prune(space, found, target.value if target.metric == "iou" else None, unit == "work")
+    declined = unavailable(known, view.light.hard_kind, view.light.soft)
+    return left, [*declined, *untried_filters(space, view.light.soft), *excluded]
 
 
 def least_error(truth: Truth, metric: Measure) -> float:

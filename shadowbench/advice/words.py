@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from shadowbench.advice.recommendation import Recommendation, Target
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES
+from shadowbench.measure.rows import Record
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
 
@@ -63,7 +64,7 @@ def obstacles(found: Recommendation) -> list[str]:
 
 
 def _obstacles(found: Recommendation) -> Iterator[str]:
-    target, near, needs = found.target, found.closest, found.needs
+    target, near = found.target, found.closest
     of = f" of {', '.join(found.among)}" if found.among else ""
     if near is None or near.result is None:
         why = f"; {'; '.join(found.unsuccessful.values())}" if found.unsuccessful else ""
@@ -74,9 +75,15 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
     if met and target.budget_ms is not None:
         yield f"obstacle: the budget; {_name(met[0])} reaches {_text(target, met[0])} in {met[0].cost:.3g} ms"
         return
-    metrics, largest = near.result.score["metrics"], max(trial.spec.map_size or 0 for trial in found.trials)
+    yield from _faults(found, near, near.result.score)
+
+
+def _faults(found: Recommendation, near: Trial, row: Record) -> Iterator[str]:
+    """What is wrong with the closest trial, of which this is the score row."""
+    target, needs = found.target, found.needs
+    metrics, largest = row["metrics"], max(trial.spec.map_size or 0 for trial in found.trials)
     if target.metric == "rmse" and is_soft(metrics):
-        faults = [f"{fault.name}, {fault.line}" for fault in soft_faults(metrics, near.result.score.get("width_bias"))]
+        faults = [f"{fault.name}, {fault.line}" for fault in soft_faults(metrics, row.get("width_bias"))]
         error = f"an RMSE of {metrics['rmse_pen']:.2g} in the penumbra (rmse_pen)"
         yield f"obstacle: {faults[0] if faults else error}"
         if near.spec.map_size == largest == SIZES[-1]:

@@ -67,46 +67,48 @@ class Findings:
 
 def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:
     """Compare every cell of the baseline with the cell of the same identity; tolerances: overrides by metric name."""
-    now = {identity(result.score): result for result in found}
-    then = {identity(result.score): result for result in baseline}
-    allowed = {name: tolerances.get(name, metric.tolerance) for name, metric in ROW_METRICS.items()}
+    now, then = ({identity(result.score): result for result in side} for side in (found, baseline))
+    metrics, notes = _compared_metrics(found, baseline)
+    allowed = {name: tolerances.get(name, ROW_METRICS[name].tolerance) for name in metrics}
+    pairs = [(old, now[key]) for key, old in then.items() if key in now]
+    drawn = [(old, new) for old, new in pairs if old.score["status"] == new.score["status"] == "ok"]
+    timed = [(old, new) for old, new in drawn if _comparable(old, new)]
+    changes = [
+        Change(old.score, "status", old.status, MISSING, "regressed", math.inf)
+        for key, old in then.items()
+        if key not in now
+    ]
+    for old, new in pairs:
+        changes += _status(old, new)
+    for old, new in drawn:
+        changes += _metrics(old.score, new.score, allowed)
+        changes += _work(old, new)
+        changes += _lost_time(old, new)
+    for old, new in timed:
+        changes += _time(old, new)
+    equal = sum(_same_mask(old.score, new.score, allowed) for old, new in drawn)
+    extra = len(now.keys() - then.keys())
+    if extra:
+        notes.append("1 cell is not in the baseline" if extra == 1 else f"{extra} cells are not in the baseline")
+    changes.sort(key=lambda change: -change.excess)
+    return Findings(tuple(changes), len(pairs), equal, len(timed), tuple(notes))
+
+
+def _compared_metrics(found: Sequence[Result], baseline: Sequence[Result]) -> tuple[list[str], list[str]]:
+    """Names of the metrics that both sides have, and notes on what is not compared."""
     sides = [{name for result in side for name in row_metrics(result.score)} for side in (found, baseline)]
     lacking = [name for name in ROW_METRICS if all(sides) and sum(name in side for side in sides) == 1]
-    allowed = {name: tolerance for name, tolerance in allowed.items() if name not in lacking}
-    notes: list[str] = []
     steps = [{result.score.get("step") for result in side if FLIPS.name in result.score} for side in (found, baseline)]
+    names, notes = [name for name in ROW_METRICS if name not in lacking], []
     if all(steps) and steps[0] != steps[1]:
-        del allowed[FLIPS.name]
+        names.remove(FLIPS.name)
         notes.append("flips are not compared: one side has them after a step of the camera, the other of the light")
-    changes: list[Change] = []
-    equal = timed = 0
-    for key, old in then.items():
-        new = now.get(key)
-        if new is None:
-            changes.append(Change(old.score, "status", old.status, MISSING, "regressed", math.inf))
-            continue
-        if "ok" not in (old.score["status"], new.score["status"]) or old.score["status"] != new.score["status"]:
-            changes += _status(old, new)
-            continue
-        equal += _same_mask(old.score, new.score, allowed)
-        changes += _metrics(old.score, new.score, allowed)
-        if _driver(old) == _driver(new):
-            changes += _work(old.score, new.score)
-        if old.time is not None and old.time.get("ratio") and new.status != "ok":
-            changes.append(Change(new.score, "time", old.time["ratio"], new.status, "regressed", math.inf))
-        if _comparable(old, new):
-            timed += 1
-            changes += _time(old, new)
     drivers = {_driver(result) for result in (*found, *baseline)}
     if len(drivers) > 1:
         notes.append(f"work is not compared across renderers: {' · '.join(sorted(drivers))}")
     if lacking:
         notes.append(f"not compared, since one side lacks them: {', '.join(lacking)}")
-    extra = len(now.keys() - then.keys())
-    if extra:
-        notes.append("1 cell is not in the baseline" if extra == 1 else f"{extra} cells are not in the baseline")
-    changes.sort(key=lambda change: -change.excess)
-    return Findings(tuple(changes), len(now.keys() & then.keys()), equal, timed, tuple(notes))
+    return names, notes
 
 
 def _driver(result: Result) -> str:
@@ -149,9 +151,11 @@ def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator
             yield Change(new, name, before, after, verdict, abs(worse) / max(tolerance, 1e-12))
 
 
-def _work(old: Record, new: Record) -> Iterator[Change]:
-    before = {**old.get("work", {}), "gpu_bytes": old.get("gpu_bytes")}
-    after = {**new.get("work", {}), "gpu_bytes": new.get("gpu_bytes")}
+def _work(old: Result, new: Result) -> Iterator[Change]:
+    """Changes of work counts, on the same renderer."""
+    if _driver(old) != _driver(new):
+        return
+    before, after = ({**one.score.get("work", {}), "gpu_bytes": one.score.get("gpu_bytes")} for one in (old, new))
     for name in before.keys() & after.keys() - {"cost"}:  # the sum of others
         one, other = before[name], after[name]
         if one is None or other is None:
@@ -159,7 +163,12 @@ def _work(old: Record, new: Record) -> Iterator[Change]:
         tolerance = 0.0 if name in EXACT else INVOCATIONS * one
         if abs(other - one) > tolerance:
             verdict: Verdict = "regressed" if other > one else "improved"
-            yield Change(new, name, one, other, verdict, abs(other - one) / max(INVOCATIONS * one, 1.0))
+            yield Change(new.score, name, one, other, verdict, abs(other - one) / max(INVOCATIONS * one, 1.0))
+
+
+def _lost_time(old: Result, new: Result) -> Iterator[Change]:
+    if old.time is not None and old.time.get("ratio") and new.status != "ok":
+        yield Change(new.score, "time", old.time["ratio"], new.status, "regressed", math.inf)
 
 
 def _comparable(old: Result, new: Result) -> bool:

@@ -15,6 +15,7 @@ from shadowbench.errors import InputError, alternatives
 if TYPE_CHECKING:
     from shadowbench.check.baseline import Change, Findings
     from shadowbench.check.repeat import RepeatResult
+    from shadowbench.results.folder import Run
 
 _LINES = 40  # of a table, one per cell
 _LONGEST = 40  # characters of a status
@@ -88,8 +89,7 @@ def check(
     if baseline is None:
         raise InputError("check: found no --baseline; allowed: --baseline DIR, or --repeat")
     from shadowbench.check.check import check as compared
-    from shadowbench.check.check import make_baseline, values, write_pictures
-    from shadowbench.reports.words import counted
+    from shadowbench.check.check import values, write_pictures
 
     found = compared(folder, baseline, tolerances=_tolerances(tolerance or ()), time=time, update=update)
     pictures = [] if update else write_pictures(found)
@@ -98,20 +98,32 @@ def check(
         console.print_json({**values(found.findings), "notes": list(found.notes), "pictures": files})
     else:
         _print(found.findings, baseline, time)
-    if not quiet:
-        for note in found.notes:
-            console.print_error(f"note: {note}")
-    if update:
-        study = make_baseline(found.run, baseline)
-        if not json and not quiet:
-            line = f"{baseline / 'rows.jsonl'}: {counted(len(found.run.results), 'cell')}, the baseline from now on"
-            console.print_line(f"{line}; study.toml is a copy of {study}" if study else line)
-        return
-    if pictures and not json and not quiet:
-        what = "before and after" if any(before for _, before in pictures) else "after"
-        many = f"{counted(len(pictures), 'picture')}, {what}"
-        console.print_line(f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue")
-    raise typer.Exit(1 if found.failing else 0)
+    for note in () if quiet else found.notes:
+        console.print_error(f"note: {note}")
+    last = _update(found.run, baseline) if update else _pictures_line(pictures)
+    if last and not json and not quiet:
+        console.print_line(last)
+    raise typer.Exit(1 if found.failing and not update else 0)
+
+
+def _update(run: "Run", baseline: Path) -> str:
+    """Make a run the baseline; returns the line that says so."""
+    from shadowbench.check.check import make_baseline
+    from shadowbench.reports.words import counted
+
+    study = make_baseline(run, baseline)
+    line = f"{baseline / 'rows.jsonl'}: {counted(len(run.results), 'cell')}, the baseline from now on"
+    return f"{line}; study.toml is a copy of {study}" if study else line
+
+
+def _pictures_line(pictures: Sequence[tuple[Path, bool]]) -> str | None:
+    from shadowbench.reports.words import counted
+
+    if not pictures:
+        return None
+    what = "before and after" if any(before for _, before in pictures) else "after"
+    many = f"{counted(len(pictures), 'picture')}, {what}"
+    return f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue"
 
 
 def _repeated(folder: Path, other: Path | None, json: bool, quiet: bool) -> int:

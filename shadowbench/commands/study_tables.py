@@ -59,13 +59,17 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
         _print_means(kind, "" if len(kinds) == 1 else "soft " if kind[0].soft else "hard ")
     drawn = [drawn for section in made if (drawn := [one for one in section.configurations if one.cells])]
     if drawn and console.out().width < _WIDE:
-        names = [name for shown in drawn for name in _columns(shown, False) if name not in _columns(shown, True)]
-        dropped = ", ".join(dict.fromkeys(names))
-        where = f"see {folder / 'table.csv'}, or widen the terminal to {_WIDE}"
-        console.print_line(f"columns left out at a width of {console.out().width} characters ({where}): {dropped}")
+        _print_dropped(drawn, folder / "table.csv")
     if not quiet:
         beside = "; masks/ and pictures/ are beside it" if drawn else ""
         console.print_line(f"{folder / 'table.csv'}: {counted(len(found.run.rows), 'cell')}{beside}")
+
+
+def _print_dropped(drawn: "list[list[Configuration]]", table: Path) -> None:
+    """Say which columns a narrow terminal lacks."""
+    names = [name for shown in drawn for name in _columns(shown, False) if name not in _columns(shown, True)]
+    dropped, where = ", ".join(dict.fromkeys(names)), f"see {table}, or widen the terminal to {_WIDE}"
+    console.print_line(f"columns left out at a width of {console.out().width} characters ({where}): {dropped}")
 
 
 def _print_section(section: "Section", times: str, swept: "SweepPositions") -> None:

@@ -1,6 +1,7 @@
 """Scoring a mask of another renderer against the truth of its view, with checks for common mistakes."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -193,31 +194,9 @@ def accuracy_of(external: ExternalMask, against: View | TruthOfView) -> Accuracy
             "allowed: row 0 at the top, column 0 at the left, full = lit, 0 = in shadow"
         )
     comparison = Comparison(external.visibility, prepared)
-    if external.measurable is None:
-        encoding = detect_encoding(comparison)
-        level = None if encoding.umbra is None else np.full(comparison.shape, encoding.umbra, np.float32)
-        umbra = None if encoding.umbra is None else RaisedUmbra(encoding.umbra, level)
-    else:  # screenshots, which were decoded from sRGB already
-        umbra = ambient_umbra(comparison)
-        leveled = comparison if umbra is None else Comparison(umbra.undone(comparison.visibility), prepared)
-        encoding = MaskEncoding(estimate_shift(leveled), umbra=None if umbra is None else round(umbra.level, 3))
+    encoding, umbra = _encoding_of(external, comparison)
     clipped = 0 if external.clipped is None else int(np.count_nonzero(external.clipped & prepared.valid))
-    warnings = []
-    if encoding.shift is not None:
-        warnings.append(f"seems shifted by {shift_text(encoding.shift)}; scored as it is")
-    if encoding.umbra is not None:
-        missing = external.measurable is not None and not external.ambient
-        advice = "; --ambient takes ambient light off" if missing else ""
-        warnings.append(f"its shadow is {encoding.umbra:.2f}, not 0; scored as it is{advice}")
-    if encoding.srgb_encoded:
-        warnings.append("seems to be sRGB-encoded (its soft values are too light for a linear mask); scored as it is")
-    if (line := _uniform(comparison)) is not None:
-        warnings.append(line)
-    if seems_unrelated(comparison):
-        warnings.append("has little in common with the truth; is it a mask of this scene, view and light?")
-    if clipped > _NOTED_CLIPPED * prepared.pixels:
-        share = clipped / prepared.pixels
-        warnings.append(f"the lit picture is at full in {share:.1%} of the scored pixels and may be cut off there")
+    warnings = list(_warnings(external, comparison, encoding, clipped / max(prepared.pixels, 1)))
     input_record = {
         "source": "mask" if external.measurable is None else "screenshots",
         "shift_px": encoding.shift,
@@ -230,6 +209,38 @@ def accuracy_of(external: ExternalMask, against: View | TruthOfView) -> Accuracy
     record = {**mask_record(external.visibility, truth, prepared), "input": input_record}
     told = tuple(f"{external.name}: {line}" for line in warnings)
     return Accuracy(external, view, against.truth, against.digest, comparison, record, told, umbra)
+
+
+def _encoding_of(external: ExternalMask, comparison: Comparison) -> tuple[MaskEncoding, RaisedUmbra | None]:
+    """How a mask seems to be encoded, and its umbra if that is not 0."""
+    if external.measurable is None:
+        encoding = detect_encoding(comparison)
+        if encoding.umbra is None:
+            return encoding, None
+        return encoding, RaisedUmbra(encoding.umbra, np.full(comparison.shape, encoding.umbra, np.float32))
+    umbra = ambient_umbra(comparison)  # of screenshots, which were decoded from sRGB already
+    if umbra is None:
+        return MaskEncoding(estimate_shift(comparison), umbra=None), None
+    leveled = Comparison(umbra.undone(comparison.visibility), comparison.truth)
+    return MaskEncoding(estimate_shift(leveled), umbra=round(umbra.level, 3)), umbra
+
+
+def _warnings(external: ExternalMask, comparison: Comparison, encoding: MaskEncoding, clipped: float) -> Iterator[str]:
+    """What is suspicious about a mask; clipped: share of the scored pixels at which the lit picture is at full."""
+    if encoding.shift is not None:
+        yield f"seems shifted by {shift_text(encoding.shift)}; scored as it is"
+    if encoding.umbra is not None:
+        missing = external.measurable is not None and not external.ambient
+        advice = "; --ambient takes ambient light off" if missing else ""
+        yield f"its shadow is {encoding.umbra:.2f}, not 0; scored as it is{advice}"
+    if encoding.srgb_encoded:
+        yield "seems to be sRGB-encoded (its soft values are too light for a linear mask); scored as it is"
+    if (line := _uniform(comparison)) is not None:
+        yield line
+    if seems_unrelated(comparison):
+        yield "has little in common with the truth; is it a mask of this scene, view and light?"
+    if clipped > _NOTED_CLIPPED:
+        yield f"the lit picture is at full in {clipped:.1%} of the scored pixels and may be cut off there"
 
 
 def _uniform(comparison: Comparison) -> str | None:

@@ -5,6 +5,7 @@ import zipfile
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,18 +76,7 @@ def stored_truth_of(scene: str | Path, options: ViewOptions) -> TruthOfView | No
 
 def read_stored_truth(file: Path) -> TruthOfView:
     """Read what `write_stored_truth` wrote. Raises InputError for any other file."""
-    if not file.is_file():  # reading a named pipe would block
-        raise InputError(f"{file}: {'is not a file' if file.exists() else 'no such file'}; {_ALLOWED}")
-    try:
-        with zipfile.ZipFile(file) as archive:
-            size = sum(entry.file_size for entry in archive.infolist())
-        if size > _MOST_BYTES:
-            raise InputError(f"{file}: found {size} bytes of arrays; allowed: at most {_MOST_BYTES}")
-        arrays = read_arrays(file)
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"{file}: cannot be read as an .npz ({type(error).__name__}); {_ALLOWED}") from None
+    arrays = _arrays_of(file)
     missing = [name for name in ("depth", "about") if name not in arrays]
     if missing:
         raise InputError(f"{file}: found no array {missing[0]!r}; {_ALLOWED}")
@@ -100,21 +90,37 @@ def read_stored_truth(file: Path) -> TruthOfView:
         raise InputError(f"{file}: found arrays of other names, types, shapes or ranges than a truth has; {_ALLOWED}")
     try:
         told = json.loads(str(about))
-        given = told["camera"]
-        position, target, up = (vec3(np.array(given[name], dtype=np.float64)) for name in ("position", "target", "up"))
-        camera = Camera(given["name"], position, target, float(given["fov_y"]), up)
-        light = Light(told["light"]["name"], told["light"]["kind"])
-        view = View(Scene(told["scene"], (), (camera,), (light,), tuple(told["notes"])), camera, light, side)
-        names = view.scene.name, camera.name, light.name  # parts of file names
-        if not (
-            np.isfinite(camera.basis()).all()
-            and 0 < camera.fov_y < np.pi
-            and all(map(NAME.fullmatch, names))
-            and len(view.name.encode()) <= LONGEST_VIEW_NAME
-            and light.kind in LIGHT_TABLES
-            and all(isinstance(text, str) and printable(text) == text for text in (told["digest"], *view.scene.notes))
-        ):
-            raise ValueError
+        return TruthOfView(truth, _view_of(told, side), told["digest"], depth)
     except Exception:
         raise InputError(f"{file}: found no view of a truth in its array 'about'; {_ALLOWED}") from None
-    return TruthOfView(truth, view, told["digest"], depth)
+
+
+def _arrays_of(file: Path) -> dict[str, NDArray[Any]]:
+    if not file.is_file():  # reading a named pipe would block
+        raise InputError(f"{file}: {'is not a file' if file.exists() else 'no such file'}; {_ALLOWED}")
+    try:
+        with zipfile.ZipFile(file) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size > _MOST_BYTES:
+            raise InputError(f"{file}: found {size} bytes of arrays; allowed: at most {_MOST_BYTES}")
+        return read_arrays(file)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{file}: cannot be read as an .npz ({type(error).__name__}); {_ALLOWED}") from None
+
+
+def _view_of(told: dict[str, Any], side: int) -> View:
+    """The view that `about` describes. Raises an exception of some kind if it describes none."""
+    given = told["camera"]
+    position, target, up = (vec3(np.array(given[name], dtype=np.float64)) for name in ("position", "target", "up"))
+    camera = Camera(given["name"], position, target, float(given["fov_y"]), up)
+    light = Light(told["light"]["name"], told["light"]["kind"])
+    view = View(Scene(told["scene"], (), (camera,), (light,), tuple(told["notes"])), camera, light, side)
+    names = view.scene.name, camera.name, light.name  # parts of file names
+    fits = np.isfinite(camera.basis()).all() and 0 < camera.fov_y < np.pi and light.kind in LIGHT_TABLES
+    named = all(map(NAME.fullmatch, names)) and len(view.name.encode()) <= LONGEST_VIEW_NAME
+    texts = told["digest"], *view.scene.notes
+    if not (fits and named and all(isinstance(text, str) and printable(text) == text for text in texts)):
+        raise ValueError
+    return view

@@ -28,12 +28,12 @@ def by_first_use(faces: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[n
 
 
 @compiled()
-def _tipsify(faces, vertices):  # type: ignore[no-untyped-def]
-    first = np.zeros(vertices + 1, np.int32)  # of each vertex's triangles in `around`
+def _triangles_around(faces, vertices):  # type: ignore[no-untyped-def]
+    """The triangles of each vertex, one vertex after the other, and where each vertex's begin."""
+    first = np.zeros(vertices + 1, np.int32)
     for i in range(len(faces)):
         for k in range(3):
             first[faces[i, k] + 1] += 1
-    left = first[1:].copy()  # triangles of each vertex that are not emitted
     for v in range(vertices):
         first[v + 1] += first[v]
     end, around = first[:-1].copy(), np.empty(3 * len(faces), np.int32)
@@ -41,6 +41,13 @@ def _tipsify(faces, vertices):  # type: ignore[no-untyped-def]
         for k in range(3):
             around[end[faces[i, k]]] = i
             end[faces[i, k]] += 1
+    return first, around
+
+
+@compiled()
+def _tipsify(faces, vertices):  # type: ignore[no-untyped-def]
+    first, around = _triangles_around(faces, vertices)
+    left = first[1:] - first[:-1]  # triangles of each vertex that are not emitted
     entered, now = np.zeros(vertices, np.int32), CACHE + 1  # times of entry into the cache
     emitted, order, count = np.zeros(len(faces), np.bool_), np.empty(len(faces), np.int32), 0
     seen, top = np.empty(3 * len(faces), np.int32), 0

@@ -3,6 +3,8 @@
 import json
 import re
 import textwrap
+from collections.abc import Sequence
+from typing import Any
 
 from shadowbench.extremes.axes import Axis, value_label
 from shadowbench.extremes.axes.model import NAMES
@@ -34,55 +36,15 @@ def is_dark(share: float) -> bool:
 
 def heat_map(found: Stability) -> Chart:
     """The heat map: rows are specs by kind of light, columns are axes."""
-    cells = []
-    for spec, kind in found.series:
-        for axis in found.axes:
-            one = found.range_at.get((spec, axis.name, kind))
-            if one is not None:
-                cell = {"row": _row((spec, kind)), "axis": axis.name, "share": one.share}
-                cells.append({**cell, "text": _cell_text(one)})
+    cells = [
+        {"row": _row((spec, kind)), "axis": axis.name, "share": one.share, "text": _cell_text(one)}
+        for spec, kind in found.series
+        for axis in found.axes
+        if (one := found.range_at.get((spec, axis.name, kind))) is not None
+    ]
     rows = [_row(series) for series in found.series]
     label_lines = max((row.count("\n") for row in rows), default=0) + 1
-    # Multi-line labels extend downwards; the offsets centre them.
-    offsets = [
-        {"test": f"length(split(datum.value, '\\n')) == {count}", "value": -6 * (count - 1)}
-        for count in range(2, label_lines + 1)
-    ]
-    headings = {axis.name: _heading(axis) for axis in found.axes}
-    heading_lines = max((len(one) for one in headings.values()), default=1)
-    headings = {name: [""] * (heading_lines - len(one)) + one for name, one in headings.items()}
-    bands = {"paddingInner": 0.05, "paddingOuter": 0.02}
-    plain = {"ticks": False, "domain": False}
-    y = {
-        "field": "row",
-        "type": "ordinal",
-        "sort": rows,
-        "title": None,
-        "axis": {
-            "labelExpr": "split(datum.value, '\\n')",
-            "labelOffset": {"condition": offsets, "value": 0},
-            "labelLimit": 190,
-            "labelFontSize": 11,
-            **plain,
-        },
-        "scale": bands,
-    }
-    x = {
-        "field": "axis",
-        "type": "ordinal",
-        "sort": [axis.name for axis in found.axes],
-        "title": None,
-        "axis": {
-            "orient": "top",
-            "labelExpr": f"{json.dumps(headings, ensure_ascii=False)}[datum.value]",
-            "labelAngle": 0,
-            "labelFontSize": 10,
-            "labelPadding": 12 * heading_lines - 7,  # multi-line labels extend downwards
-            "labelLimit": 120,
-            **plain,
-        },
-        "scale": bands,
-    }
+    x, y = _columns(found.axes), _rows(rows, label_lines)
     shades = quantity(
         "share",
         "share of the axis' values in tolerance",
@@ -113,6 +75,48 @@ def heat_map(found: Stability) -> Chart:
     about = f"Operating range of every technique along every axis, {found.sweep.label}"
     lines = max([label_lines, *(str(cell["text"]).count("\n") + 1 for cell in cells)])
     return chart_of(about, cells, layer, (12 * lines + 6) * len(rows))
+
+
+def _bands(field: str, sort: Sequence[str], **axis: Any) -> Chart:
+    """A channel of rows or columns of cells."""
+    about = {"field": field, "type": "ordinal", "sort": sort, "title": None}
+    return {
+        **about,
+        "axis": {**axis, "ticks": False, "domain": False},
+        "scale": {"paddingInner": 0.05, "paddingOuter": 0.02},
+    }
+
+
+def _rows(rows: Sequence[str], most_lines: int) -> Chart:
+    # Multi-line labels extend downwards; the offsets centre them.
+    offsets = [
+        {"test": f"length(split(datum.value, '\\n')) == {count}", "value": -6 * (count - 1)}
+        for count in range(2, most_lines + 1)
+    ]
+    return _bands(
+        "row",
+        rows,
+        labelExpr="split(datum.value, '\\n')",
+        labelOffset={"condition": offsets, "value": 0},
+        labelLimit=190,
+        labelFontSize=11,
+    )
+
+
+def _columns(axes: Sequence[Axis]) -> Chart:
+    headings = {axis.name: _heading(axis) for axis in axes}
+    lines = max((len(one) for one in headings.values()), default=1)
+    headings = {name: [""] * (lines - len(one)) + one for name, one in headings.items()}
+    return _bands(
+        "axis",
+        list(headings),
+        orient="top",
+        labelExpr=f"{json.dumps(headings, ensure_ascii=False)}[datum.value]",
+        labelAngle=0,
+        labelFontSize=10,
+        labelPadding=12 * lines - 7,  # multi-line labels extend downwards
+        labelLimit=120,
+    )
 
 
 def _row(series: Series) -> str:

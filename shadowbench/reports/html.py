@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
 from shadowbench import __version__
@@ -59,28 +59,22 @@ def html_report(
     for panel in panels:
         values = panel_data(panel, styles, scored, max_size, beside)
         data[panel.id] = values if beside is None else beside.write(f"panel {panel.id}", values)
+    stabilities = [
+        _stability(found, styles, cells, max_size, f"stability-{index}", beside)
+        for index, (found, cells) in enumerate(zip(swept, breaking, strict=True))
+    ]
     sweeps = [found.sweep for found in swept]
-    environment = Environment(
-        loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # views stay in order
-    environment.filters |= {"breakable": _breakable, "code_spans": _code_spans, "sentence": sentence}
-    return environment.get_template("report.html.j2").render(
+    return _template().render(
         title=f"shadowbench: {', '.join(one.label for one in (*runs, *sweeps))}",
-        runs=[_run(run) for run in runs],
-        sweeps=[_run(sweep) for sweep in sweeps],
+        runs=list(map(_run, runs)),
+        sweeps=list(map(_run, sweeps)),
         panels=panels,
         page=_page_data(panels, styles.specs) | ({} if beside is None else {"data": data}),
         data=data,
         split=None if beside is None else beside.name,
-        stabilities=[
-            _stability(found, styles, cells, max_size, f"stability-{index}", beside)
-            for index, (found, cells) in enumerate(zip(swept, breaking, strict=True))
-        ],
+        stabilities=stabilities,
         tolerances=tolerances(),
-        metrics=[
-            (metric.name, f"{metric.help} {metric.better.capitalize()} is better.") for metric in ROW_METRICS.values()
-        ],
+        metrics=ROW_METRICS.values(),
         presets=presets_of(styles.specs),
         command=shlex.join(["shadowbench", *sys.argv[1:]]),
         version=__version__,
@@ -88,6 +82,15 @@ def html_report(
         scripts=[(_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS],
         bundle=_bundle(),
     )
+
+
+def _template() -> Template:
+    environment = Environment(
+        loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # views stay in order
+    environment.filters |= {"breakable": _breakable, "code_spans": _code_spans, "sentence": sentence}
+    return environment.get_template("report.html.j2")
 
 
 @cache

@@ -42,14 +42,8 @@ _SOFT_COLUMNS = {
 
 def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
     """The Markdown text of a report: verdicts, configurations and costs, over all scenes and by scene; then ranges."""
-    blocks: list[str] = []
-    for run in runs:
-        kinds = by_kind([section for parts in scenes.values() for section in parts if section.run is run])
-        for kind in kinds:
-            if len(kind) > 1:
-                title = title_of_all(kind, len(kinds)).capitalize()
-                blocks += [f"## {title}{f': {_cell(run.label)}' if len(runs) > 1 else ''}", *verdict(kind)]
-                blocks += _costs(kind)
+    every = [section for parts in scenes.values() for section in parts]
+    blocks = [line for run in runs for line in _over_scenes(run, every, len(runs) > 1)]
     for title, parts in scenes.items():
         blocks.append(f"## {title}")
         for section in parts:
@@ -62,15 +56,27 @@ def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]
     blocks.append("## How the results were measured")
     everything: list[Run | Sweep] = [*runs, *(found.sweep for found in swept)]
     for one in everything:
-        blocks.append(f"### {_cell(one.label)}")
-        times = [("times", time_source(one))] if isinstance(one, Run) else []
-        facts = [*run_facts(one), *times, *(("assumed", note) for note in one.assumptions)]
-        blocks.append("\n".join(f"- {name}: {_fact(name, value)}" for name, value in facts))
-    every = specs_of([section for parts in scenes.values() for section in parts])
-    presets = presets_of([*every, *(spec for found in swept for spec in found.specs)])
+        blocks += [f"### {_cell(one.label)}", _measured(one)]
+    presets = presets_of([*specs_of(every), *(spec for found in swept for spec in found.specs)])
     if presets:
         blocks += ["### Presets", "\n".join(f"- `{name}`: `{spec}`" for name, spec in presets)]
     return "\n\n".join(blocks) + "\n"
+
+
+def _over_scenes(run: Run, every: Sequence[Section], several: bool) -> list[str]:
+    """Verdict and costs over all scenes of a run of each kind; several: whether its label is needed."""
+    kinds, blocks = by_kind([section for section in every if section.run is run]), []
+    for kind in kinds:
+        if len(kind) > 1:
+            title = title_of_all(kind, len(kinds)).capitalize()
+            blocks += [f"## {title}{f': {_cell(run.label)}' if several else ''}", *verdict(kind), *_costs(kind)]
+    return blocks
+
+
+def _measured(one: Run | Sweep) -> str:
+    times = [("times", time_source(one))] if isinstance(one, Run) else []
+    facts = [*run_facts(one), *times, *(("assumed", note) for note in one.assumptions)]
+    return "\n".join(f"- {name}: {_fact(name, value)}" for name, value in facts)
 
 
 def _section(section: Section) -> list[str]:

@@ -217,13 +217,9 @@ def notes_on(layout: Layout, where: str) -> list[str]:
     lines = sum(primitive.mode in (POINTS, *LINES) for primitive in primitives)
     by_node = [node.extensions.model_fields_set for node in layout.nodes]
     invisible = [node.data for node in nodes_of(layout) if not node.visible]
-    hidden = sum(node.mesh is not None for node in invisible)
-    dark = sum(node.extensions.KHR_lights_punctual is not None for node in invisible)
-    extensions = {*layout.extensionsUsed, *layout.extensions.model_fields_set}.union(*by_node)
-    ignored = sorted(name for name in extensions if not HONOURED.fullmatch(name) and name not in WITH_OWN_NOTE)
     found = [
-        (hidden, "mesh(es) of hidden nodes left out"),
-        (dark, "light(s) of hidden nodes left out"),
+        (sum(node.mesh is not None for node in invisible), "mesh(es) of hidden nodes left out"),
+        (sum(map(_shines, invisible)), "light(s) of hidden nodes left out"),
         (see_through, "see-through material(s) drawn opaque"),
         (len(layout.animations), "animation(s) drawn still, as the nodes stand"),
         (sum(node.skin is not None for node in layout.nodes), "skinned mesh(es) drawn still, undeformed"),
@@ -231,8 +227,16 @@ def notes_on(layout: Layout, where: str) -> list[str]:
         (lines, "primitive(s) of points or lines left out: they have no surface"),
         (sum("EXT_mesh_gpu_instancing" in names for names in by_node), "GPU-instanced node(s) drawn once"),
     ]
-    notes = [f"{where}: {count} {line}" for count, line in found if count]
-    if ignored:
-        names = ", ".join(f"{name:.40}" for name in ignored[:5]) + ", ..." * (len(ignored) > 5)
-        notes.append(f"{where}: drawn as if the file did not use {names}")
-    return notes
+    names = {*layout.extensionsUsed, *layout.extensions.model_fields_set}.union(*by_node)
+    return [*(f"{where}: {count} {line}" for count, line in found if count), *_ignored(names, where)]
+
+
+def _shines(node: NodeTable) -> bool:
+    return node.extensions.KHR_lights_punctual is not None
+
+
+def _ignored(extensions: set[str], where: str) -> list[str]:
+    """A note on the extensions that change what is seen and are not read, if there are any."""
+    found = sorted(name for name in extensions if not HONOURED.fullmatch(name) and name not in WITH_OWN_NOTE)
+    names = ", ".join(f"{name:.40}" for name in found[:5]) + ", ..." * (len(found) > 5)
+    return [f"{where}: drawn as if the file did not use {names}"] if found else []

@@ -226,6 +226,21 @@ def checked_layout(document: dict[str, Any], where: str) -> Layout:
         raise explain(where, error) from error
     if not layout.asset.version.startswith("2."):
         raise InputError(f"{where}: asset.version is {layout.asset.version!r:.20}; allowed: 2.x")
+    _check_nodes(layout, where)
+    _check_meshes(layout, where)
+    for number, view in enumerate(layout.bufferViews):
+        _check_index(view.buffer, layout.buffers, f"{where}: bufferViews[{number}].buffer")
+        size, end = layout.buffers[view.buffer].byteLength, view.byteOffset + view.byteLength
+        if end > size:
+            raise InputError(f"{where}: bufferViews[{number}]: ends at byte {end} of a buffer of {size}")
+    for number, accessor in enumerate(layout.accessors):
+        _check_accessor(accessor, layout, f"{where}: accessors[{number}]")
+    _check_triangles(layout, where)
+    return layout
+
+
+def _check_nodes(layout: Layout, where: str) -> None:
+    """Scenes, nodes and what these hold."""
     if layout.scenes is not None:
         _check_index(layout.scene or 0, layout.scenes, f"{where}: scene")
     for root in layout.scenes or []:
@@ -246,6 +261,9 @@ def checked_layout(document: dict[str, Any], where: str) -> Layout:
     for number, camera in enumerate(layout.cameras):
         if camera.type == "perspective" and camera.perspective is None:
             raise InputError(f"{where}: cameras[{number}].perspective: found none; it must be given")
+
+
+def _check_meshes(layout: Layout, where: str) -> None:
     for number, mesh in enumerate(layout.meshes):
         for primitive in mesh.primitives:
             entry = f"{where}: meshes[{number}]: primitive"
@@ -255,15 +273,6 @@ def checked_layout(document: dict[str, Any], where: str) -> Layout:
             _check_index(primitive.material, layout.materials, f"{entry}: material")
             if (draco := primitive.extensions.KHR_draco_mesh_compression) is not None:
                 _check_index(draco.bufferView, layout.bufferViews, f"{entry}: KHR_draco_mesh_compression")
-    for number, view in enumerate(layout.bufferViews):
-        _check_index(view.buffer, layout.buffers, f"{where}: bufferViews[{number}].buffer")
-        size, end = layout.buffers[view.buffer].byteLength, view.byteOffset + view.byteLength
-        if end > size:
-            raise InputError(f"{where}: bufferViews[{number}]: ends at byte {end} of a buffer of {size}")
-    for number, accessor in enumerate(layout.accessors):
-        _check_accessor(accessor, layout, f"{where}: accessors[{number}]")
-    _check_triangles(layout, where)
-    return layout
 
 
 def _check_index(index: int | None, parts: Sequence[object], where: str) -> None:

@@ -6,6 +6,7 @@ earcut.
 """
 
 from collections import Counter, defaultdict
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import NamedTuple, TypeVar
 
@@ -223,7 +224,16 @@ def _with_collinear_corners(triangulation: Integers, corners: Floats, flat: Floa
         for half in ((a, middle), (middle, b)):
             walk(*half)
             waiting.append(half)
-    # The remaining paths are degenerate in the projection: empty in a planar polygon, vertical triangles in others.
+    triangles += _degenerate_triangles(loose, near)
+    return first[np.array(triangles, dtype=np.int64).reshape(-1, 3)]
+
+
+def _degenerate_triangles(loose: Counter[tuple[int, int]], near: Mapping[int, set[int]]) -> list[list[int]]:
+    """Fans over paths that are degenerate in the projection: empty in a planar polygon, else vertical triangles.
+
+    loose: how often each edge is on a path, which is used up; near: neighbours of each corner on paths.
+    """
+    triangles = []
     for a, b in list(loose):
         path = [a]
         while len(path) > 1 or loose[a, b] > 0:
@@ -236,7 +246,7 @@ def _with_collinear_corners(triangulation: Integers, corners: Floats, flat: Floa
                 del path[start + 1 :]
             else:
                 path.append(following)
-    return first[np.array(triangles, dtype=np.int64).reshape(-1, 3)]
+    return triangles
 
 
 def _on_segment(points: Floats, edge: Floats) -> NDArray[np.bool_]:

@@ -38,58 +38,30 @@ def soft_faults(metrics: Mapping[str, float | None], wider: float | None = None)
     penumbrae, None if unknown.
     """
     value = {name: metrics.get(name) or 0.0 for name in _NAMES}
+    bias, hardening = value["bias_pen"], value["hardening"]
+    widens = f"drawn penumbrae widen {hardening:.2g} times as much as true ones (hardening)"
+    off = f"by {abs(bias):.2g} on average, where 1 is full light (bias_pen)"
+    bled = f"the umbra's mean visibility is {value['bleed']:.2g}, not 0 (bleed)"
+    dark = f"full light is too dark by {value['false_dark']:.2g} on average (false_dark)"
+    noisy = f"the error varies by {value['noise']:.2g} where visibility should be equal (noise)"
+    banded = f"{value['banding']:.0%} of the penumbra is flat steps of grey (banding)"
     found: list[tuple[bool, SoftFault]] = [
         (value["width"] >= math.log2(WIDTH_FACTOR), _width(metrics, wider)),
         (
-            metrics.get("hardening") is not None and abs(value["hardening"] - 1) >= SLOPE,
-            SoftFault(
-                "contact hardening",
-                "penumbra",
-                f"drawn penumbrae widen {value['hardening']:.2g} times as much as true ones (hardening)",
-            ),
+            metrics.get("hardening") is not None and abs(hardening - 1) >= SLOPE,
+            SoftFault("contact hardening", "penumbra", widens),
         ),
         (
-            abs(value["bias_pen"]) >= LEAST,
-            SoftFault(
-                f"penumbra too {'light' if value['bias_pen'] > 0 else 'dark'}",
-                "penumbra",
-                f"by {abs(value['bias_pen']):.2g} on average, where 1 is full light (bias_pen)",
-                abs(value["bias_pen"]),
-            ),
+            abs(bias) >= LEAST,
+            SoftFault(f"penumbra too {'light' if bias > 0 else 'dark'}", "penumbra", off, abs(bias)),
         ),
-        (
-            value["bleed"] >= LEAST,
-            SoftFault(
-                "light bleeding",
-                "umbra",
-                f"the umbra's mean visibility is {value['bleed']:.2g}, not 0 (bleed)",
-                value["bleed"],
-            ),
-        ),
-        (
-            value["false_dark"] >= LEAST,
-            SoftFault(
-                "false shadow",
-                "full_light",
-                f"full light is too dark by {value['false_dark']:.2g} on average (false_dark)",
-                value["false_dark"],
-            ),
-        ),
+        (value["bleed"] >= LEAST, SoftFault("light bleeding", "umbra", bled, value["bleed"])),
+        (value["false_dark"] >= LEAST, SoftFault("false shadow", "full_light", dark, value["false_dark"])),
         (
             value["noise"] >= max(LEAST, NOISY * value["rmse_pen"]),
-            SoftFault(
-                "noise",
-                "penumbra",
-                f"the error varies by {value['noise']:.2g} where visibility should be equal (noise)",
-                value["noise"],
-            ),
+            SoftFault("noise", "penumbra", noisy, value["noise"]),
         ),
-        (
-            value["banding"] >= BANDED,
-            SoftFault(
-                "banding", "penumbra", f"{value['banding']:.0%} of the penumbra is flat steps of grey (banding)", LEAST
-            ),
-        ),
+        (value["banding"] >= BANDED, SoftFault("banding", "penumbra", banded, LEAST)),
     ]
     standing_out = [fault for stands_out, fault in found if stands_out]
     return sorted(standing_out, key=lambda fault: -math.inf if fault.error is None else -fault.error)

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -68,34 +68,11 @@ def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list
     count = math.prod(len(choices) for choices in lists.values()) * max(1, len(factors))
     if count > MOST_SPECS:
         raise InputError(f"{where}: its lists combine to {count} specs; allowed are at most {MOST_SPECS}")
-    made: list[Spec] = []
-    sweeps: list[BiasSweep] = []
     dropped: list[InputError] = []
-    taken: set[tuple[str, str]] = set()
-    refused: dict[tuple[str, str], InputError] = {}
-    for row in itertools.product(*lists.values()):
-        chosen = {(key, repr(value)) for key, value in zip(lists, row, strict=True)}
-        try:
-            spec = base.with_(**dict(zip(lists, row, strict=True)))
-        except InputError as error:
-            dropped.append(error)
-            refused |= dict.fromkeys(chosen - refused.keys(), error)
-            continue
-        taken |= chosen
-        if not factors:
-            made.append(spec)
-        swept: dict[float, Spec] = {}
-        for factor in factors:
-            try:
-                swept[factor] = _with_bias_times(spec, factor)
-            except InputError as error:
-                dropped.append(error)
-        made += swept.values()
-        if swept:
-            sweeps.append(BiasSweep(spec, tuple(sorted(swept.items(), key=lambda pair: pair[0]))))
-    for choice, reason in refused.items():
-        if choice not in taken:
-            raise InputError(f"{where}: {reason}")
+    specs = _combined(base, lists, dropped, where)
+    swept = [(spec, variants) for spec in specs if (variants := _variants(spec, factors, dropped))]
+    sweeps = [BiasSweep(spec, tuple(sorted(variants.items(), key=lambda pair: pair[0]))) for spec, variants in swept]
+    made = [variant for _, variants in swept for variant in variants.values()] if factors else specs
     if not made:
         raise InputError(f"{where}: {dropped[0]}")
     notes.extend(dict.fromkeys(f"{where}: dropped: {error}" for error in dropped))
@@ -103,6 +80,36 @@ def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list
     if soft is not None and not isinstance(soft, bool):
         raise InputError(f"{where}: soft: found {soft!r:.60}; allowed: true or false")
     return CrossedSpecs(tuple(made), _phases(table, where), tuple(sweeps), soft)
+
+
+def _combined(base: Spec, lists: dict[str, list[Any]], dropped: list[InputError], where: str) -> list[Spec]:
+    """The valid combinations. Raises InputError for a value that is valid in none; others are appended to `dropped`."""
+    made: list[Spec] = []
+    taken: set[tuple[str, str]] = set()
+    refused: dict[tuple[str, str], InputError] = {}
+    for row in itertools.product(*lists.values()):
+        chosen = {(key, repr(value)) for key, value in zip(lists, row, strict=True)}
+        try:
+            made.append(base.with_(**dict(zip(lists, row, strict=True))))
+            taken |= chosen
+        except InputError as error:
+            dropped.append(error)
+            refused |= dict.fromkeys(chosen - refused.keys(), error)
+    for choice, reason in refused.items():
+        if choice not in taken:
+            raise InputError(f"{where}: {reason}")
+    return made
+
+
+def _variants(spec: Spec, factors: Iterable[float], dropped: list[InputError]) -> dict[float, Spec]:
+    """The spec with its bias multiplied by each factor that is possible."""
+    found = {}
+    for factor in factors:
+        try:
+            found[factor] = _with_bias_times(spec, factor)
+        except InputError as error:
+            dropped.append(error)
+    return found
 
 
 def _phases(table: dict[str, Any], where: str) -> int | None:

@@ -11,7 +11,7 @@ from shadowbench.measure.session import DeviceInfo
 from shadowbench.options import AS_STUDIED, FIRST, Measuring, ViewOptions
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.crossing import Techniques
-from shadowbench.studies.estimate import drawing_seconds, timing_seconds
+from shadowbench.studies.estimate import cell_seconds
 from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.run import readable_blocks, run_blocks
 from shadowbench.studies.study import Study, find_study, read_study
@@ -69,7 +69,7 @@ def estimate(study: Study) -> tuple[int, float]:
     Lights other than `sun` are taken to have no size.
     """
     cells = study.cells(study.sun)
-    seconds = sum(drawing_seconds(study, cell) + timing_seconds(study, cell) for cell in cells) * len(study.scenes)
+    seconds = sum(cell_seconds(study, cell) for cell in cells) * len(study.scenes)
     return len(cells) * len(study.scenes), max(seconds, 5)
 
 

@@ -1,12 +1,12 @@
 """Measuring a study: its blocks, what is noted about them, and their campaign."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.campaign import Campaign, Uniform
 from shadowbench.measure.cells import Block
 from shadowbench.measure.failures import Failure
 from shadowbench.measure.flips import size_after
@@ -14,11 +14,16 @@ from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.views import first_of
-from shadowbench.studies.estimate import drawing_seconds, duration, timing_seconds
+from shadowbench.studies.estimate import cell_seconds, duration
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.unshadowed import Unshadowed
 
+_TRIVIAL: dict[Uniform | None, tuple[str, ...]] = {
+    "lit": ("nothing is in shadow, so most metrics are undefined or trivial",),
+    "in shadow": ("everything is in shadow, so most metrics are undefined or trivial",),
+    None: (),
+}
 _LONG_S = 60.0  # from which an estimate is given
 
 
@@ -41,22 +46,20 @@ def run_blocks(study: Study, blocks: Sequence[Block], campaign: Campaign) -> Run
     for note in notes:
         reporter.note(note)
 
-    def add(block: Block, line: str) -> None:
-        notes.append(f"{block.view.name}: {line}")
-        reporter.note(notes[-1])
+    def add(block: Block, lines: Iterable[str]) -> None:
+        for line in lines:
+            notes.append(f"{block.view.name}: {line}")
+            reporter.note(notes[-1])
 
     traced = campaign.trace(blocks)  # before anything is written: a view that shows nothing raises InputError
     if not traced:
         raise _nothing("is left to measure", campaign.failures)
     for block, uniform in traced:
-        if uniform is not None:
-            what = "nothing is in shadow" if uniform == "lit" else "everything is in shadow"
-            add(block, f"{what}, so most metrics are undefined or trivial")
+        add(block, _TRIVIAL[uniform])
     with campaign:
         cells = [(block, cell) for block, _ in traced for cell in block.cells]
         missing = [cell for block, _ in traced for cell in campaign.unscored(block)]
-        seconds = sum(drawing_seconds(study, cell) + timing_seconds(study, cell) for cell in missing)
-        if seconds >= _LONG_S:
+        if (seconds := sum(cell_seconds(study, cell) for cell in missing)) >= _LONG_S:
             rough = f"about {duration(seconds)} on two cores without a GPU"
             reporter.note(f"{len(missing)} of {len(cells)} cells to measure: {rough}")
         reporter.stage("cells", len(cells) + sum(block.times(cell) for block, cell in cells))
@@ -65,8 +68,7 @@ def run_blocks(study: Study, blocks: Sequence[Block], campaign: Campaign) -> Run
         for (block, uniform), found in zip(traced, measured, strict=True):
             keys += [result.score["key"] for result in found.values()]
             if uniform is None:
-                for line in dict.fromkeys(filter(None, map(_uniform_mask, found.values()))):  # phases may say the same
-                    add(block, line)
+                add(block, dict.fromkeys(filter(None, map(_uniform_mask, found.values()))))  # phases may say the same
     if not keys:
         raise _nothing("was measured", campaign.failures)
     return RunResult(keys, notes)
