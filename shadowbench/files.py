@@ -1,4 +1,4 @@
-"""Atomic replacement of files: readers see the old file or the complete new one, even if the program is killed."""
+"""Files: the package's data, and atomic replacement, so that readers see the old file or the complete new one."""
 
 import errno
 import io
@@ -15,6 +15,7 @@ from shadowbench.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, an exhausted quota or a file size limit."""
@@ -98,3 +99,15 @@ def png_of(image: "NDArray[np.uint8]") -> bytes:
     stream = io.BytesIO()
     Image.fromarray(image).save(stream, format="PNG")
     return stream.getvalue()
+
+
+PACKAGE = Path(__file__).resolve().parent
+
+
+def data_folder(kind: str) -> Path:
+    """Folder of data files of a kind: "shaders", "scenes" or "benchmarks".
+
+    In a wheel they lie in `shadowbench/_data/`; an editable install uses the repository's folders.
+    """
+    packed = PACKAGE / "_data" / kind
+    return packed if packed.is_dir() else PACKAGE.parent / kind

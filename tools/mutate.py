@@ -35,7 +35,7 @@ FITS = ["tests/techniques/test_window.py", "tests/geometry/test_light_view.py", 
 TESTS = {
     "shadowbench/techniques/fits.py": FITS,
     "shadowbench/geometry/lights.py": FITS,
-    "shadowbench/geometry/hull.py": FITS,
+    "shadowbench/geometry/convex.py": FITS,
     "shadowbench/scores/*.py": ["tests/scores"],
     "shadowbench/check/baseline.py": ["tests/check/test_baseline.py"],
     "shadowbench/studies/t*s.py": ["tests/studies/test_tables.py", "tests/studies/test_times.py"],

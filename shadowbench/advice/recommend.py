@@ -14,9 +14,8 @@ from shadowbench.advice.words import obstacles, target_notes
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.cells import DEFAULT_REFERENCE, Block, Cell
 from shadowbench.measure.drawer import Drawer
-from shadowbench.measure.references import DEFAULT_REFERENCE
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import DeviceInfo

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
-from shadowbench.advice.tune_cells import TuningCells
 from shadowbench.advice.tune_scores import Setting
-from shadowbench.advice.tune_search import ParameterSearch, Tuning
-from shadowbench.advice.tune_space import SearchSpace, searched_parameters
-from shadowbench.advice.tune_split import split_scenes
+from shadowbench.advice.tune_search import ParameterSearch, Tuning, TuningCells
+from shadowbench.advice.tune_space import SearchSpace, searched_parameters, split_scenes
 from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.failures import Failure

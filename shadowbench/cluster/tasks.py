@@ -15,8 +15,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from shadowbench.data import PACKAGE, data_folder
 from shadowbench.errors import ShadowbenchError
+from shadowbench.files import PACKAGE, data_folder
 from shadowbench.measure.campaign import Campaign, uniform
 from shadowbench.measure.failures import Limits
 from shadowbench.measure.gl_drawer import GLDrawer

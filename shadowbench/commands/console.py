@@ -131,7 +131,7 @@ class Reporter(logging.Handler):
         self._progress.update(self._task, advance=not known, what=what)
         if self._progress.disable and not self._quiet and monotonic() - self._printed >= _EVERY:
             self._printed = monotonic()
-            from shadowbench.studies.estimate import duration
+            from shadowbench.studies.run import duration
 
             of = "" if task.total is None else f" of {task.total:.0f}"
             left = "" if task.time_remaining is None else f"about {duration(task.time_remaining)} left, "

@@ -63,7 +63,7 @@ def report(
     over all scenes; – if no setting reaches it wherever the technique is supported. Accuracy is an IoU, or for soft
     shadows (lights with a size) an RMSE.
     """
-    from shadowbench.commands.verdict_tables import print_verdict
+    from shadowbench.commands.study_tables import print_verdict
     from shadowbench.reports.report import report_target, write_report
     from shadowbench.reports.words import counted
     from shadowbench.results.configurations import sections

@@ -73,9 +73,8 @@ def stress(
       3 of 20 values            number of values measured, with --quick
     """
     from shadowbench.extremes.ranges import ranges_frame
-    from shadowbench.extremes.stress import LIMITS, SWEEPING, select_axes
+    from shadowbench.extremes.stress import LIMITS, SWEEPING, default_specs, select_axes
     from shadowbench.extremes.stress import stress as walk
-    from shadowbench.extremes.sweep import default_specs
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.studies.part import part_of
     from shadowbench.techniques.spec import parse_spec

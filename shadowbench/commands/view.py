@@ -76,7 +76,7 @@ def view(
     if state is not None:
         shown = read_state(state, known, options.assets)
     elif cell is not None:
-        from shadowbench.viewer.cells import cell_state  # with pandas, only when it is needed
+        from shadowbench.viewer.state_files import cell_state  # with pandas, only when it is needed
 
         shown = cell_state(Path(str(scene)), cell, known, options.assets)
     else:

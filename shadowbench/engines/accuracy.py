@@ -20,9 +20,15 @@ from shadowbench.engines.detection import (
     shift_text,
 )
 from shadowbench.engines.difference import difference_picture
-from shadowbench.engines.error_kinds import ErrorKind, edge_widths, error_kinds, faint_kinds, wrong_pixels
+from shadowbench.engines.error_kinds import (
+    ErrorKind,
+    edge_widths,
+    error_kinds,
+    faint_kinds,
+    soft_error_kinds,
+    wrong_pixels,
+)
 from shadowbench.engines.external_mask import ExternalMask, decode_srgb
-from shadowbench.engines.soft_error_kinds import soft_error_kinds
 from shadowbench.engines.stored_truth import TruthOfView
 from shadowbench.errors import InputError
 from shadowbench.measure.scoring import mask_record

@@ -1,22 +1,56 @@
 """Computation behind `stress`: a sweep of specs along axes into a folder, and their operating ranges."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from shadowbench.errors import InputError, ShadowbenchError, alternatives
-from shadowbench.extremes.axes import AXES, Axis
+from shadowbench.extremes.axes import AXES, Axis, Setting, Value
 from shadowbench.extremes.axes.model import VIEW_SIZE
 from shadowbench.extremes.ranges import OperatingRange, operating_ranges, out_of_tolerance, points_frame, ranges_frame
-from shadowbench.extremes.sweep import block_at, points_of
 from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.failures import Failure, Limits
 from shadowbench.measure.rows import Record
 from shadowbench.results.folder import read_folders
 from shadowbench.results.tables import write_table
+from shadowbench.scenes.model import LightKind
 from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.study import Study
+from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
+
+Point = tuple[Axis, LightKind, Value]
+
+
+def points_of(axes: Sequence[Axis], quick: bool) -> list[Point]:
+    """Values of axes under each kind of light, in their order. quick: a few of each axis."""
+    return [(axis, light, value) for axis in axes for light in axis.lights for value in axis.swept(quick)]
+
+
+def block_at(specs: Sequence[Spec], point: Point) -> Block:
+    """Block of specs at a point, without those that lack the axis's parameters or do not support the light."""
+    axis, light, value = point
+    setting = axis.at(value, light)
+    at_point = [(spec, spec_at(spec, setting)) for spec in specs if light in spec.technique.lights]
+    cells = tuple(Cell(spec, home=home) for home, spec in at_point if spec is not None)
+    place = {"axis": axis.name, "axis_value": value, "axis_unit": axis.unit, "light_kind": light}
+    return Block(setting.views, cells, setting.coordinates, place=place)
+
+
+def spec_at(spec: Spec, setting: Setting) -> Spec | None:
+    """The spec with the parameters of a setting; None if the technique lacks one of them."""
+    known = type(spec.params).model_fields
+    params = {name: value for name, value in setting.params.items() if name in known}
+    if len(params) < len(setting.params):
+        return None
+    return spec.with_(**params) if params else spec
+
+
+def default_specs(techniques: Iterable[type[Technique]]) -> tuple[Spec, ...]:
+    """A spec of every technique at its defaults, for the lights of the axes, which have no size."""
+    return tuple(Spec(technique, technique.Params()) for technique in techniques if not technique.catalogue.soft_only)
+
 
 LIMITS = Limits(seconds=120.0, bytes=4 << 30)  # fixed, so that the same maps are too large on every machine
 

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.data import data_folder
+from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer, download
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry

@@ -18,13 +18,12 @@ from shadowbench.measure.flips import Stepped, flips
 from shadowbench.measure.gl_drawer import reference_cell
 from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.machine import machine_key, write_run_file
-from shadowbench.measure.pictures import Pictures
+from shadowbench.measure.pictures import Pictures, Writer
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.row_store import RowStore, identity
 from shadowbench.measure.rows import Record, Result, StudyFacts
 from shadowbench.measure.scoring import mask_record
 from shadowbench.measure.time_rows import time_row
-from shadowbench.measure.writer import Writer
 from shadowbench.truths.trace import Truth
 
 Uniform = Literal["lit", "in shadow"]

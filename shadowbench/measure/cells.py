@@ -4,13 +4,33 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from shadowbench.measure.references import DEFAULT_REFERENCE
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.scenes.model import Coordinates, Scene, View
+from shadowbench.scenes.model import Coordinates, LightKind, Scene, View
 from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.techniques.cube_map import CubeMap
+from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.spec import Spec
+from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 from shadowbench.truths.trace import Truth
+
+DEFAULT_REFERENCE = Spec(ShadowMap, ShadowMap.Params(size=1024))
+"""Reference of a study that names none."""
+
+_SUBSTITUTES: Mapping[LightKind, Spec] = {"point": Spec(CubeMap, CubeMap.Params(size=1024))}
+
+
+def reference_for(chosen: Spec, kind: LightKind) -> Spec:
+    """`chosen` if it supports the kind of light, else `cube-map` for a point light and `unshadowed` for others."""
+    other = _SUBSTITUTES.get(kind, Spec(Unshadowed, Unshadowed.Params()))
+    return chosen if kind in chosen.technique.lights else other
+
+
+def reference_name(reference: Spec) -> str:
+    """Name of a reference in rows, with its map size even if that is the default: `shadow-map:size=1024`."""
+    name = reference.sizeless_text
+    return name if reference.map_size is None else f"{name}{',' if ':' in name else ':'}size={reference.map_size}"
+
 
 Step = Literal["camera", "light"]
 FLIP_SAMPLES = 1

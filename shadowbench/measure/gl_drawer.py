@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError, ShadowbenchError, Unsupported
-from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.cells import Block, Cell, reference_for, reference_name
 from shadowbench.measure.failures import CellFailed, Limits, MemoryExceeded, status_of
-from shadowbench.measure.references import reference_for, reference_name
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.session import CellRequest, DeviceInfo, Session
 from shadowbench.measure.time_rows import Times, Timing

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from shadowbench import versions
-from shadowbench.data import PACKAGE, data_folder
+from shadowbench.files import PACKAGE, data_folder
 from shadowbench.measure.cells import Cell
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View

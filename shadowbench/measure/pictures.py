@@ -1,5 +1,7 @@
-"""Images of a run folder: masks and pictures named by cell key, truths named by view."""
+"""Images of a run folder, masks and pictures named by cell key, truths by view; background writing of files."""
 
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -65,3 +67,32 @@ def _holds_mask(file: Path, mask: NDArray[np.floating]) -> bool:
         return mask_sha256(read_mask(file)) == mask_sha256(mask)
     except InputError:  # missing, or not a mask
         return False
+
+
+class Writer:
+    """Runs write operations one after the other in a thread, while the worker draws.
+
+    Use as a context manager: everything is on disk when it exits. An exception of a write is raised by the next
+    `finish` or on exit.
+    """
+
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(1)
+        self._begun: list[Future[object]] = []
+
+    def __enter__(self) -> "Writer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._pool:
+            self.finish()
+
+    def add(self, *writes: Callable[[], None]) -> None:
+        """Begin writes after those begun before. One that raises an exception ends those added with it."""
+        self._begun.append(self._pool.submit(lambda: [write() for write in writes]))
+
+    def finish(self) -> None:
+        """Wait for all writes."""
+        begun, self._begun = self._begun, []
+        for writing in begun:
+            writing.result()

@@ -6,8 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from shadowbench.measure.flips import ROW_METRICS
-from shadowbench.reports.bias_curve import bias_charts
-from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.gallery import GalleryCell, gallery, no_pictures
 from shadowbench.reports.styles import Styles

@@ -4,8 +4,8 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
+from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, assumed_up_note, mesh_bounds, with_assumptions
 from shadowbench.scenes.files import read_document, read_lights, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes

@@ -14,8 +14,7 @@ from shadowbench.scenes import gltf
 from shadowbench.scenes.gltf_bytes import read_primitives
 from shadowbench.scenes.gltf_layout import Layout, Primitive, checked_layout
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, vec3
-from shadowbench.scenes.obj import read_obj
-from shadowbench.scenes.off import read_off
+from shadowbench.scenes.obj import read_obj, read_off
 from shadowbench.scenes.ply import read_ply
 from shadowbench.scenes.polygons import triangulated
 from shadowbench.scenes.stl import read_stl

@@ -5,11 +5,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shadowbench.scores.edges import squared_distance
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.scores.ssim import INSIDE, ssim_map
 from shadowbench.scores.sums import mean
-from shadowbench.scores.thresholded import ThresholdedMask
+from shadowbench.scores.thresholded import ThresholdedMask, squared_distance
 from shadowbench.scores.widths import FEWEST
 
 

@@ -7,11 +7,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shadowbench.scores.edges import squared_distance
 from shadowbench.scores.isolines import Isolines, smooth_gradient, step_squared
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.sums import mean
-from shadowbench.scores.thresholded import ThresholdedMask
+from shadowbench.scores.thresholded import ThresholdedMask, squared_distance
 from shadowbench.scores.widths import Crossings, crossings
 
 INTERIOR_PX = 4.0  # distance from the edge beyond which errors count as acne or leak

@@ -11,9 +11,8 @@ from shadowbench.measure.session import DeviceInfo
 from shadowbench.options import AS_STUDIED, FIRST, Measuring, ViewOptions
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.crossing import Techniques
-from shadowbench.studies.estimate import cell_seconds
 from shadowbench.studies.part import WHOLE, Part
-from shadowbench.studies.run import readable_blocks, run_blocks
+from shadowbench.studies.run import cell_seconds, readable_blocks, run_blocks
 from shadowbench.studies.study import Study, find_study, read_study
 from shadowbench.techniques.spec import Spec, has_size
 

@@ -7,20 +7,30 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, ValidationError
 
-from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
-from shadowbench.measure.cells import Block, Cell, Step
+from shadowbench.files import data_folder
+from shadowbench.measure.cells import DEFAULT_REFERENCE, Block, Cell, Step, reference_name
 from shadowbench.measure.failures import Limits
 from shadowbench.measure.flips import Stepped
-from shadowbench.measure.references import DEFAULT_REFERENCE, reference_name
 from shadowbench.measure.rows import StudyFacts
 from shadowbench.options import PHASES, ROUNDS, VIEW_SIZE, SceneOptions
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.views import Named, named, opened
 from shadowbench.strict import Strict, explain, read_toml
-from shadowbench.studies.crossing import MOST_SPECS, BiasSweep, CrossedSpecs, Techniques
-from shadowbench.studies.fields import Cameras, Crossings, Lights, Reference, Scenes, Sizes, Source
+from shadowbench.studies.crossing import (
+    MOST_SPECS,
+    BiasSweep,
+    Cameras,
+    CrossedSpecs,
+    Crossings,
+    Lights,
+    Reference,
+    Scenes,
+    Sizes,
+    Source,
+    Techniques,
+)
 from shadowbench.techniques.spec import Spec, parse_spec
 
 if TYPE_CHECKING:

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from shadowbench.scenes.model import LightShape
-from shadowbench.survey.cascades import CascadeSizes
-from shadowbench.survey.casters import Casters
 from shadowbench.survey.depth import BIAS_STEPS, CONTACT, BiasNeed, DepthBits
 from shadowbench.survey.maps import REFERENCE_SIZE
 from shadowbench.survey.penumbra import HARD_RMSE, Penumbra
-from shadowbench.survey.receivers import Receivers
+from shadowbench.survey.receivers import Casters, Receivers
 from shadowbench.survey.relevant_casters import RelevantCasters
 from shadowbench.survey.sampling import Estimate
 from shadowbench.survey.survey import Needs
-from shadowbench.survey.texels import Texels
+from shadowbench.survey.texels import CascadeSizes, Texels
 
 GROUND_FACTOR = 1.5
 """Ratio of the map sizes needed with and without an assumed ground from which both are told."""

@@ -1,4 +1,4 @@
-"""The visible receivers, and whether they are planar, so that projected shadows suffice."""
+"""What is seen and what casts: planarity of the visible receivers, closed parts and silhouette edges of the casters."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.geometry.planes import find_planes
-from shadowbench.scenes.model import Scene
+from shadowbench.geometry.topology import topology_of
+from shadowbench.scenes.model import Scene, View
 from shadowbench.survey.sampling import Estimate, Samples
 
 PLANAR_SHARE = 0.999  # least planar share of the visible receivers for which projection suffices
@@ -53,4 +54,47 @@ def receivers_of(samples: Samples, of_triangle: NDArray[np.int64]) -> Receivers:
         planar=samples.estimate(lambda chosen: float(planar[chosen].mean()), everything),
         lost=samples.estimate(lambda chosen: float((~planar[chosen]).mean()), shadow) if len(shadow) else Estimate(0.0),
         planes=len(np.unique(plane_of[planar])),
+    )
+
+
+@dataclass(frozen=True)
+class Casters:
+    """Exact counts over all caster triangles, welded as for shadow volumes.
+
+    triangles: number of caster triangles; closed: those in closed parts that are wound outwards, a part being a set of
+    triangles connected by edges; open: those in parts with boundary edges; all others are in closed parts not wound
+    outwards. silhouette: number of silhouette edges for the light; walls: that shadow volumes extrude from them, two
+    from an edge between triangles of a part that is not closed; edges: number of all edges.
+    """
+
+    triangles: int
+    closed: int
+    open: int
+    silhouette: int
+    walls: int
+    edges: int
+
+
+def casters_of(view: View) -> Casters:
+    """The casters of a view in local coordinates."""
+    topology, vertices = topology_of(view.scene), view.scene.geometry.vertices
+    faces, closed = topology.faces, topology.closed[topology.part]
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    source, w = view.light.homogeneous
+    lit = np.einsum("ij,ij->i", np.array(source) - w * a, np.cross(b - a, c - a)) > 0
+    # Each triangle adds a signed wall per half-edge, by its orientation towards the light; an edge whose walls cancel
+    # is not a silhouette edge.
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    wall = np.append(np.where((start < end) == np.repeat(lit, 3), 1, -1), 0)  # the last, index −1, for no half-edge
+    edges = topology.edges[:, 1:3]
+    first = np.flatnonzero((np.diff(edges, axis=0, prepend=-1) != 0).any(axis=1))
+    walls = np.add.reduceat(wall[topology.half_edges].sum(axis=1), first) if len(first) else first
+    in_closed = closed[topology.half_edges[first].max(axis=1) // 3] if len(first) else np.zeros(0, dtype=bool)
+    return Casters(
+        triangles=len(faces),
+        closed=int(np.count_nonzero(closed)),
+        open=int(np.count_nonzero(topology.open[topology.part])),
+        silhouette=int(np.count_nonzero(walls)),
+        walls=int(np.where(in_closed, np.abs(walls) // 2, np.abs(walls)).sum()),
+        edges=len(first),
     )

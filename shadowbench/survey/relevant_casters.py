@@ -11,8 +11,7 @@ import numpy as np
 from shadowbench.geometry.lights import LightSpace
 from shadowbench.scenes.geometry import in_slices
 from shadowbench.scenes.model import Floats
-from shadowbench.survey.footprint import Footprint
-from shadowbench.survey.maps import FittedMap
+from shadowbench.survey.maps import FittedMap, Footprint
 from shadowbench.survey.rays import Indices, Mask
 
 CELLS = 1024  # along a side of the grid; a power of two

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import without_ground
 from shadowbench.scenes.model import LightShape, View, view_of
-from shadowbench.survey.cascades import CascadeSizes, cascades_of
-from shadowbench.survey.casters import Casters, casters_of
 from shadowbench.survey.depth import BiasNeed, DepthBits, bias_of, bits_of, depths_of
 from shadowbench.survey.maps import fitted_map
 from shadowbench.survey.penumbra import Penumbra, penumbra_of
-from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
+from shadowbench.survey.receivers import Casters, Receivers, casters_of, planes_of, receivers_of
 from shadowbench.survey.relevant_casters import RelevantCasters, relevant_casters
 from shadowbench.survey.sampling import sample_view
-from shadowbench.survey.texels import Texels, texels_of
+from shadowbench.survey.texels import CascadeSizes, Texels, cascades_of, texels_of
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from shadowbench.geometry.convex import box_planes, corners, frustum_planes, view_planes
-from shadowbench.geometry.hull import SceneHull
+from shadowbench.geometry.convex import SceneHull, box_planes, corners, frustum_planes, view_planes
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.gl.clock import Changes
 from shadowbench.scenes.model import Floats, Light, Placement, View

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from shadowbench.geometry.hull import SceneHull
+from shadowbench.geometry.convex import SceneHull
 from shadowbench.geometry.lights import LightView
 from shadowbench.gl.program import Comparison, Program, Ranges, Sampling, State, Texture, Value, Wrap
 from shadowbench.gl.targets import DepthFormat, Kind

@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 from pydantic import BeforeValidator, Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from shadowbench.data import PACKAGE
 from shadowbench.errors import InputError, alternatives
+from shadowbench.files import PACKAGE
 from shadowbench.strict import Strict
 from shadowbench.techniques.grammar import Call, parse_value
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from shadowbench.geometry.hull import SceneHull
+from shadowbench.geometry.convex import SceneHull
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.data import data_folder
 from shadowbench.errors import Unsupported
+from shadowbench.files import data_folder
 from shadowbench.gl.device import Device, Releasable
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.library import moderngl

@@ -6,8 +6,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from shadowbench.data import data_folder
 from shadowbench.errors import InputError
+from shadowbench.files import data_folder
 from shadowbench.scenes.files import read_document
 from shadowbench.scenes.library import builtin_names
 from shadowbench.viewer.state import Origin

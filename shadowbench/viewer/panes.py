@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.data import data_folder
+from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Sampling, link
 from shadowbench.gl.shaders import compose

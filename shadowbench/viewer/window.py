@@ -21,7 +21,6 @@ from shadowbench.techniques.base import Technique
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import Canvas
 from shadowbench.viewer.crash_reporter import CrashReporter
-from shadowbench.viewer.file_panel import FileNames, file_panel
 from shadowbench.viewer.navigation import distance, walked
 from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.result_panels import map_panel, scores_panel, times_panel
@@ -29,7 +28,7 @@ from shadowbench.viewer.scene_panels import light_panel, scene_panel, shading_pa
 from shadowbench.viewer.state import Source, ViewerState
 from shadowbench.viewer.technique_panel import edited_spec
 from shadowbench.viewer.truth import TruthTask
-from shadowbench.viewer.view_panel import below, view_panel
+from shadowbench.viewer.view_panel import FileNames, below, file_panel, view_panel
 
 SIZE = (1400, 860)
 LEFT, RIGHT = 310.0, 340.0  # pixels

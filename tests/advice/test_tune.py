@@ -13,11 +13,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.advice.tune_cells import TuningCells
 from shadowbench.advice.tune_scores import MIN_ERROR, Setting, log_error, scene_scores
-from shadowbench.advice.tune_search import ParameterSearch, Tuning
-from shadowbench.advice.tune_space import DEFAULT_PARAMETERS, SEARCH_FACTOR, SearchSpace, searched_parameters, span
-from shadowbench.advice.tune_split import SceneSplit, split_scenes
+from shadowbench.advice.tune_search import ParameterSearch, Tuning, TuningCells
+from shadowbench.advice.tune_space import (
+    DEFAULT_PARAMETERS,
+    SEARCH_FACTOR,
+    SceneSplit,
+    SearchSpace,
+    searched_parameters,
+    span,
+    split_scenes,
+)
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record
 from shadowbench.studies.study import Study, scenes_of

@@ -2,7 +2,7 @@
 
 from shadowbench.cluster.tasks import Setup, pack, station
 from shadowbench.extremes.axes import AXES
-from shadowbench.extremes.sweep import block_at, points_of
+from shadowbench.extremes.stress import block_at, points_of
 from shadowbench.measure.failures import Limits
 from shadowbench.measure.keys import view_key
 from shadowbench.techniques.registry import techniques

@@ -21,13 +21,12 @@ from scipy.ndimage import binary_dilation
 from shadowbench import __version__
 from shadowbench.commands import console
 from shadowbench.extremes.axes import AXES, value_label
-from shadowbench.measure import noise
 from shadowbench.reports.words import digits
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.estimate import duration
+from shadowbench.studies.run import duration
 from shadowbench.truths.embree import packet_width
 from shadowbench.truths.trace import trace
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shadowbench.engines.legend import with_legend
+from shadowbench.engines.difference import with_legend
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 
 

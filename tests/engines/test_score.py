@@ -17,9 +17,8 @@ from shadowbench import api
 from shadowbench.commands import console
 from shadowbench.engines.accuracy import Accuracy, accuracy_of
 from shadowbench.engines.detection import MaskEncoding
-from shadowbench.engines.error_kinds import error_kinds
+from shadowbench.engines.error_kinds import error_kinds, soft_error_kinds
 from shadowbench.engines.external_mask import from_screenshots, mask_from_array
-from shadowbench.engines.soft_error_kinds import soft_error_kinds
 from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import read_mask, write_mask

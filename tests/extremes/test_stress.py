@@ -14,8 +14,7 @@ from scipy.ndimage import binary_dilation
 
 from shadowbench.extremes.axes import AXES, Axis
 from shadowbench.extremes.ranges import Failure, failure, operating_range, operating_ranges
-from shadowbench.extremes.stress import SWEEPING, stress
-from shadowbench.extremes.sweep import spec_at
+from shadowbench.extremes.stress import SWEEPING, spec_at, stress
 from shadowbench.measure.failures import Limits
 from shadowbench.measure.flips import flips
 from shadowbench.scores.masks import mask_sha256, read_mask

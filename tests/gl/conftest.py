@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from shadowbench.data import data_folder
+from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Program, State, link
 from shadowbench.gl.shaders import VERSION, compose

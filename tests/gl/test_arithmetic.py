@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from shadowbench.gl.arithmetic import arithmetic
-from shadowbench.gl.device import Device
+from shadowbench.gl.device import Device, arithmetic
 
 CPU = Path("/proc/cpuinfo")
 FUSED = CPU.exists() and " fma " in CPU.read_text()
@@ -22,7 +21,7 @@ def elsewhere(device: Device) -> partial[str]:
     if "llvmpipe" not in device.renderer or not FUSED:
         pytest.skip("Mesa's software renderer on a processor with fused multiply-add")
     program = (
-        "from shadowbench.gl.device import open_device; from shadowbench.gl.arithmetic import arithmetic;"
+        "from shadowbench.gl.device import open_device; from shadowbench.gl.device import arithmetic;"
         "print(arithmetic(open_device()))"
     )
     return partial(_output, program)

@@ -14,8 +14,7 @@ from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from shadowbench.data import data_folder
-from shadowbench.geometry import hull
+from shadowbench.files import data_folder
 from shadowbench.geometry.slices import Slice
 from shadowbench.gl.program import Stencil
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Scene, View, unit

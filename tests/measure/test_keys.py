@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from shadowbench import data, versions
+from shadowbench import files, versions
 from shadowbench.gl.device import Device
 from shadowbench.gl.shaders import compose, places
 from shadowbench.measure import keys
@@ -187,7 +187,7 @@ def test_names_and_colours_are_not_in_the_digest_of_a_view(cube: View) -> None:
 def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of the shaders, which keys use instead of the originals."""
     copy = tmp_path / "shaders"
-    shutil.copytree(data.data_folder("shaders"), copy)
+    shutil.copytree(files.data_folder("shaders"), copy)
     monkeypatch.setattr(keys, "data_folder", lambda kind: tmp_path / kind)
     return copy
 

@@ -9,8 +9,8 @@ import pytest
 
 from shadowbench.gl.clock import QUERIES, WALL, Sample
 from shadowbench.measure import doctor
+from shadowbench.measure.doctor import ROUNDS, SERIES, SPEC, Noise, measure_noise
 from shadowbench.measure.failures import CellFailed
-from shadowbench.measure.noise import ROUNDS, SERIES, SPEC, Noise, measure_noise
 
 
 class Scripted:

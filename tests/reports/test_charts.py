@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from shadowbench.reports.bias_curve import bias_charts
-from shadowbench.reports.charts import default_size, front_chart, pass_chart, section_figure, size_chart
+from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, section_figure, size_chart
 from shadowbench.reports.styles import COLORS, MAX_SHOWN, SHAPES, Styles, styles_of
 from shadowbench.results.configurations import Section, sections, specs_of
 from shadowbench.results.folder import read_runs

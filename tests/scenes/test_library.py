@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from shadowbench.catalogue import catalogue
-from shadowbench.data import data_folder
 from shadowbench.errors import InputError
+from shadowbench.files import data_folder
 from shadowbench.scenes.library import builtin_about, builtin_names, hard_names, load_scene
 from shadowbench.scenes.model import view_of
 

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 import shadowbench as sb
-from shadowbench.data import data_folder
+from shadowbench.files import data_folder
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS
 from tests.runs import SMALL

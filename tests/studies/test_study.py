@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from shadowbench.data import data_folder
 from shadowbench.errors import InputError
-from shadowbench.extremes.sweep import default_specs
+from shadowbench.extremes.stress import default_specs
+from shadowbench.files import data_folder
 from shadowbench.measure.cells import Block
 from shadowbench.options import Measuring
 from shadowbench.scenes.library import builtin_names, hard_names

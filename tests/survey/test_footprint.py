@@ -5,7 +5,7 @@ import pytest
 
 from shadowbench.geometry.lights import light_space
 from shadowbench.scenes.model import Light
-from shadowbench.survey.footprint import ANGLES, DISPLACEMENTS, Footprint, cube_footprint, footprint, longest
+from shadowbench.survey.maps import ANGLES, DISPLACEMENTS, Footprint, cube_footprint, footprint, longest
 from shadowbench.survey.sampling import sample_view
 from tests.survey.conftest import looking, plate
 

@@ -11,12 +11,20 @@ from hypothesis.extra.numpy import arrays
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey import sampling
-from shadowbench.survey.cascades import CascadeSizes, cascades_of
 from shadowbench.survey.depth import BIAS_STEPS
-from shadowbench.survey.footprint import ANGLES, DISPLACEMENTS
-from shadowbench.survey.maps import PADDING, REFERENCE_SIZE, FittedMap, fitted_map
+from shadowbench.survey.maps import ANGLES, DISPLACEMENTS, PADDING, REFERENCE_SIZE, FittedMap, fitted_map
 from shadowbench.survey.sampling import sample_view
-from shadowbench.survey.texels import GRAZING_SLOPE, LIMIT, STEP, WRONG, Texels, texels_for, texels_of
+from shadowbench.survey.texels import (
+    GRAZING_SLOPE,
+    LIMIT,
+    STEP,
+    WRONG,
+    CascadeSizes,
+    Texels,
+    cascades_of,
+    texels_for,
+    texels_of,
+)
 from shadowbench.techniques.biases import Texel
 from shadowbench.techniques.shadow_map import ShadowMap
 from tests.survey.conftest import box, from_above, looking, plate

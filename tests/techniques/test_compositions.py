@@ -10,8 +10,8 @@ from typing import Any, Literal, get_args, get_origin
 
 import pytest
 
-from shadowbench.data import data_folder
 from shadowbench.errors import InputError
+from shadowbench.files import data_folder
 from shadowbench.scenes.model import Light, view_of
 from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import own_techniques, techniques

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from shadowbench.data import data_folder
+from shadowbench.files import data_folder
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.gbuffer import download
 from shadowbench.scenes.model import Camera, Light, Scene, unit, view_of

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from shadowbench.data import data_folder
+from shadowbench.files import data_folder
 from shadowbench.scenes.model import Light, Mesh
 
 HEIGHT, DISTANCE = 2.0, 10.0  # of the half-plane above the ground, of the map's origin above it, in metres

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.geometry.hull import SceneHull
+from shadowbench.geometry.convex import SceneHull
 from shadowbench.geometry.lights import Box, light_space, window
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Scene
 from shadowbench.techniques.fits import FitContext, FixedFit, SceneFit, VisibleFit

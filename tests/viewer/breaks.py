@@ -9,7 +9,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 from driver import Driver, drive  # type: ignore[import-not-found]
 
-from shadowbench import data
+from shadowbench import files
 from shadowbench.gl import gbuffer, picture
 from shadowbench.scenes.library import load_scene
 from shadowbench.techniques import stage
@@ -64,8 +64,8 @@ def faults(d: Driver) -> None:
 if __name__ == "__main__":
     os.chdir(sys.argv[1])
     Path("raises.py").write_text(PLUGIN)
-    shutil.copy(data.data_folder("scenes") / "cube-on-plane.toml", "scene.toml")
-    shutil.copytree(data.data_folder("shaders"), "shaders")
+    shutil.copy(files.data_folder("scenes") / "cube-on-plane.toml", "scene.toml")
+    shutil.copytree(files.data_folder("shaders"), "shaders")
     for module in (gbuffer, picture, stage, panes, changed_files):
         module.data_folder = lambda kind: Path.cwd() / kind
     plugins = [Path("raises.py")]

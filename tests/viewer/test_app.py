@@ -21,9 +21,9 @@ from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import trace
 from shadowbench.viewer import drawing, scene_panels
 from shadowbench.viewer.app import Viewer
-from shadowbench.viewer.file_panel import _save_picture
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.state import Origin
+from shadowbench.viewer.view_panel import _save_picture
 
 KNOWN = techniques()
 SIZE = 64  # of the viewer in conftest.py

@@ -11,10 +11,9 @@ from shadowbench.gl.device import Device
 from shadowbench.scenes.library import load_scene
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.techniques.registry import techniques
-from shadowbench.viewer.cells import cell_state
 from shadowbench.viewer.drawing import Drawing
 from shadowbench.viewer.state import ViewerState
-from shadowbench.viewer.state_files import ply_of
+from shadowbench.viewer.state_files import cell_state, ply_of
 
 KNOWN = techniques()
 

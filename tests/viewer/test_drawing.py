@@ -229,10 +229,10 @@ def test_texels_are_where_the_map_has_them(
 def test_a_changed_shader_is_read_again(
     device: Device, drawing: Drawing, builtin: Callable[..., View], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from shadowbench import data
+    from shadowbench import files
 
     shaders = tmp_path / "shaders"
-    shutil.copytree(data.data_folder("shaders"), shaders)
+    shutil.copytree(files.data_folder("shaders"), shaders)
     for module in ("gl.gbuffer", "gl.picture", "techniques.stage"):
         monkeypatch.setattr(f"shadowbench.{module}.data_folder", lambda kind: tmp_path / kind)
     state = state_of(builtin("cube-on-plane"), "shadow-map:size=64")
