@@ -1,85 +1,16 @@
 """The OpenGL context of a process, and its driver's properties."""
 
-import ctypes
-import hashlib
 import os
 import re
 import sys
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
 from shadowbench.errors import NOT_INSTALLED, NoGLError
-from shadowbench.files import data_folder
 from shadowbench.gl.library import MissingModule, moderngl
-from shadowbench.gl.program import Drawable, State, link
-from shadowbench.gl.shaders import compose
-
-_ENUM = _UINT = ctypes.c_uint
-_INT = _SIZE = ctypes.c_int
-_BOOL = ctypes.c_ubyte
-_POINTER = ctypes.c_void_p
-
-# name: (result type, argument types)
-SIGNATURES: Mapping[str, tuple[Any, tuple[Any, ...]]] = {
-    "glActiveTexture": (None, (_ENUM,)),
-    "glBeginQuery": (None, (_ENUM, _UINT)),
-    "glBindFramebuffer": (None, (_ENUM, _UINT)),
-    "glBindTexture": (None, (_ENUM, _UINT)),
-    "glClear": (None, (_UINT,)),
-    "glClearStencil": (None, (_INT,)),
-    "glClipControl": (None, (_ENUM, _ENUM)),
-    "glColorMask": (None, (_BOOL, _BOOL, _BOOL, _BOOL)),
-    "glDeleteQueries": (None, (_SIZE, _POINTER)),
-    "glDeleteTextures": (None, (_SIZE, _POINTER)),
-    "glDepthMask": (None, (_BOOL,)),
-    "glEndQuery": (None, (_ENUM,)),
-    "glFramebufferTexture": (None, (_ENUM, _ENUM, _UINT, _INT)),
-    "glFramebufferTexture2D": (None, (_ENUM, _ENUM, _ENUM, _UINT, _INT)),
-    "glFramebufferTextureLayer": (None, (_ENUM, _ENUM, _UINT, _INT, _INT)),
-    "glGenQueries": (None, (_SIZE, _POINTER)),
-    "glGenTextures": (None, (_SIZE, _POINTER)),
-    "glGetIntegerv": (None, (_ENUM, _POINTER)),
-    "glGetQueryObjectui64v": (None, (_UINT, _ENUM, _POINTER)),
-    "glGetTexImage": (None, (_ENUM, _INT, _ENUM, _ENUM, _POINTER)),
-    "glGetTexLevelParameteriv": (None, (_ENUM, _INT, _ENUM, _POINTER)),
-    "glGetUniformLocation": (_INT, (_UINT, ctypes.c_char_p)),
-    "glStencilFunc": (None, (_ENUM, _INT, _UINT)),
-    "glStencilOpSeparate": (None, (_ENUM, _ENUM, _ENUM, _ENUM)),
-    "glTexImage2D": (None, (_ENUM, _INT, _INT, _SIZE, _SIZE, _INT, _ENUM, _ENUM, _POINTER)),
-    "glTexImage3D": (None, (_ENUM, _INT, _INT, _SIZE, _SIZE, _SIZE, _INT, _ENUM, _ENUM, _POINTER)),
-    "glUniform1i": (None, (_INT, _INT)),
-    "glUseProgram": (None, (_UINT,)),
-}
-
-
-class RawGL:
-    """Calls by name, `raw("glUniform1i", location, 0)`. Raises NotImplementedError for one that the driver lacks."""
-
-    def __init__(
-        self, context: moderngl.Context, signatures: Mapping[str, tuple[Any, tuple[Any, ...]]] = SIGNATURES
-    ) -> None:
-        self._signatures = signatures
-        self._load: Callable[[str], int] = context.mglo._context.load_opengl_function
-        self._functions: dict[str, Callable[..., Any]] = {}
-
-    def __call__(self, name: str, *arguments: Any) -> Any:
-        """Call an entry point and return its result."""
-        if name not in self._functions:
-            address = self._load(name)
-            if not address:
-                raise NotImplementedError(f"the OpenGL driver has no {name}")
-            result, types = self._signatures[name]
-            self._functions[name] = ctypes.CFUNCTYPE(result, *types)(address)
-        return self._functions[name](*arguments)
-
-    def integer(self, name: int) -> int:
-        """An integer limit or state (glGetIntegerv)."""
-        value = ctypes.c_int()
-        self("glGetIntegerv", name, ctypes.byref(value))
-        return value.value
-
+from shadowbench.gl.raw import RawGL
 
 _SUBPIXEL_BITS, _CUBE_MAP_SEAMLESS = 0x0D50, 0x884F
 _VECTOR_WIDTH, _NO_SHADER_CACHE = "LP_NATIVE_VECTOR_WIDTH", "MESA_SHADER_CACHE_DISABLE"
@@ -218,20 +149,3 @@ def device_of(context: moderngl.Context) -> Device:
     context.gc_mode = "auto"
     context.enable_direct(_CUBE_MAP_SEAMLESS)  # filters read across the edges of cube faces
     return device
-
-
-_SIDE = 16  # pixels
-
-
-def arithmetic(device: Device) -> str:
-    """Digest of the bits of a small image: equal where a driver rounds and approximates equally."""
-    folder = data_folder("shaders")
-    vertex, fragment = (compose(f"arithmetic/probe.{stage}", [folder]) for stage in ("vert", "frag"))
-    program = link(device, vertex, fragment)
-    image = device.context.texture((_SIDE, _SIDE), 4, dtype="f4")
-    target = device.context.framebuffer([image])
-    vertices = device.context.vertex_array(program.linked, [])
-    Drawable(program, vertices, count=3).draw(target, {}, State())
-    digest = hashlib.sha256(image.read()).hexdigest()[:8]
-    device.free((vertices, target, image, program.linked))
-    return digest

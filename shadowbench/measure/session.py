@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import Unsupported, quoted
+from shadowbench.gl.arithmetic import arithmetic
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
-from shadowbench.gl.device import Device, arithmetic, open_device
+from shadowbench.gl.device import Device, open_device
 from shadowbench.measure.loaded_scene import BuiltCell, LoadedScene, OpenView
 from shadowbench.measure.rendering import Rendering, declared_work, finite_facts, visibility_of
 from shadowbench.measure.rows import renderer_of

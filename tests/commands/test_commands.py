@@ -21,6 +21,7 @@ from scipy.ndimage import binary_dilation
 from shadowbench import __version__
 from shadowbench.commands import console
 from shadowbench.extremes.axes import AXES, value_label
+from shadowbench.measure import doctor as measure_doctor
 from shadowbench.reports.words import digits
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
@@ -236,7 +237,7 @@ def test_a_cache_that_cannot_be_created_is_one_note(
         answer = shadowbench(*arguments)
         assert (answer.code, answer.err) == (0, note)
     assert shadowbench("truth", "cube-on-plane", "-o", tmp_path / "truth.npz", "-q").err == ""
-    monkeypatch.setattr(noise, "SERIES", 1)
+    monkeypatch.setattr(measure_doctor, "SERIES", 1)
     doctor = shadowbench("doctor")
     assert doctor.code == 0
     assert "problem: " in doctor.out and "Not a directory" in doctor.out
@@ -483,7 +484,7 @@ def test_list_tells_parameters_presets_and_plug_ins(shadowbench: Shadowbench, ha
 def test_doctor_names_the_device_and_the_clock(
     shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(noise, "SERIES", 1)
+    monkeypatch.setattr(measure_doctor, "SERIES", 1)
     monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path))  # Doctor counts truths, and other tests trace meanwhile.
     found = json.loads(shadowbench("doctor", "--json").out)
     assert {"machine", "versions", "opengl", "embree", "truth_cache"} == set(found)

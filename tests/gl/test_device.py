@@ -15,7 +15,8 @@ import pytest
 
 from shadowbench.errors import NoGLError
 from shadowbench.gl import device as device_module
-from shadowbench.gl.device import SIGNATURES, Device, RawGL, device_of, open_device
+from shadowbench.gl.device import Device, device_of, open_device
+from shadowbench.gl.raw import SIGNATURES, RawGL
 
 MAJOR_VERSION, MINOR_VERSION = 0x821B, 0x821C
 

@@ -7,8 +7,9 @@ import moderngl
 import numpy as np
 import pytest
 
-from shadowbench.gl.device import Device, RawGL
+from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Program, Sampling, ShaderError, State, Stencil, link
+from shadowbench.gl.raw import RawGL
 from shadowbench.gl.shaders import VERSION
 
 POLYGON_OFFSET_FACTOR, POLYGON_OFFSET_UNITS, POLYGON_OFFSET_FILL = 0x8038, 0x2A00, 0x8037

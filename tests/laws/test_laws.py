@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from shadowbench.files import data_folder
+from shadowbench.geometry import convex
 from shadowbench.geometry.slices import Slice
 from shadowbench.gl.program import Stencil
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Scene, View, unit
@@ -255,7 +256,7 @@ def test_casters_drawn_by_the_side_that_they_turn_to_the_light_are_caught(studio
 
 
 def test_a_fit_that_takes_whichever_vertices_come_first_is_caught(studio, monkeypatch) -> None:
-    monkeypatch.setattr(hull, "hull_points", lambda points: points[: len(points) // 2])
+    monkeypatch.setattr(convex, "hull_points", lambda points: points[: len(points) // 2])
     assert_caught(studio, "reordered triangles", SCENE, "equal", "a decided pixel differs")
 
 

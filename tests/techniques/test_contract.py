@@ -10,7 +10,7 @@ import numpy as np
 import psutil
 import pytest
 
-from shadowbench.gl.device import RawGL
+from shadowbench.gl.raw import RawGL
 from shadowbench.scenes.model import Camera, Light, View, view_of
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
