@@ -33,6 +33,7 @@ from shadowbench.advice.recommend import has_penumbra, target_of
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.recommendation import Recommendation
 from shadowbench.advice.space import technique_names
+from shadowbench.arguments import as_list, as_visibility, instance_of, number, whole_number, whole_numbers
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.extremes.ranges import ranges_frame
@@ -46,22 +47,7 @@ from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.measure.worker import Worker
-from shadowbench.options import (
-    MAP_SIZE,
-    PHASES,
-    PIXEL_SAMPLES,
-    ROUNDS,
-    VIEW_SIZE,
-    Measuring,
-    SceneOptions,
-    ViewOptions,
-    as_list,
-    as_visibility,
-    instance_of,
-    number,
-    whole_number,
-    whole_numbers,
-)
+from shadowbench.options import MAP_SIZE, PHASES, PIXEL_SAMPLES, ROUNDS, VIEW_SIZE, Measuring, SceneOptions, ViewOptions
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import chosen_view, opened
 from shadowbench.scores.masks import quantise

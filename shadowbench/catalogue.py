@@ -28,7 +28,7 @@ def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> d
         "scenes": lambda: [
             {"name": name, "light": builtin_light(name), "about": builtin_about(name)} for name in builtin_names()
         ],
-        "metrics": _metrics,
+        "metrics": lambda: _metrics(plugins),
         "studies": lambda: [
             {"name": name, "about": read_study(find_study(name), techniques_with(plugins)).about}
             for name in study_names()
@@ -80,7 +80,8 @@ def _parameters(model: type[TechniqueParams] | type[Component]) -> list[Entry]:
     return found
 
 
-def _metrics() -> list[Entry]:
+def _metrics(plugins: Sequence[Path]) -> list[Entry]:
+    techniques_with(plugins)
     return [
         {
             "name": metric.name,

@@ -27,6 +27,10 @@ class InputError(ShadowbenchError):
     exit_code = 2
 
 
+class MetricError(ShadowbenchError):
+    """A metric raised an exception, or returned no number."""
+
+
 class NoGLError(ShadowbenchError):
     """No OpenGL context of version 4.1 or later could be created."""
 

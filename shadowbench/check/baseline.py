@@ -108,6 +108,8 @@ def _compared_metrics(found: Sequence[Result], baseline: Sequence[Result]) -> tu
         notes.append(f"work is not compared across renderers: {' · '.join(sorted(drivers))}")
     if lacking:
         notes.append(f"not compared, since one side lacks them: {', '.join(lacking)}")
+    if unknown := sorted(set().union(*sides) - set(ROW_METRICS)):
+        notes.append(f"not compared, since their plug-in is not loaded: {', '.join(unknown)}")
     return names, notes
 
 

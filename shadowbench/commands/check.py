@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import Json, Quiet
+from shadowbench.commands.options import Json, Plugins, Quiet
 from shadowbench.errors import InputError, alternatives
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ def check(
             help="Tolerance of a metric, instead of its default; repeatable  [see `shadowbench list metrics`].",
         ),
     ] = None,
+    plugin: Plugins = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -82,6 +83,9 @@ def check(
       τ               Kendall's tau over these pairs; 1 is the same order
       τ of all pairs  Kendall's tau over all pairs, noise included
     """
+    from shadowbench.measure.plugin_output import techniques_with
+
+    techniques_with(plugin or ())  # whose metrics are compared too
     if repeat:
         if update or time or tolerance:
             raise InputError("--repeat: found --update, --time or --tolerance; allowed: without")

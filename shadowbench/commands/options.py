@@ -22,7 +22,9 @@ SceneArgument = Annotated[
 ]
 Plugins = Annotated[
     list[Path] | None,
-    typer.Option("--plugin", metavar="FILE.py", help="A Python file that adds techniques or filters; repeatable."),
+    typer.Option(
+        "--plugin", metavar="FILE.py", help="A Python file that adds techniques, filters or metrics; repeatable."
+    ),
 ]
 PartOption = Annotated[
     str | None,

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import Quiet
+from shadowbench.commands.options import Plugins, Quiet
 
 _LARGE = 20e6  # bytes of a page
 
@@ -51,6 +51,7 @@ def report(
             "shows them: for thousands of cells.",
         ),
     ] = False,
+    plugin: Plugins = None,
     quiet: Quiet = False,
 ) -> None:
     """Make charts, tables and pictures from run folders.
@@ -64,12 +65,14 @@ def report(
     shadows (lights with a size) an RMSE.
     """
     from shadowbench.commands.study_tables import print_verdict
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.reports.report import report_target, write_report
     from shadowbench.reports.words import counted
     from shadowbench.results.configurations import sections
     from shadowbench.results.folder import read_folders
 
     target = report_target(output, format, split)
+    techniques_with(plugin or ())  # whose metrics are columns too
     with console.Reporter(quiet) as reporter:
         reporter.stage("reading", 1, ", ".join(map(str, folders)))
         runs, sweeps = read_folders(folders)

@@ -129,9 +129,17 @@ def _print_table(title: str, found: "Sequence[Configuration]") -> None:
 
 def _columns(found: "Sequence[Configuration]", narrow: bool) -> dict[str, str]:
     """The columns of a table, by heading: fewer on a narrow terminal, no optional one that is empty."""
+    from shadowbench.scores.metrics import plugged_in
+
     lacking = {key for key in _OPTIONAL if all(one.values.get(key) is None for one in found)}
-    columns = _SOFT_COLUMNS if any(one.soft for one in found) else _COLUMNS
-    return {heading: key for heading, key in columns.items() if key not in lacking and (key in _NARROW or not narrow)}
+    soft = any(one.soft for one in found)
+    added = {one.label or one.name: one.name for one in plugged_in() if one.suits(soft)}
+    columns = (_SOFT_COLUMNS if soft else _COLUMNS) | added
+    return {
+        heading: key
+        for heading, key in columns.items()
+        if key not in lacking and (not narrow or key in (*_NARROW, *added.values()))
+    }
 
 
 def _print_curves(section: "Section", found: "list[Curve]") -> None:

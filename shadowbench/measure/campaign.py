@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any, Literal, Protocol, Self
 from weakref import WeakKeyDictionary
 
-from shadowbench.errors import InputError, Unsupported, message, quoted
+from shadowbench.errors import InputError, MetricError, Unsupported, message, quoted
 from shadowbench.files import check_folder
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import Drawer
@@ -177,7 +177,11 @@ class Campaign:
             first, *later = self.drawer.draw(block, cell, keep=block.times(cell) and len(block.views) == 1)
         except (Unsupported, CellFailed) as reason:
             return row | {"status": status_of(reason)}, None
-        row |= {"status": "ok", **mask_record(first.visibility, block.truth(0), block.prepared, surface)}
+        try:
+            scores = mask_record(first.visibility, block.truth(0), block.prepared, surface)
+        except MetricError as error:
+            return row | {"status": f"failed: {error}"}, None
+        row |= {"status": "ok", **scores}
         row |= {"gpu_bytes": first.gpu_bytes, "work": dict(first.work), "facts": dict(first.facts)}
         row["assumptions"] = list(block.scene.notes)
         if later:

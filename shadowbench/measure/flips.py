@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -38,8 +39,8 @@ FLIPS = Metric(
     "camera or light (--step) although the truth does not: shimmering. On an axis of stress, the largest share "
     "from one frame to the next. Empty under a light with a size, where the truth changes throughout the penumbra.",
 )
-ROW_METRICS: Mapping[str, Metric] = {**METRICS, FLIPS.name: FLIPS}
-"""All metrics that a row may have: those of its mask, and its flips."""
+ROW_METRICS: Mapping[str, Metric] = ChainMap({FLIPS.name: FLIPS}, METRICS)
+"""All metrics that a row may have: those of its mask, plug-ins' among them, and its flips."""
 
 
 def row_metrics(row: Mapping[str, Any]) -> dict[str, float | None]:

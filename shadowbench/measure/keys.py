@@ -4,6 +4,7 @@ Of our Python code they hold the declared versions alone: tidying it voids no ro
 """
 
 import hashlib
+import inspect
 import json
 import re
 import sys
@@ -16,6 +17,7 @@ from shadowbench.files import PACKAGE, data_folder
 from shadowbench.measure.cells import Cell
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
+from shadowbench.scores.metrics import plugged_in
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import own_techniques, source_file
@@ -34,7 +36,7 @@ def view_key(view: View) -> str:
 
 def cell_key(cell: Cell, view: str, coordinates: Coordinates, drawer: Mapping[str, str]) -> str:
     """Hex key of a cell; `view` is a `view_key`, `drawer` the identity of an executor."""
-    parts = {
+    parts: dict[str, object] = {
         "spec": cell.spec.full_text,
         "phase": cell.phase,
         "view": view,
@@ -43,6 +45,8 @@ def cell_key(cell: Cell, view: str, coordinates: Coordinates, drawer: Mapping[st
         "versions": versions.of_rows(),
         "sources": sources_of(cell.spec),
     }
+    if metrics := plugged_in():
+        parts["metrics"] = [(one.name, _digest(Path(inspect.getfile(one.function)))) for one in metrics]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 
 
@@ -54,6 +58,10 @@ def joint_key(parts: Sequence[object]) -> str:
 def sources_of(spec: Spec) -> str:
     """Digest of the shaders that a spec may use, composed, and of plug-ins' files."""
     return _sources(spec.techniques, tuple(map(type, spec.components)))
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 @cache

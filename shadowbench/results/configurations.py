@@ -20,7 +20,7 @@ from shadowbench.techniques.grammar import parameters_of
 from shadowbench.techniques.registry import preset_names
 
 BIAS_LENGTHS = ("fact_bias_m", "fact_bias_texels", "fact_normal_offset_m", "fact_normal_offset_texels")
-_VALUES = [*ROW_METRICS, *TRUTH_ERRORS, "width_bias", *TIMES[:4], *TOTALS, "gpu_bytes"]
+_VALUES = [*TRUTH_ERRORS, "width_bias", *TIMES[:4], *TOTALS, "gpu_bytes"]  # besides metrics
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def specs_of(sections: Sequence[Section]) -> list[str]:
 def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
     """The configurations of a frame, best first; its times must be normalised to one reference time."""
     numbers = _numbers_set(frame["spec"])
-    names = [*_VALUES, *(name for name in BIAS_LENGTHS if name in frame)]
+    names = [*ROW_METRICS, *_VALUES, *(name for name in BIAS_LENGTHS if name in frame)]
     columns = {name: frame[name].to_numpy(dtype=float, na_value=np.nan) for name in names}
     position = pd.Series(range(len(frame)), index=frame.index)
     found = []

@@ -3,12 +3,14 @@
 A metric is a function of a Comparison that returns a number, or None if its denominator is 0.
 """
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
+from shadowbench.errors import MetricError, message, quoted
 from shadowbench.scores import mask_metrics as masks
 from shadowbench.scores import soft_metrics as soft
 from shadowbench.scores.comparison import Comparison
@@ -94,7 +96,33 @@ def score(visibility: ArrayLike, prepared: PreparedTruth) -> dict[str, float | N
 
 def values_of(comparison: Comparison) -> dict[str, float | None]:
     """Values of all metrics by name, in the order of the table."""
-    return {metric.name: metric.function(comparison) for metric in METRICS.values()}
+    return {metric.name: _value(metric, comparison) for metric in METRICS.values()}
+
+
+def _value(metric: Metric, comparison: Comparison) -> float | None:
+    """Value of a metric. Raises MetricError, as the function of a plug-in may raise, or return, anything."""
+    try:
+        value = metric.function(comparison)
+        if value is None or math.isfinite(value):
+            return None if value is None else float(value)
+    except Exception as error:
+        raise MetricError(f"metric {metric.name}: {type(error).__name__}: {quoted(message(error))}") from error
+    raise MetricError(f"metric {metric.name}: found {value}; allowed: a finite number, or None")
+
+
+def plug_in(added: Sequence[Metric]) -> None:
+    """Add metrics to the table, in place of those added before. Raises ValueError for a name that is taken."""
+    for name in METRICS.keys() - _OWN:
+        del METRICS[name]
+    for metric in added:
+        if metric.name in METRICS:
+            raise ValueError(f"two metrics are called {metric.name!r}")
+        METRICS[metric.name] = metric
+
+
+def plugged_in() -> list[Metric]:
+    """The metrics that were added."""
+    return [metric for name, metric in METRICS.items() if name not in _OWN]
 
 
 METRICS: dict[str, Metric] = {
@@ -293,6 +321,9 @@ METRICS: dict[str, Metric] = {
     )
 }
 """All metrics by name, in the order of the columns."""
+
+
+_OWN = frozenset(METRICS)
 
 
 def is_soft(metrics: Mapping[str, Any]) -> bool:

@@ -1,6 +1,7 @@
 """The registry of techniques: built-in ones, those of installed packages, and files given by --plugin.
 
-Plug-ins may also define components: a bias, filter, fit or split, which registers itself where it is defined.
+Plug-ins may also define components (a bias, filter, fit or split), which register themselves where they are defined,
+and metrics: instances of `Metric`.
 """
 
 import hashlib
@@ -21,6 +22,7 @@ from types import ModuleType
 from shadowbench import techniques as package
 from shadowbench.errors import InputError, message, quoted
 from shadowbench.scenes.tables import LONGEST_NAME
+from shadowbench.scores.metrics import METRICS, Metric, plug_in
 from shadowbench.techniques.base import Entry, Technique
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
@@ -34,6 +36,7 @@ GROUP = "shadowbench.techniques"
 FAMILIES: tuple[type[Component], ...] = (Bias, Filter, Fit, Split)
 Plugged = type[Technique] | type[Component]
 _KINDS = "Technique, Bias, Filter, Fit or Split"
+_SCORED = "Metric(name, function(comparison) -> float | None, better, kind, help)"
 _MODULE = "shadowbench_plugin_"  # begins the names of modules loaded from files
 log = logging.getLogger(__name__)
 
@@ -55,14 +58,18 @@ def preset_names() -> Mapping[str, str]:
 
 
 def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
-    """All techniques by name. Components are those of this package, of installed packages and of these files.
+    """All techniques by name. Components and metrics are those of this package, of installed ones and of these files.
 
     Raises InputError for a plug-in that cannot be loaded or whose name is taken.
     """
     forget_components()
     found: dict[str, type[Technique]] = {}
-    files = dict.fromkeys(Path(plugin).resolve() for plugin in plugins)
-    for technique in [*own_techniques(), *_installed(), *(one for file in files for one in _from_file(file))]:
+    loaded = [_from_file(file) for file in dict.fromkeys(Path(plugin).resolve() for plugin in plugins)]
+    try:
+        plug_in([metric for _, metrics in loaded for metric in metrics])
+    except ValueError as error:
+        raise InputError(f"--plugin: {error}") from None
+    for technique in [*own_techniques(), *_installed(), *(one for own, _ in loaded for one in own)]:
         if technique.name in found and found[technique.name] is not technique:
             places = " and ".join(str(source_file(one)) for one in (found[technique.name], technique))
             raise InputError(f"two techniques are called {technique.name!r}: {places}")
@@ -103,7 +110,7 @@ def _installed() -> list[type[Technique]]:
     return [one for one in loaded if issubclass(one, Technique)]
 
 
-def _from_file(file: Path) -> list[type[Technique]]:
+def _from_file(file: Path) -> tuple[list[type[Technique]], list[Metric]]:
     if not file.is_file():
         raise InputError(f"--plugin {file}: no such file")
     # The hash keeps files of the same name in different folders apart.
@@ -120,11 +127,15 @@ def _from_file(file: Path) -> list[type[Technique]]:
     except (Exception, SystemExit) as error:  # executing a foreign file may raise anything
         raise InputError(f"--plugin {file}: {_summary(error)}") from error
     own = _defined_in(module)
-    if not own:
-        raise InputError(f"--plugin {file}: defines no subclass of {_KINDS}")
+    built_in = set(map(id, METRICS.values()))
+    metrics = [one for one in vars(module).values() if isinstance(one, Metric) and id(one) not in built_in]
+    if not own and not metrics:
+        raise InputError(f"--plugin {file}: defines no subclass of {_KINDS}, and no {_SCORED}")
+    for metric in metrics:
+        _check_name(metric.name, f"--plugin {file}")
     bases = {base for one in own for base in one.__mro__[1:]}
     checked = [_checked(one, f"--plugin {file}") for one in own if one not in bases or _named(one)]
-    return [one for one in checked if issubclass(one, Technique)]
+    return [one for one in checked if issubclass(one, Technique)], metrics
 
 
 def _defined_in(module: ModuleType) -> list[Plugged]:
@@ -140,9 +151,7 @@ def _checked(one: object, where: str) -> Plugged:
         raise InputError(f"{where}: {one!r} is not a subclass of {_KINDS}")
     if not _named(one):
         raise InputError(f"{where}: {one.__name__} has no name")
-    if not re.fullmatch(WORD, one.name) or len(one.name) > LONGEST_NAME:
-        allowed = f"letters, digits, _ and -, at most {LONGEST_NAME} of them"
-        raise InputError(f"{where}: the name {one.name!r:.90} is not a valid name; allowed: {allowed}")
+    _check_name(one.name, where)
     missing = [_signature(one, name) for name in sorted(one.__abstractmethods__)]
     missing += ["shader, a file or text with the functions of filter.glsl"] * (
         issubclass(one, Filter) and not one.shader
@@ -153,6 +162,12 @@ def _checked(one: object, where: str) -> Plugged:
     if issubclass(one, Technique) and moved:
         raise InputError(f"{where}: {one.__name__} has {min(moved)}; allowed: catalogue = Entry({min(moved)}=…)")
     return one
+
+
+def _check_name(name: str, where: str) -> None:
+    if not re.fullmatch(WORD, name) or len(name) > LONGEST_NAME:
+        allowed = f"letters, digits, _ and -, at most {LONGEST_NAME} of them"
+        raise InputError(f"{where}: the name {name!r:.90} is not a valid name; allowed: {allowed}")
 
 
 def _signature(one: Plugged, name: str) -> str:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from shadowbench.gl.device import Device, arithmetic
+from shadowbench.gl.arithmetic import arithmetic
+from shadowbench.gl.device import Device
 
 CPU = Path("/proc/cpuinfo")
 FUSED = CPU.exists() and " fma " in CPU.read_text()
@@ -21,7 +22,7 @@ def elsewhere(device: Device) -> partial[str]:
     if "llvmpipe" not in device.renderer or not FUSED:
         pytest.skip("Mesa's software renderer on a processor with fused multiply-add")
     program = (
-        "from shadowbench.gl.device import open_device; from shadowbench.gl.device import arithmetic;"
+        "from shadowbench.gl.device import open_device; from shadowbench.gl.arithmetic import arithmetic;"
         "print(arithmetic(open_device()))"
     )
     return partial(_output, program)
