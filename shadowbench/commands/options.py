@@ -23,7 +23,7 @@ SceneArgument = Annotated[
 Plugins = Annotated[
     list[Path] | None,
     typer.Option(
-        "--plugin", metavar="FILE.py", help="A Python file that adds techniques, filters or metrics; repeatable."
+        "--plugin", metavar="FILE.py", help="A Python file with techniques, filters or metrics; repeatable."
     ),
 ]
 PartOption = Annotated[
