@@ -6,6 +6,8 @@ The commands as functions, and the types of their arguments and results; importe
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from shadowbench import versions
+
 if TYPE_CHECKING:
     from shadowbench.advice.recommendation import Recommendation
     from shadowbench.api import close, load, needs, recommend, render, run, score, stress, truth
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
     from shadowbench.techniques.spec import Spec
     from shadowbench.truths.trace import Truth
 
-__version__ = "0.1.0"
+__version__ = versions.VERSION
 __all__ = [
     "InputError",
     "Needs",

@@ -15,7 +15,6 @@ it. Calls from several threads are serialised. Arguments that take several value
 or a Series.
 """
 
-import atexit
 import logging
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -23,7 +22,6 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import RLock
 from typing import Any
 
 import pandas as pd
@@ -39,19 +37,17 @@ from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.extremes.ranges import ranges_frame
 from shadowbench.extremes.stress import LIMITS, SWEEPING, default_specs, select_axes
 from shadowbench.extremes.stress import stress as sweep
-from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.failures import Limits
-from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
-from shadowbench.measure.worker import Worker
 from shadowbench.options import MAP_SIZE, PHASES, PIXEL_SAMPLES, ROUNDS, VIEW_SIZE, Measuring, SceneOptions, ViewOptions
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import chosen_view, opened
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
+from shadowbench.shared_worker import campaign, shared_worker
+from shadowbench.shared_worker import close as close
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.measure import Place, measure, study_from_options
 from shadowbench.survey.survey import Needs
@@ -67,27 +63,6 @@ SpecLike = str | Spec
 Files = str | Path | Iterable[str | Path]
 
 _log = logging.getLogger("shadowbench")
-
-
-class _LogReporter:
-    """Reporter that logs progress."""
-
-    def note(self, line: str) -> None:
-        _log.info(line)
-
-    def stage(self, name: str, total: int | None) -> None:
-        _log.debug("%s: %s", name, total)
-
-    def step(self, what: str) -> None:
-        _log.debug(what)
-
-
-class _SharedWorker:
-    """The worker process of all calls, started with the plug-ins and limits of the last one."""
-
-    lock = RLock()
-    worker: Worker | None = None
-    settings: tuple[tuple[Path, ...], Limits] | None = None
 
 
 @contextmanager
@@ -158,7 +133,7 @@ def render(
     instance_of(technique, "technique", "a spec as text, or a Spec", str, Spec)
     (spec,) = _specs(technique, techniques_with(files))
     chosen = _view(scene, view_size, view, light)
-    with _worker(files) as worker:
+    with shared_worker(files) as worker:
         return draw_once(chosen, spec, worker, name=spec.text, with_map=True, tint=tint)
 
 
@@ -217,8 +192,8 @@ def run(
         ),
         view=ViewOptions(view=view, light=light),
     )
-    with _folder(folder) as path, _worker(files, chosen.limits) as worker:
-        return measure(chosen, path, [Place(partial(_campaign, worker=worker))]).run.last.frame
+    with _folder(folder) as path, shared_worker(files, chosen.limits) as worker:
+        return measure(chosen, path, [Place(partial(campaign, worker=worker))]).run.last.frame
 
 
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
@@ -259,9 +234,9 @@ def recommend(
     among = technique_names(as_list(techniques, "techniques", "names of techniques", str), known)
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
-    with _folder(folder) as path, _worker(files) as worker:
+    with _folder(folder) as path, shared_worker(files) as worker:
         found, _ = measure_recommendation(
-            chosen, target, known, _campaign(path, worker), on_this_machine=on_this_machine, among=among
+            chosen, target, known, campaign(path, worker), on_this_machine=on_this_machine, among=among
         )
     return found
 
@@ -283,39 +258,9 @@ def stress(
     chosen = select_axes(as_list(axes, "axes", "names of axes", str))
     known = techniques_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
-    with _folder(folder) as path, _worker(files, LIMITS) as worker:
-        found = sweep(specs, chosen, _campaign(path, worker, **SWEEPING), quick=quick)
+    with _folder(folder) as path, shared_worker(files, LIMITS) as worker:
+        found = sweep(specs, chosen, campaign(path, worker, **SWEEPING), quick=quick)
     return ranges_frame(found.ranges)
-
-
-def close() -> None:
-    """End the worker process, after the calls of other threads; the next drawing call starts another."""
-    with _SharedWorker.lock:
-        _end_worker()
-
-
-def _end_worker() -> None:
-    if _SharedWorker.worker is not None:
-        _SharedWorker.worker.stop()
-    _SharedWorker.worker = _SharedWorker.settings = None
-
-
-atexit.register(_end_worker)  # a daemon thread's call is not waited for
-
-
-@contextmanager
-def _worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> Iterator[Worker]:
-    """The worker process with these plug-ins and limits, for one thread at a time."""
-    settings = plugins, limits or Limits()
-    with _SharedWorker.lock:
-        if _SharedWorker.worker is None or _SharedWorker.settings != settings:
-            _end_worker()
-            _SharedWorker.worker, _SharedWorker.settings = Worker(*settings), settings
-        yield _SharedWorker.worker
-
-
-def _campaign(folder: Path, worker: Worker, **options: Any) -> Campaign:
-    return Campaign(folder, GLDrawer(worker), _LogReporter(), **options)
 
 
 @_parameter_names()

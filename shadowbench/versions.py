@@ -7,6 +7,9 @@ Results with an older one are measured again; tidying raises none.
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
+VERSION = "0.1.0"
+"""Version of this package."""
+
 DRAW = 1
 """Raised when Python code changes a mask, count of work, fact or number of bytes; shaders and plug-ins are hashed."""
 TRACE = 1

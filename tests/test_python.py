@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 import shadowbench as sb
-from shadowbench.api import _SharedWorker, _worker
+from shadowbench.shared_worker import _Shared, shared_worker
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "python.md"
 CODE = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -66,14 +66,14 @@ def test_a_table_has_the_columns_and_scores_of_a_run_folder(tmp_path: Path) -> N
 
 def test_calls_share_one_process_until_it_is_closed_or_others_plug_ins_are_asked_for() -> None:
     sb.render("cube-on-plane", "unshadowed", view_size=16)
-    first = _SharedWorker.worker
+    first = _Shared.worker
     sb.render("stairs", "unshadowed", view_size=16)
-    assert _SharedWorker.worker is first
+    assert _Shared.worker is first
     example = PAGE.parents[2] / "examples" / "sphere_proxies.py"
     sb.render("cube-on-plane", "sphere-proxies", view_size=16, plugins=[example])
-    assert _SharedWorker.worker is not first
+    assert _Shared.worker is not first
     sb.close()
-    assert _SharedWorker.worker is None
+    assert _Shared.worker is None
     sb.close()
 
 
@@ -171,13 +171,13 @@ def test_threads_take_turns() -> None:
 
 
 def test_close_waits_for_the_calls_of_other_threads() -> None:
-    with ThreadPoolExecutor(1) as pool, _worker(()) as worker:
+    with ThreadPoolExecutor(1) as pool, shared_worker(()) as worker:
         worker.ready()
         closed = pool.submit(sb.close)
         wait([closed], 0.3)  # long enough to end the process, if it did not wait
         assert not closed.done() and worker.info
         lit("unshadowed")
-    assert _SharedWorker.worker is None
+    assert _Shared.worker is None
 
 
 def test_threads_with_other_plug_ins_do_not_end_each_other_s_worker(half: Path) -> None:
@@ -206,10 +206,10 @@ for delay in (0.005, 0.05, 0.2):
 FORKED = """
 import os, sys
 import shadowbench as sb
-from shadowbench.api import _SharedWorker
+from shadowbench.shared_worker import _Shared
 
 first = sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility
-process = _SharedWorker.worker._process.pid
+process = _Shared.worker._process.pid
 for draws in (False, True):
     child = os.fork()
     if not child:
@@ -218,7 +218,7 @@ for draws in (False, True):
         sys.exit(0)
     assert os.waitpid(child, 0)[1] == 0
     assert (sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility == first).all()
-    assert _SharedWorker.worker._process.pid == process
+    assert _Shared.worker._process.pid == process
 """
 
 

@@ -20,7 +20,8 @@ import mitsuba as mi
 import numpy as np
 from scipy.stats import norm
 
-from shadowbench.scenes.model import Light, View, perpendicular_basis, unit
+from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.vectors import perpendicular_basis, unit
 from shadowbench.scenes.views import chosen_view
 from shadowbench.truths.trace import trace
 

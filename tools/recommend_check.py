@@ -11,9 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from shadowbench.advice.recommendation import MARGINS, Target, find_cheapest, trial_of
+from shadowbench.advice.recommendation import MARGINS, find_cheapest, trial_of
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import full_space, grid_of
+from shadowbench.advice.target import Target
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.gl_drawer import GLDrawer

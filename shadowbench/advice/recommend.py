@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from shadowbench.advice.recommendation import Measure, Recommendation, Target, Unit, find_cheapest
+from shadowbench.advice.recommendation import Recommendation, Unit, find_cheapest
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import chosen_techniques
+from shadowbench.advice.target import Measure, Target
 from shadowbench.advice.words import obstacles, target_notes
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file

@@ -37,14 +37,13 @@ def tune_parameters(
     params: str | None = None,
     trials: int = 100,
     map_size: Sequence[int] = (2048,),
-    phases: int = 2,
     **others: Any,
 ) -> TuningResult:
     """Search a technique's parameters, from the default and the presets on.
 
     scenes: by default the built-in ones whose lights have no size; held_out: names of scenes for the last score, by
     default every third; params: comma-separated names of parameters, by default DEFAULT_PARAMETERS; map_size: results
-    for several sizes are averaged, as are phases; others: fields of a study, such as `view_size` and `assets`. Writes
+    for several sizes are averaged, as are `phases`, 2 by default; others: fields of a study, such as `assets`. Writes
     rows, `table.csv` and `run.json` into the campaign's folder. Raises InputError for parameters that cannot be
     searched, CellFailed if the default fails.
     """
@@ -54,7 +53,7 @@ def tune_parameters(
         _sizeless(spec_of(base.technique, (("preset", name),), f"preset {name}"), map_size)
         for name in base.technique.presets
     ]
-    study_fields = {"reference": base, "map_size": map_size, "rounds": 0, "phases": phases, **others}
+    study_fields = {"reference": base, "map_size": map_size, "rounds": 0, "phases": 2, **others}
     study = Study.of(scenes or hard_names(), [base], **study_fields)
     info = campaign.drawer.info
     check_sizes(study, info)

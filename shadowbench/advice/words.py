@@ -3,9 +3,10 @@
 import math
 from collections.abc import Iterator
 
-from shadowbench.advice.recommendation import Recommendation, Target
+from shadowbench.advice.recommendation import Recommendation
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES
+from shadowbench.advice.target import Target
 from shadowbench.measure.rows import Record
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults

@@ -13,8 +13,9 @@ from typing import Any
 from shadowbench.check.joining import Conflict, Joined, join
 from shadowbench.errors import InputError
 from shadowbench.extremes.ranges import points_frame, ranges_frame
+from shadowbench.measure.row_files import read_run_file
 from shadowbench.measure.row_store import command_line
-from shadowbench.measure.rows import SCHEMA, RunFile, StudyFacts, read_run_file
+from shadowbench.measure.rows import SCHEMA, RunFile, StudyFacts
 from shadowbench.reports.stability import analyse
 from shadowbench.reports.words import counted
 from shadowbench.results.bias_sweeps import read_sweep_positions

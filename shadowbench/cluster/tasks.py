@@ -23,7 +23,8 @@ from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.keys import files_in, plugin_folder, plugin_sources
 from shadowbench.measure.machine import machine, versions
 from shadowbench.measure.plugin_output import techniques_with
-from shadowbench.measure.rows import Record, stream_rows
+from shadowbench.measure.row_files import stream_rows
+from shadowbench.measure.rows import Record
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
 from shadowbench.techniques.spec import Spec, parse_spec

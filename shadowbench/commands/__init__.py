@@ -14,7 +14,6 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from shadowbench import __version__
 from shadowbench.commands import (
     check,
     doctor,
@@ -35,6 +34,7 @@ from shadowbench.commands import (
 )
 from shadowbench.commands.options import GroupedCommand
 from shadowbench.streams import safe_output
+from shadowbench.versions import VERSION
 
 _STOPPED = 130
 _NO_THREAD = "can't start new thread"  # Python's RuntimeError
@@ -91,7 +91,7 @@ def version_option(
 ) -> None:
     """Print the version for --version, or the help if no command is given."""
     if version:
-        typer.echo(__version__)
+        typer.echo(VERSION)
         raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())

@@ -22,9 +22,7 @@ SceneArgument = Annotated[
 ]
 Plugins = Annotated[
     list[Path] | None,
-    typer.Option(
-        "--plugin", metavar="FILE.py", help="A Python file with techniques, filters or metrics; repeatable."
-    ),
+    typer.Option("--plugin", metavar="FILE.py", help="A Python file with techniques, filters or metrics; repeatable."),
 ]
 PartOption = Annotated[
     str | None,

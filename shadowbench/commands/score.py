@@ -13,7 +13,7 @@ from shadowbench.options import ViewOptions
 
 if TYPE_CHECKING:
     from shadowbench.engines.accuracy import Accuracy
-    from shadowbench.scores.metrics import Metric
+    from shadowbench.scores.metric import Metric
 
 app = typer.Typer()
 

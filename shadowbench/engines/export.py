@@ -12,7 +12,8 @@ import numpy as np
 from shadowbench.engines.model import glb_of
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.scenes.model import Camera, Floats, Light, View, perpendicular_basis, unit
+from shadowbench.scenes.model import Camera, Light, View
+from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 from shadowbench.scores.masks import write_mask
 from shadowbench.truths.trace import Truth
 

@@ -6,7 +6,8 @@ import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
-from shadowbench.scenes.model import Floats, Light, Scene, View, perpendicular_basis, unit
+from shadowbench.scenes.model import Light, Scene, View
+from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 
 Json = dict[str, Any]
 

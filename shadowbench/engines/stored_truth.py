@@ -15,8 +15,9 @@ from shadowbench.errors import InputError, printable
 from shadowbench.measure.scoring import depths, points_at, prepare_truth
 from shadowbench.options import ViewOptions
 from shadowbench.scenes.digest import view_digest
-from shadowbench.scenes.model import LONGEST_VIEW_NAME, Camera, Light, Scene, View, vec3
+from shadowbench.scenes.model import LONGEST_VIEW_NAME, Camera, Light, Scene, View
 from shadowbench.scenes.tables import LIGHT_TABLES, NAME
+from shadowbench.scenes.vectors import vec3
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import read_arrays, truth_of, write_truth
 from shadowbench.truths.trace import Truth

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
-from shadowbench.scenes.model import Floats, Light, Scene, View
+from shadowbench.scenes.model import Light, Scene, View
+from shadowbench.scenes.vectors import Floats
 
 # A plane is (n, d) with a unit normal n; n·x + d ≥ 0 is inside.
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shadowbench.compiled import compile_once, compiled
 from shadowbench.geometry.topology import Indices
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.vectors import Floats
 
 Weights = NDArray[np.int8]
 

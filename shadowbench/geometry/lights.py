@@ -5,7 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
+from shadowbench.scenes.model import Light
+from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.geometry import Geometry, in_slices
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.vectors import Floats
 
 LEAST_SHARE = 0.0005
 """Default smallest area of a plane, as a share of the searched area."""

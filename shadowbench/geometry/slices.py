@@ -6,7 +6,8 @@ import numpy as np
 
 from shadowbench.geometry.convex import box_planes, corners, frustum_planes
 from shadowbench.geometry.lights import Box, LightSpace
-from shadowbench.scenes.model import Camera, Floats
+from shadowbench.scenes.model import Camera
+from shadowbench.scenes.vectors import Floats
 
 PRACTICAL_WEIGHT = 0.9
 """Default λ of the practical split."""

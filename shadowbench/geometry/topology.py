@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from shadowbench.scenes.model import Floats, Scene, Vec3
+from shadowbench.scenes.model import Scene
+from shadowbench.scenes.vectors import Floats, Vec3
 
 Indices = NDArray[np.int64]
 Singles = NDArray[np.float32]

@@ -3,7 +3,8 @@
 import numpy as np
 from pyglm import glm
 
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats
 
 
 def view_projection(view: View) -> Floats:

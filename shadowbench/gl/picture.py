@@ -12,7 +12,8 @@ from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Sampling, link
 from shadowbench.gl.shaders import compose
-from shadowbench.scenes.model import Vec3, View, unit, vec3
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Vec3, unit, vec3
 
 
 @dataclass(frozen=True)

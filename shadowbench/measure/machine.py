@@ -12,12 +12,11 @@ from typing import Any
 
 import psutil
 
-from shadowbench import __version__
 from shadowbench.files import replace_file
 from shadowbench.measure.drawer import Drawer
 from shadowbench.measure.row_store import command_line
 from shadowbench.measure.rows import SCHEMA, StudyFacts
-from shadowbench.versions import installed
+from shadowbench.versions import VERSION, installed
 
 _LIBRARIES = ("moderngl", "pyglm", "numpy", "embreex", "scikit-image", "scipy", "pandas", "trimesh", "pydantic")
 
@@ -45,7 +44,7 @@ def machine_key(drawer: Drawer) -> str:
 def versions() -> dict[str, str]:
     """Versions of shadowbench, Python and the libraries that results depend on."""
     return {
-        "shadowbench": __version__,
+        "shadowbench": VERSION,
         "python": platform.python_version(),
         **{name: installed(name) for name in _LIBRARIES},
     }

@@ -11,7 +11,8 @@ from filelock import FileLock, Timeout
 
 from shadowbench.errors import InputError
 from shadowbench.files import remove_temporaries
-from shadowbench.measure.rows import SCHEMA, CellIdentity, Record, stream_rows
+from shadowbench.measure.row_files import stream_rows
+from shadowbench.measure.rows import SCHEMA, CellIdentity, Record
 from shadowbench.scenes.model import Coordinates, View
 
 IMAGES = ("masks", "pictures", "truth", "differences")

@@ -5,10 +5,9 @@ would leave the folder when used in a path; anything else raises InputError. Unk
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any, BinaryIO, Literal, NotRequired
+from typing import Annotated, Any, Literal, NotRequired
 
 from pydantic import (
     AfterValidator,
@@ -18,17 +17,13 @@ from pydantic import (
     FiniteFloat,
     StringConstraints,
     TypeAdapter,
-    ValidationError,
     with_config,
 )
 from typing_extensions import TypedDict
 
-from shadowbench.errors import InputError
 from shadowbench.scenes.model import Coordinates, LightShape
-from shadowbench.strict import explain
 
 SCHEMA = 1
-_HEAD = b'{"schema": 1'  # prefix of every line, a truncated one included
 
 Record = Mapping[str, Any]
 """A ScoreRow or a TimeRow, unknown fields included."""
@@ -274,66 +269,13 @@ def _is_finite(value: object) -> bool:
 
 _SCORE_FIELDS = frozenset({*CellIdentity.__annotations__, *ScoreRow.__annotations__} - {"input"})
 _TIME_FIELDS = frozenset(TimeRow.__annotations__.keys() - {"passes"})
-_ROW: TypeAdapter[ScoreRow | TimeRow] = TypeAdapter(
+ROW: TypeAdapter[ScoreRow | TimeRow] = TypeAdapter(
     Annotated[
         Annotated[ScoreRow, AfterValidator(_check_score_row)] | Annotated[TimeRow, AfterValidator(_check_time_row)],
         Discriminator("kind", "kind", "a row whose kind is 'score' or 'time'"),
     ]
 )
-_RUN_FILE: TypeAdapter[RunFile] = TypeAdapter(RunFile)
-
-
-def stream_rows(file: Path) -> Iterator[tuple[Record, int]]:
-    """Each row of a `rows.jsonl`, and the position in bytes where it ends; after the last, a truncated one may follow.
-
-    Raises InputError, with the line number, for a line that is no row, and for a file that cannot be read.
-    """
-    end = 0
-    try:
-        with _open(file) as stream:
-            for number, line in enumerate(stream, start=1):
-                if line.endswith(b"\n"):
-                    end += len(line)
-                    yield _row(file, number, line[:-1]), end
-                elif not (line.startswith(_HEAD) or _HEAD.startswith(line)):
-                    raise InputError(f"{file} line {number}: found no valid row; allowed: a row of schema {SCHEMA}")
-    except OSError as error:
-        raise _cannot_read(file, error) from None
-
-
-def _row(file: Path, number: int, line: bytes) -> Record:
-    try:
-        return _ROW.validate_json(line)
-    except ValidationError as error:
-        raise explain(f"{file} line {number}", error) from None
-
-
-def read_run_file(file: Path) -> RunFile:
-    """Contents of a `run.json`; empty if there is no file. Raises InputError for any other content."""
-    if not file.exists():
-        return {}
-    try:
-        return _RUN_FILE.validate_json(_bytes(file))
-    except ValidationError as error:
-        raise explain(str(file), error) from None
-
-
-def _bytes(file: Path) -> bytes:
-    try:
-        with _open(file) as stream:
-            return stream.read()
-    except OSError as error:
-        raise _cannot_read(file, error) from None
-
-
-def _open(file: Path) -> BinaryIO:
-    if not file.is_file():  # reading a named pipe would block
-        raise InputError(f"{file}: is not a file")
-    return file.open("rb")
-
-
-def _cannot_read(file: Path, error: OSError) -> InputError:
-    return InputError(f"{file}: cannot be read ({error.strerror or error})")
+RUN_FILE: TypeAdapter[RunFile] = TypeAdapter(RunFile)
 
 
 def renderer_of(driver: str, arithmetic: str | None) -> str:

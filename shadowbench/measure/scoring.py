@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Camera, Floats, View
+from shadowbench.scenes.model import Camera, View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.scores.metrics import values_of

@@ -14,8 +14,8 @@ from typing import Any
 
 import psutil
 
-import shadowbench
 from shadowbench.errors import NO_PROCESS, ShadowbenchError, Unsupported, message, quoted
+from shadowbench.files import PACKAGE
 from shadowbench.gl.program import ShaderError
 from shadowbench.measure.failures import CellFailed, MemoryExceeded
 from shadowbench.measure.pipe import Pipe
@@ -74,7 +74,7 @@ def _error_line(error: Exception) -> str:
     if isinstance(error, ShaderError):
         print(error, file=sys.stderr)
     frames = traceback.extract_tb(error.__traceback__)
-    package = str(Path(shadowbench.__file__).parent)
+    package = str(PACKAGE)
     ours = [frame for frame in frames if not frame.filename.startswith(package)]
     place = (ours or frames)[-1]
     first_line = quoted((message(error).splitlines() or [""])[0])

@@ -12,7 +12,6 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from shadowbench import __version__
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import OperatingRange
 from shadowbench.measure.flips import ROW_METRICS
@@ -36,6 +35,7 @@ from shadowbench.reports.words import (
 from shadowbench.results.configurations import Section, specs_of
 from shadowbench.results.folder import Run, Sweep
 from shadowbench.techniques.registry import preset_names
+from shadowbench.versions import VERSION
 
 _PAGE = Path(__file__).parent / "page"
 _GLOBALS = "window.vegaEmbed = vegaEmbed;"
@@ -77,7 +77,7 @@ def html_report(
         metrics=ROW_METRICS.values(),
         presets=presets_of(styles.specs),
         command=shlex.join(["shadowbench", *sys.argv[1:]]),
-        version=__version__,
+        version=VERSION,
         style=(_PAGE / "report.css").read_text(encoding="utf-8"),
         scripts=[(_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS],
         bundle=_bundle(),

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from statistics import fmean
 from typing import cast
 
 import numpy as np
@@ -15,7 +14,8 @@ from shadowbench.results.folder import Run
 from shadowbench.results.intervals import Interval, interval
 from shadowbench.results.tables import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
-from shadowbench.scores.metrics import METRICS, Metric, is_soft, ranking
+from shadowbench.scores.metric import Metric
+from shadowbench.scores.metrics import METRICS, is_soft, ranking
 from shadowbench.techniques.grammar import parameters_of
 from shadowbench.techniques.registry import preset_names
 
@@ -127,22 +127,6 @@ class Configuration:
     def order(self) -> tuple[float, str, int]:
         """Sort key: the best first."""
         return math.inf if self.error is None else self.error.median, self.spec, self.map_size or 0
-
-
-def mean(parts: Sequence[Configuration]) -> Configuration:
-    """Means of one configuration over scenes; a value that is missing in one of them is None."""
-    if len(parts) == 1:
-        return parts[0]
-    first = parts[0]
-    found = {name: [one.value(name) for one in parts] for name in first.values}
-    values = {
-        name: None if None in medians else Interval(fmean(cast("list[float]", medians)))
-        for name, medians in found.items()
-    }
-    cells, phases = sum(one.cells for one in parts), min(one.phases for one in parts)
-    return Configuration(
-        first.technique, first.spec, first.full_spec, first.map_size, cells, (), values, phases, first.unset
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,8 @@ from typing import Any
 import pandas as pd
 
 from shadowbench.errors import InputError
-from shadowbench.measure.rows import Record, Result, RunFile, read_run_file, stream_rows
+from shadowbench.measure.row_files import read_run_file, stream_rows
+from shadowbench.measure.rows import Record, Result, RunFile
 from shadowbench.results.bias_sweeps import SweepPositions, add_factor_columns, read_sweep_positions
 from shadowbench.results.tables import cells_frame, cells_frames, write_table
 from shadowbench.scores.metrics import is_soft

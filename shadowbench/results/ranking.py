@@ -2,11 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import fmean
+from typing import cast
 
 import pandas as pd
 
-from shadowbench.results.configurations import Configuration, Section, mean
-from shadowbench.scores.metrics import METRICS, Metric
+from shadowbench.results.configurations import Configuration, Section
+from shadowbench.results.intervals import Interval
+from shadowbench.scores.metric import Metric
+from shadowbench.scores.metrics import METRICS
 from shadowbench.techniques.unshadowed import Unshadowed
 
 _KINDS = {False: "hard ", True: "soft "}
@@ -123,6 +127,22 @@ def _error(one: Configuration) -> float:
 def _unsupported(one: Configuration) -> bool:
     statuses = one.refused
     return not one.cells and bool(statuses) and all(status.startswith("unsupported") for status in statuses)
+
+
+def mean(parts: Sequence[Configuration]) -> Configuration:
+    """Means of one configuration over scenes; a value that is missing in one of them is None."""
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+    found = {name: [one.value(name) for one in parts] for name in first.values}
+    values = {
+        name: None if None in medians else Interval(fmean(cast("list[float]", medians)))
+        for name, medians in found.items()
+    }
+    cells, phases = sum(one.cells for one in parts), min(one.phases for one in parts)
+    return Configuration(
+        first.technique, first.spec, first.full_spec, first.map_size, cells, (), values, phases, first.unset
+    )
 
 
 def title_of_all(kind: Sequence[Section], kinds: int) -> str:

@@ -8,7 +8,8 @@ import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import bounds_of
-from shadowbench.scenes.model import SUN_RADIUS, Camera, Floats, Light, Mesh, Scene, Vec3, unit, vec3
+from shadowbench.scenes.model import SUN_RADIUS, Camera, Light, Mesh, Scene
+from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 
 VIEW_FROM = (1.25, 1.2, 2.7)
 FOV_Y = math.radians(36.0)

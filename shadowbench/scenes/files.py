@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError
 from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
 from shadowbench.scenes.meshes import Contents, read_meshes
-from shadowbench.scenes.model import Floats, Light, Mesh, Scene
+from shadowbench.scenes.model import Light, Mesh, Scene
 from shadowbench.scenes.shapes import SHAPES, build_shape
 from shadowbench.scenes.tables import (
     MOST_COPIES,
@@ -27,6 +27,7 @@ from shadowbench.scenes.tables import (
     light_from_table,
 )
 from shadowbench.scenes.triangles import MOST_TRIANGLES, Triangles, checked, transformed, without_zero_area
+from shadowbench.scenes.vectors import Floats
 from shadowbench.strict import Strict, explain, read_toml, short
 
 

@@ -6,8 +6,8 @@ All are deterministic: the same parameters give the same triangles.
 import numpy as np
 from pydantic import Field
 
-from shadowbench.scenes.model import Floats
 from shadowbench.scenes.triangles import Faces, Triangles
+from shadowbench.scenes.vectors import Floats
 from shadowbench.strict import Strict
 
 

@@ -16,8 +16,9 @@ import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.gltf_layout import Layout, NodeTable
-from shadowbench.scenes.model import WIDEST_CONE, Camera, Floats, Light, unit, vec3
+from shadowbench.scenes.model import WIDEST_CONE, Camera, Light
 from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, name_from
+from shadowbench.scenes.vectors import Floats, unit, vec3
 
 # Extensions that are supported, or do not affect the geometry.
 HONOURED = re.compile(

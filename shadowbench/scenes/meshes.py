@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes import gltf
 from shadowbench.scenes.gltf_bytes import read_primitives
-from shadowbench.scenes.gltf_layout import Layout, Primitive, checked_layout
-from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, vec3
+from shadowbench.scenes.gltf_checks import checked_layout
+from shadowbench.scenes.gltf_layout import Layout, Primitive
+from shadowbench.scenes.model import Camera, Light, Mesh
 from shadowbench.scenes.obj import read_obj, read_off
 from shadowbench.scenes.ply import read_ply
 from shadowbench.scenes.polygons import triangulated
@@ -27,6 +28,7 @@ from shadowbench.scenes.triangles import (
     welded,
     without_zero_area,
 )
+from shadowbench.scenes.vectors import Floats, Vec3, vec3
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply, ".stl": read_stl}

@@ -3,7 +3,6 @@
 Right-handed, y up, cameras look along −z; metres, radians, float64. All classes are immutable.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -12,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import Floats as Floats
 from shadowbench.scenes.geometry import Geometry
+from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 
-Vec3 = tuple[float, float, float]
 LightKind = Literal["directional", "spot", "point"]
 LightShape = Literal[LightKind, "disc", "rectangle"]
 Coordinates = Literal["relative", "absolute"]
@@ -28,34 +26,6 @@ SUN_RADIUS = float(np.radians(0.2665))
 """Mean angular radius of the sun, in radians."""
 NEAREST_TARGET = 1e-12
 """Least distance from a camera to its target, as a share of their coordinates, whose float64 precision is 2e-16."""
-
-
-def vec3(values: Sequence[float] | Floats) -> Vec3:
-    """Three numbers as a hashable tuple of floats."""
-    x, y, z = (float(value) for value in values)
-    return (x, y, z)
-
-
-def unit(vector: Sequence[float] | Floats) -> Floats:
-    """(3,) float64 unit vector. Raises ZeroDivisionError for a zero or non-finite vector."""
-    array = np.asarray(vector, dtype=np.float64)
-    largest = float(np.abs(array).max())
-    if not largest > 0.0 or not np.isfinite(largest):
-        raise ZeroDivisionError(f"no direction in {array}")
-    array = array / largest  # avoids underflow and overflow of the squares of 1e-200 and 1e200
-    return array / np.linalg.norm(array)
-
-
-def perpendicular_basis(back: Floats, up: Sequence[float] | Floats) -> Floats:
-    """(3, 3) right-handed basis with rows right, up, back; the last is the unit vector `back`.
-
-    An `up` parallel to `back` is replaced by the coordinate axis most perpendicular to `back`.
-    """
-    right = np.cross(unit(up), back)
-    if np.linalg.norm(right) < 1e-6:
-        right = np.cross(np.eye(3)[np.argmin(np.abs(back))], back)
-    right = unit(right)
-    return np.stack([right, np.cross(back, right), back])
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import in_slices
-from shadowbench.scenes.model import Floats
 from shadowbench.scenes.triangles import FLATTEST, MOST_TRIANGLES
+from shadowbench.scenes.vectors import Floats
 
 Integers = NDArray[np.int64]
 Number = TypeVar("Number", bound=np.generic)

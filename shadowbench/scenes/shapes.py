@@ -14,8 +14,8 @@ from pydantic import Field, ValidationError
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes import generators
-from shadowbench.scenes.model import Floats
 from shadowbench.scenes.triangles import Triangles, welded, without_zero_area
+from shadowbench.scenes.vectors import Floats
 from shadowbench.strict import Strict, explain
 
 _BOX = [[6, 4, 7], [3, 6, 7], [7, 4, 5], [5, 3, 7], [6, 0, 4], [2, 6, 3], [2, 0, 6], [4, 0, 5], [1, 3, 5], [5, 0, 1]]

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.lines import BLANK, Lines, lines_of, numbers, with_newlines
-from shadowbench.scenes.model import Floats
 from shadowbench.scenes.polygons import Integers, Polygons
 from shadowbench.scenes.tables import MOST_COPIES
+from shadowbench.scenes.vectors import Floats
 
 HEADER, TRIANGLE = 84, 50  # bytes
 KEYWORDS = ("solid", "endsolid", "facet", "endfacet", "outer", "endloop", "vertex")

@@ -7,8 +7,9 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Vec3, vec3
+from shadowbench.scenes.model import WIDEST_CONE, Camera, Light
 from shadowbench.scenes.triangles import LARGEST
+from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.strict import Strict, explain
 
 MOST_COPIES = 50_000

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.vectors import Floats
 
 Faces = NDArray[np.int32]
 

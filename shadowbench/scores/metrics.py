@@ -4,9 +4,8 @@ A metric is a function of a Comparison that returns a number, or None if its den
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -14,75 +13,8 @@ from shadowbench.errors import MetricError, message, quoted
 from shadowbench.scores import mask_metrics as masks
 from shadowbench.scores import soft_metrics as soft
 from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.metric import Metric
 from shadowbench.scores.prepared import PreparedTruth
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A row of the table of metrics.
-
-    kind: the shadows it suits, hard-edged, soft or both; tolerance: change against a baseline that is not reported;
-    resolution: field of a row with the truth's own error, below which a value means nothing, None if there is none;
-    label: its name in sentences and headings; targets: the values that reports ask for, from easy to hard.
-    """
-
-    name: str
-    function: Callable[[Comparison], float | None]
-    better: Literal["higher", "lower", "near 0", "near 1"]
-    kind: Literal["hard", "soft", "both"]
-    help: str
-    tolerance: float = 0.001
-    resolution: Literal["truth_error", "truth_error_pen"] | None = None
-    label: str = ""
-    targets: tuple[float, ...] = ()
-
-    @property
-    def error_label(self) -> str:
-        """Heading of its error, such as `1 − IoU`."""
-        return f"1 − {self.label}" if self.better == "higher" else self.label
-
-    def suits(self, soft: bool) -> bool:
-        """Whether it is shown of hard shadows, or of soft ones: of those, not what is made for hard edges alone.
-
-        Those of hard edges that have targets are: recommendations may ask for them of any shadow.
-        """
-        return not soft or self.kind != "hard" or bool(self.targets)
-
-    def error(self, value: float) -> float:
-        """The error of a value: 1 − x of a similarity, else the value."""
-        return 1 - value if self.better == "higher" else value
-
-    def meets(self, value: float, limit: float) -> bool:
-        """Whether a value is as good as a limit."""
-        return value >= limit if self.better == "higher" else value <= limit
-
-    def text(self, value: float | None, digits: Callable[[float], str], fields: Mapping[str, Any]) -> str:
-        """Text of a value, – for None; `<0.0012` for one below the truth's own error, one of the fields of its row."""
-        least = None if self.resolution is None else fields.get(self.resolution)
-        if value is None:
-            return "–"
-        return f"<{digits(least)}" if least is not None and value < least else digits(value)
-
-    def digits_beside(self, limit: float, digits: Callable[[float], str]) -> Callable[[float], str]:
-        """Formats a value by `digits`, or longer where that rounds it across a limit, or to a similarity of 1."""
-
-        def side(value: float) -> tuple[bool, bool]:
-            return self.meets(value, limit), self.better == "higher" and value == 1
-
-        def text(value: float) -> str:
-            longer = (f"{value:.{places}g}" for places in range(4, 18))
-            return next(one for one in (digits(value), *longer) if side(float(one)) == side(value))
-
-        return text
-
-    def worse(self, before: float, after: float) -> float:
-        """By how much a value has become worse; below 0 if it has become better."""
-        if self.better == "higher":
-            return before - after
-        if self.better == "lower":
-            return after - before
-        ideal = 0.0 if self.better == "near 0" else 1.0
-        return abs(after - ideal) - abs(before - ideal)
 
 
 def score(visibility: ArrayLike, prepared: PreparedTruth) -> dict[str, float | None]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from shadowbench.geometry.convex import box_planes, corners
 from shadowbench.geometry.lights import window
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.vectors import Floats
 from shadowbench.survey.maps import REFERENCE_SIZE, FittedMap
 from shadowbench.survey.rays import Indices
 from shadowbench.survey.sampling import Estimate

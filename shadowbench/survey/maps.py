@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from shadowbench.geometry.lights import Box, LightSpace, light_space
-from shadowbench.scenes.model import Floats, perpendicular_basis
+from shadowbench.scenes.vectors import Floats, perpendicular_basis
 from shadowbench.survey.rays import Indices
 from shadowbench.survey.sampling import Samples
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.scenes.model import SUN_RADIUS, Floats, Light, View
+from shadowbench.scenes.model import SUN_RADIUS, Light, View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.soft_metrics import rmse
 from shadowbench.survey.maps import longest

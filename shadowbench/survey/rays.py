@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats, View, unit
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats, unit
 from shadowbench.truths.embree import INFINITE, Tracer
 from shadowbench.truths.rays import EDGE_ON, dot
 

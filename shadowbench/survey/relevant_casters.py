@@ -10,7 +10,7 @@ import numpy as np
 
 from shadowbench.geometry.lights import LightSpace
 from shadowbench.scenes.geometry import in_slices
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.vectors import Floats
 from shadowbench.survey.maps import FittedMap, Footprint
 from shadowbench.survey.rays import Indices, Mask
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import Floats, Placement, View
+from shadowbench.scenes.model import Placement, View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.survey.rays import Indices, Mask, lighting, surfaces
 from shadowbench.truths.embree import Tracer, over_slices
 from shadowbench.truths.rays import GRAZING, Receivers

@@ -9,7 +9,8 @@ from shadowbench.geometry.convex import caster_and_receiver_vertices
 from shadowbench.geometry.lights import LightSpace
 from shadowbench.geometry.slices import practical_depths, slices
 from shadowbench.scenes.geometry import bounds_of
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.survey.depth import occluder_gap
 from shadowbench.survey.maps import FLAT, REFERENCE_SIZE, FittedMap
 from shadowbench.survey.rays import Indices

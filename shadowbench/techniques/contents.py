@@ -6,7 +6,7 @@ import numpy as np
 
 from shadowbench.gl.program import Sampling, Texture, Wrap
 from shadowbench.gl.targets import Kind
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.vectors import Floats
 from shadowbench.techniques.filters import Contents, Kernel
 from shadowbench.techniques.params import TechniqueParams
 from shadowbench.techniques.stage import Stage

@@ -12,7 +12,8 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Value
 from shadowbench.gl.targets import DepthFormat, unsupported_map
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from shadowbench.geometry.convex import box_planes, corners, view_planes
 from shadowbench.geometry.lights import LightView, light_space
 from shadowbench.gl.program import Ranges
-from shadowbench.scenes.model import Floats, Scene, View
+from shadowbench.scenes.model import Scene, View
+from shadowbench.scenes.vectors import Floats
 
 _CHUNK = 256  # triangles that are drawn or culled together
 _GAP = 1024  # a gap of fewer indices is drawn, as another draw call costs more

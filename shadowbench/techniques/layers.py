@@ -3,7 +3,8 @@
 import numpy as np
 
 from shadowbench.geometry.topology import Singles
-from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
+from shadowbench.scenes.model import Light
+from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 
 _ROUNDING = 1e-6  # of the largest coordinate: exceeds the float32 rounding of a silhouette
 

@@ -12,7 +12,8 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State
-from shadowbench.scenes.model import WIDEST_CONE, Floats, Light, Vec3, View, perpendicular_basis, unit, vec3
+from shadowbench.scenes.model import WIDEST_CONE, Light, View
+from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.grammar import Call
 from shadowbench.techniques.registry import own_techniques

@@ -13,7 +13,8 @@ from shadowbench.geometry.convex import SceneHull
 from shadowbench.geometry.lights import LightView
 from shadowbench.gl.program import Comparison, Program, Ranges, Sampling, State, Texture, Value, Wrap
 from shadowbench.gl.targets import DepthFormat, Kind
-from shadowbench.scenes.model import Floats, Light, vec3
+from shadowbench.scenes.model import Light
+from shadowbench.scenes.vectors import Floats, vec3
 from shadowbench.techniques.base import Frame, Stage
 from shadowbench.techniques.biases import Bias, MapKind, NoBias
 from shadowbench.techniques.contents import MapContents

@@ -9,7 +9,8 @@ import numpy as np
 from shadowbench.geometry.lights import Box, LightSpace
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, Texture
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.techniques.base import Frame, Stage
 
 Inputs = Mapping[str, tuple[Texture, Sampling]]

@@ -22,7 +22,8 @@ from types import ModuleType
 from shadowbench import techniques as package
 from shadowbench.errors import InputError, message, quoted
 from shadowbench.scenes.tables import LONGEST_NAME
-from shadowbench.scores.metrics import METRICS, Metric, plug_in
+from shadowbench.scores.metric import Metric
+from shadowbench.scores.metrics import METRICS, plug_in
 from shadowbench.techniques.base import Entry, Technique
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter

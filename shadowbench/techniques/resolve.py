@@ -6,7 +6,7 @@ from pathlib import Path
 
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, Texture, Value
-from shadowbench.scenes.model import vec3
+from shadowbench.scenes.vectors import vec3
 from shadowbench.techniques.base import Frame, Stage
 from shadowbench.techniques.params import TechniqueParams
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from shadowbench.geometry.slices import PRACTICAL_WEIGHT, practical_depths
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.vectors import Floats
 from shadowbench.techniques.params import Component, param
 
 

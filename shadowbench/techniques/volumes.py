@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shadowbench.geometry.topology import Casters, Indices, Singles
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Sampling, State, Texture
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.vectors import Floats
 from shadowbench.techniques.base import Frame, Stage, TechniqueParams
 from shadowbench.techniques.batches import Batch
 from shadowbench.techniques.culling import kept_ranges

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.geometry import in_slices
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.vectors import Floats
 
 Result = TypeVar("Result")
 Singles = NDArray[np.float32]

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.compiled import compile_once, compiled
-from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
+from shadowbench.scenes.model import Light
+from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 
 Single = NDArray[np.float32]
 

@@ -11,7 +11,7 @@ import numpy as np
 from shadowbench.compiled import compile_once, compiled
 from shadowbench.geometry.tree import LEAF, Tree, build_tree
 from shadowbench.scenes.geometry import Geometry
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.rays import Mask, Receivers
 
 AT_SURFACE = 1e-9  # local length along L below which a hit is rounding, on a triangle in the receiver's own plane

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats, View, unit
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats, unit
 from shadowbench.truths.embree import INFINITE, Singles, Tracer
 
 Mask = NDArray[np.bool_]

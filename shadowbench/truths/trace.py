@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.files import png_of
 from shadowbench.scenes.geometry import bounds_of, used_by
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.embree import over_slices, rows_a_slice
 from shadowbench.truths.hard import hard_shadows
 from shadowbench.truths.rays import Indices, Mask, ViewRays

@@ -10,7 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from shadowbench.scenes.model import Camera, Floats, Light, LightShape, Scene, Vec3, perpendicular_basis, unit, vec3
+from shadowbench.scenes.model import Camera, Light, LightShape, Scene
+from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 from shadowbench.viewer.navigation import distance, projected, ray
 
 Handle = Literal["light", "aim"]

@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from shadowbench.scenes.model import NEAREST_TARGET, Camera, Floats, Vec3, unit, vec3
+from shadowbench.scenes.model import NEAREST_TARGET, Camera
 from shadowbench.scenes.triangles import LARGEST
+from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 
 LEAST_TILT = math.radians(1.0)
 """Least angle between the direction of view and the camera's up vector, in radians."""

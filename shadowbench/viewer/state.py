@@ -8,7 +8,8 @@ from typing import Literal, get_args
 
 from shadowbench.gl.picture import Shading
 from shadowbench.options import SceneOptions
-from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, Vec3, View, view_of
+from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
+from shadowbench.scenes.vectors import Vec3
 from shadowbench.scenes.views import Named, opened
 from shadowbench.techniques.spec import Spec
 

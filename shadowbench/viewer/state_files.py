@@ -15,7 +15,8 @@ from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
 from shadowbench.files import data_folder, replace_file
 from shadowbench.gl.picture import Shading
-from shadowbench.measure.rows import Record, read_run_file, stream_rows
+from shadowbench.measure.row_files import read_run_file, stream_rows
+from shadowbench.measure.rows import Record
 from shadowbench.options import VIEW_SIZE
 from shadowbench.scenes.files import read_document
 from shadowbench.scenes.library import builtin_names, load_scene

@@ -8,14 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from shadowbench.advice.recommendation import (
-    Recommendation,
-    Target,
-    find_cheapest,
-    least_error,
-    to_milliseconds,
-    trial_of,
-)
+from shadowbench.advice.recommendation import Recommendation, find_cheapest, least_error, to_milliseconds, trial_of
 from shadowbench.advice.search import Search, Trial, extrapolate, point_of
 from shadowbench.advice.space import (
     chosen_techniques,
@@ -27,6 +20,7 @@ from shadowbench.advice.space import (
     unavailable,
     untried_filters,
 )
+from shadowbench.advice.target import Target
 from shadowbench.advice.words import excluded_lines, obstacles, step_lines, target_notes
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Result

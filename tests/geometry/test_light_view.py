@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space
-from shadowbench.scenes.model import Light, unit
+from shadowbench.scenes.model import Light
+from shadowbench.scenes.vectors import unit
 
 KINDS = ["directional", "spot"]
 

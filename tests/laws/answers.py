@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.scenes.model import Light, View, perpendicular_basis, unit, vec3
+from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.vectors import perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.mask_metrics import iou
 from shadowbench.techniques.base import Frame, Phase, Stage

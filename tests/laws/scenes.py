@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from hypothesis import strategies as st
 
-from shadowbench.scenes.model import Camera, Floats, Light, LightKind, Mesh, Scene, Vec3, View, unit, vec3, view_of
+from shadowbench.scenes.model import Camera, Light, LightKind, Mesh, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
+from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 
 GRID = 2.0**-20
 FLOORS = {"ground": 0.0, "slope": 0.25}  # 8 m along a side, and how much it rises with x

@@ -18,7 +18,8 @@ from shadowbench.files import data_folder
 from shadowbench.geometry import convex
 from shadowbench.geometry.slices import Slice
 from shadowbench.gl.program import Stencil
-from shadowbench.scenes.model import IDENTITY_PLACEMENT, Scene, View, unit
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Scene, View
+from shadowbench.scenes.vectors import unit
 from shadowbench.techniques import maps, shadow_volume
 from shadowbench.techniques.biases import Constant, FrontCull, NoBias, ReceiverPlane
 from shadowbench.techniques.filters import PCF, Filter, Hard

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from shadowbench.measure.rows import Result
-from shadowbench.results.configurations import Configuration, mean
+from shadowbench.results.configurations import Configuration
 from shadowbench.results.curves import Slope, slopes
 from shadowbench.results.intervals import Interval, interval
+from shadowbench.results.ranking import mean
 from shadowbench.results.tables import cells_frame
 from shadowbench.scores.metrics import METRICS
 from shadowbench.techniques.registry import techniques

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Floats, Scene, View, view_of
+from shadowbench.scenes.model import Scene, View, view_of
+from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.embree import Tracer
 from shadowbench.truths.trace import Truth, trace
 

@@ -11,7 +11,8 @@ import pytest
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
-from shadowbench.scenes.model import Camera, Light, Mesh, Scene, Vec3, View, unit, view_of
+from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.vectors import Vec3, unit
 from shadowbench.scores import PreparedTruth, score
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import shader_folder, techniques

@@ -10,7 +10,8 @@ import math
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Light, Mesh, unit
+from shadowbench.scenes.model import Light, Mesh
+from shadowbench.scenes.vectors import unit
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec

@@ -15,7 +15,8 @@ from shadowbench.geometry.lights import Box, light_space, window
 from shadowbench.geometry.slices import Slice, slices, snapped
 from shadowbench.gl.gbuffer import download
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Camera, Light, unit, vec3, view_of
+from shadowbench.scenes.model import Camera, Light, view_of
+from shadowbench.scenes.vectors import unit, vec3
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from shadowbench.scenes.model import Light, Mesh, unit
+from shadowbench.scenes.model import Light, Mesh
+from shadowbench.scenes.vectors import unit
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.registry import techniques

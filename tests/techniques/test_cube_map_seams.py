@@ -12,7 +12,8 @@ from scipy.spatial import cKDTree
 from shadowbench.files import data_folder
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.gbuffer import download
-from shadowbench.scenes.model import Camera, Light, Scene, unit, view_of
+from shadowbench.scenes.model import Camera, Light, Scene, view_of
+from shadowbench.scenes.vectors import unit
 from shadowbench.techniques.base import Frame, Phase, Stage
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec

@@ -15,7 +15,8 @@ from shadowbench.geometry.convex import box_planes, corners, frustum_planes, hul
 from shadowbench.geometry.lights import Box, LightView, light_space
 from shadowbench.gl.clock import Clock
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, unit, view_of
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, view_of
+from shadowbench.scenes.vectors import unit
 from shadowbench.techniques import reduction
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.fits import Fit

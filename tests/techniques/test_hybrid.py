@@ -8,7 +8,8 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Light, Mesh, unit, vec3, view_of
+from shadowbench.scenes.model import Light, Mesh, view_of
+from shadowbench.scenes.vectors import unit, vec3
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import View, unit, view_of
+from shadowbench.scenes.model import View, view_of
+from shadowbench.scenes.vectors import unit
 from shadowbench.studies.study import find_study, read_study
 from shadowbench.techniques.light_samples import points_of
 from shadowbench.techniques.registry import techniques

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Light, Mesh, unit
+from shadowbench.scenes.model import Light, Mesh
+from shadowbench.scenes.vectors import unit
 from shadowbench.techniques.filters import Filter
 
 DOWN = Light("sun", "directional", (0.0, -1.0, 0.0))

@@ -14,8 +14,9 @@ from shadowbench.gl.clock import Clock, work_of
 from shadowbench.results.folder import IDENTITY, identity
 from shadowbench.scenes.files import transform_of
 from shadowbench.scenes.library import hard_names, load_scene
-from shadowbench.scenes.model import Light, Mesh, unit, view_of
+from shadowbench.scenes.model import Light, Mesh, view_of
 from shadowbench.scenes.tables import MeshTable
+from shadowbench.scenes.vectors import unit
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.batches import batches_of
 from shadowbench.techniques.culling import visible_region

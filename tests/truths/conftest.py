@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
-from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.trace import Truth
 
 from .oracle import answers

@@ -12,7 +12,8 @@ import numpy as np
 
 from shadowbench.compiled import compiled
 from shadowbench.scenes.geometry import Geometry
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats
 
 AT_ONCE = 256  # triangles, whose edges stay in the processor's cache
 PAIRS_PER_RAY = 64  # at first; the search is repeated where there are more

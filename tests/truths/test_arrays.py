@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from shadowbench.scenes.model import Floats, Light, Mesh, View
+from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.trace import trace
 
 Shape = Callable[..., Mesh]

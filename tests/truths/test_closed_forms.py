@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from shadowbench.scenes.model import Floats, Light, Mesh, View, vec3
+from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.vectors import Floats, vec3
 from shadowbench.truths.trace import Truth, trace
 
 AZIMUTH = math.radians(23.0)  # askew to everything

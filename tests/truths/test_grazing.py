@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Light, Mesh, Scene, View, vec3, view_of
+from shadowbench.scenes.model import Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.vectors import vec3
 from shadowbench.truths.embree import INFINITE
 from shadowbench.truths.near import NearCasters
 from shadowbench.truths.rays import GRAZING, Receivers

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.library import hard_names, load_scene
-from shadowbench.scenes.model import Camera, Light, Scene, Vec3, vec3, view_of
+from shadowbench.scenes.model import Camera, Light, Scene, view_of
+from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.truths.trace import trace
 from tests.samples import sampled
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Floats, Light, LightKind, Mesh, View
+from shadowbench.scenes.model import Light, LightKind, Mesh, View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.trace import OFFSET, trace
 
 Shape = Callable[..., Mesh]

@@ -6,7 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Floats, Light, Mesh, View, perpendicular_basis, unit, vec3
+from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit, vec3
 from shadowbench.truths.trace import STANDARD_ERROR, Truth, trace
 
 STUDENT = 4.44  # of Student's t with 7 degrees of freedom, 99.7% lies within it

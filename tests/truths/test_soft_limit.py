@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Light, View, vec3
+from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.tables import light_from_table
+from shadowbench.scenes.vectors import vec3
 from shadowbench.scenes.views import chosen_view
 from shadowbench.truths.trace import trace
 

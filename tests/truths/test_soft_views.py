@@ -6,7 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Floats, Light, Mesh, View
+from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.trace import Truth, trace
 
 pytestmark = pytest.mark.filterwarnings("error")

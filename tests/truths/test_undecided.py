@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.library import builtin_names, hard_names, load_scene
-from shadowbench.scenes.model import Floats, Light, Mesh, View, view_of
+from shadowbench.scenes.model import Light, Mesh, View, view_of
+from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.rays import GRAZING
 from shadowbench.truths.trace import OFFSET, STANDARD_ERROR, Truth, trace
 from tests.samples import sampled

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import Floats, Light, Mesh, View
+from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.trace import Truth, trace
 
 Shape = Callable[..., Mesh]

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.scenes.model import Camera, Light, LightShape, View, unit
+from shadowbench.scenes.model import Camera, Light, LightShape, View
+from shadowbench.scenes.vectors import unit
 from shadowbench.viewer.lights import (
     Dome,
     azimuth_elevation,

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.scenes.model import Camera, vec3
+from shadowbench.scenes.model import Camera
 from shadowbench.scenes.triangles import LARGEST
+from shadowbench.scenes.vectors import vec3
 from shadowbench.viewer.navigation import LEAST_TILT, distance, looked, orbited, panned, projected, ray, walked, zoomed
 
 CAMERA = Camera("camera", (3.0, 2.0, 4.0), (0.5, 0.5, -0.2), math.radians(40.0), near=0.1, far=50.0)

@@ -7,20 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from shadowbench.scenes.model import (
-    Camera,
-    Coordinates,
-    Floats,
-    Light,
-    LightKind,
-    Mesh,
-    Scene,
-    Vec3,
-    View,
-    vec3,
-    view_of,
-)
+from shadowbench.scenes.model import Camera, Coordinates, Light, LightKind, Mesh, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
+from shadowbench.scenes.vectors import Floats, Vec3, vec3
 
 Value = float | str
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from shadowbench.extremes.axes.model import TEXEL, Axis, Setting, base_view, ground, light_at, mesh, view_of_meshes
-from shadowbench.scenes.model import Floats, Light, LightKind, View, unit, vec3, view_of
+from shadowbench.scenes.model import Light, LightKind, View, view_of
+from shadowbench.scenes.vectors import Floats, unit, vec3
 
 FRAMES = 5
 """Frames of an animation, the first at rest."""

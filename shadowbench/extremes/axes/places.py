@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from shadowbench.extremes.axes.model import Axis, Setting, base_view
-from shadowbench.scenes.model import Coordinates, Floats, LightKind, Scene, View, vec3, view_of
+from shadowbench.scenes.model import Coordinates, LightKind, Scene, View, view_of
+from shadowbench.scenes.vectors import Floats, vec3
 
 _DIRECTION = np.array([0.8, 0.36, -0.48])  # unit length, along no axis
 

@@ -1,0 +1,37 @@
+"""Vectors in float64."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from shadowbench.scenes.geometry import Floats as Floats
+
+Vec3 = tuple[float, float, float]
+
+
+def vec3(values: Sequence[float] | Floats) -> Vec3:
+    """Three numbers as a hashable tuple of floats."""
+    x, y, z = (float(value) for value in values)
+    return (x, y, z)
+
+
+def unit(vector: Sequence[float] | Floats) -> Floats:
+    """(3,) float64 unit vector. Raises ZeroDivisionError for a zero or non-finite vector."""
+    array = np.asarray(vector, dtype=np.float64)
+    largest = float(np.abs(array).max())
+    if not largest > 0.0 or not np.isfinite(largest):
+        raise ZeroDivisionError(f"no direction in {array}")
+    array = array / largest  # avoids underflow and overflow of the squares of 1e-200 and 1e200
+    return array / np.linalg.norm(array)
+
+
+def perpendicular_basis(back: Floats, up: Sequence[float] | Floats) -> Floats:
+    """(3, 3) right-handed basis with rows right, up, back; the last is the unit vector `back`.
+
+    An `up` parallel to `back` is replaced by the coordinate axis most perpendicular to `back`.
+    """
+    right = np.cross(unit(up), back)
+    if np.linalg.norm(right) < 1e-6:
+        right = np.cross(np.eye(3)[np.argmin(np.abs(back))], back)
+    right = unit(right)
+    return np.stack([right, np.cross(back, right), back])
