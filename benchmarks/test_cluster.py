@@ -24,20 +24,20 @@ from distributed import Client
 from distributed import Worker as DaskWorker
 from distributed.utils import open_port
 
-from shadowbench.cluster import tasks
-from shadowbench.cluster.campaign import ClusterCampaign, ClusterDrawer
-from shadowbench.cluster.cluster import Cluster
-from shadowbench.cluster.tasks import Setup
+from shadowbench.measure import dask_tasks as tasks
 from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
+from shadowbench.measure.dask_cluster import Cluster
+from shadowbench.measure.dask_tasks import Setup
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Record
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
 from shadowbench.options import Measuring
+from shadowbench.plugin.registry import techniques
 from shadowbench.studies.measure import study_from_options
 from shadowbench.studies.run import run_blocks
 from shadowbench.studies.study import Study
-from shadowbench.techniques.registry import techniques
 from shadowbench.truths.cache import cached_truth
 
 WORKERS, PROCESSES, JOBS_EACH = 64, 4, 15

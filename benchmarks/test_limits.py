@@ -23,6 +23,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import ndimage
 from skimage.metrics import structural_similarity
 
+from shadowbench.maps import culling, reduction
 from shadowbench.measure.doctor import MAX_NOISE, measure_noise
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import CellRequest
@@ -33,7 +34,6 @@ from shadowbench.scenes.shapes import build_shape
 from shadowbench.scores import loops
 from shadowbench.scores.ssim import ssim_map
 from shadowbench.survey.survey import needs
-from shadowbench.techniques import culling, reduction
 from shadowbench.truths.cache import cached_truth
 
 ROUNDS = 7

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View, view_of
-from shadowbench.techniques.registry import techniques
 from shadowbench.truths.trace import trace
 
 # Number of triangles: (number of spheres, subdivisions of each). A million triangles take three spheres.

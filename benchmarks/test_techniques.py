@@ -12,10 +12,10 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from shadowbench.measure.cells import Cell
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import CellRequest
+from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.model import View
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.studies.study import find_study, read_study
-from shadowbench.techniques.registry import techniques
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shadowbench.gl.program import Sampling
-from shadowbench.techniques.base import Technique, TechniqueParams, param
+from shadowbench.plugin.base import Technique, TechniqueParams, param
 
 RESOLVE = """
 #include "receiver.glsl"

@@ -3,9 +3,9 @@
 shadowbench run spot-lamp -t "shadow-map:filter=variance" -t shadow-map --plugin examples/variance_shadow_map.py
 """
 
-from shadowbench.techniques.filters import Contents
-from shadowbench.techniques.moments import Filterable
-from shadowbench.techniques.params import param
+from shadowbench.maps.filters import Contents
+from shadowbench.maps.moments import Filterable
+from shadowbench.plugin.params import param
 
 SHADER = """
 uniform float filter_bleed;

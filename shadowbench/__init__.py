@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from shadowbench.api import close, load, needs, recommend, render, run, score, stress, truth
     from shadowbench.errors import InputError, ShadowbenchError
     from shadowbench.measure.rendering import Rendering
+    from shadowbench.plugin.base import Technique
+    from shadowbench.plugin.params import param
+    from shadowbench.plugin.spec import Spec
     from shadowbench.scenes.model import Scene
     from shadowbench.survey.survey import Needs
-    from shadowbench.techniques.base import Technique
-    from shadowbench.techniques.params import param
-    from shadowbench.techniques.spec import Spec
     from shadowbench.truths.trace import Truth
 
 __version__ = versions.VERSION

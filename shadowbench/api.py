@@ -42,6 +42,9 @@ from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.options import MAP_SIZE, PHASES, PIXEL_SAMPLES, ROUNDS, VIEW_SIZE, Measuring, SceneOptions, ViewOptions
+from shadowbench.plugin.base import Technique as Technique
+from shadowbench.plugin.params import param as param
+from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import chosen_view, opened
 from shadowbench.scores.masks import quantise
@@ -52,9 +55,6 @@ from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.measure import Place, measure, study_from_options
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as survey_view
-from shadowbench.techniques.base import Technique as Technique
-from shadowbench.techniques.params import param as param
-from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 

@@ -8,11 +8,11 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.extremes.axes import AXES, value_label
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.plugin_output import techniques_with
+from shadowbench.plugin.params import Component, TechniqueParams, allowed
+from shadowbench.plugin.spec import format_value
 from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import find_study, read_study, study_names
-from shadowbench.techniques.params import Component, TechniqueParams, allowed
-from shadowbench.techniques.spec import format_value
 
 Entry = dict[str, Any]
 

@@ -25,10 +25,10 @@ from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.measure import doctor, worker
 from shadowbench.measure.failures import Limits
 from shadowbench.measure.worker import Worker
+from shadowbench.plugin.registry import forget_components
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.techniques.registry import forget_components
 from shadowbench.truths import packets
 from shadowbench.truths.light_samples import LightSampler
 from shadowbench.truths.trace import Truth, trace

@@ -24,11 +24,11 @@ from shadowbench.measure.keys import sources_of
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
+from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import quantise
 from shadowbench.studies.study import read_study
-from shadowbench.techniques.registry import techniques
 from shadowbench.truths.trace import Truth, trace
 
 FILE = Path(__file__).with_name("probes.json")

@@ -20,13 +20,13 @@ from shadowbench.measure.failures import Limits
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker
+from shadowbench.plugin import spec
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.registry import techniques
 from shadowbench.results.configurations import Section, sections
 from shadowbench.results.folder import Run
 from shadowbench.studies.run import run_blocks
 from shadowbench.studies.study import Study, read_study
-from shadowbench.techniques import spec
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.registry import techniques
 
 SMALL = """
 scenes = ["cube-on-plane"]
@@ -61,7 +61,7 @@ translate = [0.0, 0.5, 0.0]
 HALF = '''
 """A technique in one file, its shader inline."""
 
-from shadowbench.techniques.base import Technique, TechniqueParams, param
+from shadowbench.plugin.base import Technique, TechniqueParams, param
 
 SHADER = """
 uniform float level;

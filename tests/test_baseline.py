@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
+from shadowbench.maps.biases import Bias
+from shadowbench.maps.filters import Filter
+from shadowbench.maps.fits import Fit
+from shadowbench.maps.splits import Split
+from shadowbench.plugin.params import Component
+from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.results.folder import IDENTITY, identity
 from shadowbench.studies.study import read_study
-from shadowbench.techniques.biases import Bias
-from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.fits import Fit
-from shadowbench.techniques.params import Component
-from shadowbench.techniques.registry import own_techniques, techniques
-from shadowbench.techniques.splits import Split
 
 BASELINE = Path(__file__).resolve().parents[1] / "results" / "baseline"
 ROWS = [json.loads(line) for line in (BASELINE / "rows.jsonl").read_text(encoding="utf-8").splitlines()]

@@ -22,9 +22,9 @@ from PIL import Image
 from shadowbench.api import load
 from shadowbench.api import truth as ray_traced
 from shadowbench.gl.device import Device
+from shadowbench.plugin.registry import GROUP, own_techniques, techniques
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.study import read_study
-from shadowbench.techniques.registry import GROUP, own_techniques, techniques
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

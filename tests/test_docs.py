@@ -10,7 +10,7 @@ import pytest
 from pages import compare
 from PIL import Image
 
-from shadowbench.techniques.registry import own_techniques
+from shadowbench.plugin.registry import own_techniques
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]

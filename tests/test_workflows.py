@@ -10,9 +10,9 @@ import yaml
 
 from shadowbench import __version__
 from shadowbench.commands import app
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 
 ROOT = Path(__file__).resolve().parents[1]
 SUITE, ENGINES = ROOT / ".github" / "workflows" / "ci.yml", ROOT / "docs" / "how-to" / "ci-for-engines.yml"

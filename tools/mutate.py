@@ -33,11 +33,11 @@ REASONS = ROOT / "tools" / "mutants.toml"
 FITS = ["tests/techniques/test_window.py", "tests/geometry/test_light_view.py", "tests/techniques/test_fits.py"]
 # Tests of each module; only tests that run in one process, since a worker process would import the unchanged module.
 TESTS = {
-    "shadowbench/techniques/fits.py": FITS,
+    "shadowbench/maps/fits.py": FITS,
     "shadowbench/geometry/lights.py": FITS,
     "shadowbench/geometry/convex.py": FITS,
     "shadowbench/scores/*.py": ["tests/scores"],
-    "shadowbench/check/baseline.py": ["tests/check/test_baseline.py"],
+    "shadowbench/results/baseline.py": ["tests/check/test_baseline.py"],
     "shadowbench/studies/t*s.py": ["tests/studies/test_tables.py", "tests/studies/test_times.py"],
 }
 # Modules imported once before children are forked, for the third-party packages that they import.

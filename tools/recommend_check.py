@@ -20,11 +20,11 @@ from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.registry import own_techniques, techniques
+from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.views import chosen_view
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.registry import own_techniques, techniques
-from shadowbench.techniques.spec import Spec
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")
 TARGETS = (

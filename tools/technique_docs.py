@@ -19,13 +19,13 @@ from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.params import Component, TechniqueParams, allowed
+from shadowbench.plugin.registry import source_file, techniques
+from shadowbench.plugin.spec import format_value
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.metrics import score
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.params import Component, TechniqueParams, allowed
-from shadowbench.techniques.registry import source_file, techniques
-from shadowbench.techniques.spec import format_value
 from shadowbench.truths.cache import cached_truth
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -20,13 +20,13 @@ from shadowbench.measure.drawer import Drawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import DeviceInfo
+from shadowbench.plugin.params import Component
+from shadowbench.plugin.spec import Spec
 from shadowbench.results.folder import write_cells
 from shadowbench.scenes.model import View
 from shadowbench.scores.metrics import ranking
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import Study
-from shadowbench.techniques.params import Component
-from shadowbench.techniques.spec import Spec
 from shadowbench.truths.cache import cached_truth
 
 ROUNDS = 9

@@ -19,13 +19,13 @@ from shadowbench.advice.space import (
 )
 from shadowbench.advice.target import Measure, Target
 from shadowbench.measure.rows import Result
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.spec import Spec
 from shadowbench.results.tables import cells_frame
 from shadowbench.results.times import ReferenceTime, normalise_times
 from shadowbench.scenes.model import View
 from shadowbench.scores.thresholded import ThresholdedMask
 from shadowbench.survey.survey import Needs, needs
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.spec import Spec
 from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.trace import Truth
 

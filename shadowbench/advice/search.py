@@ -12,9 +12,9 @@ import statistics
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
+from shadowbench.maps.filters import Filter
 from shadowbench.measure.rows import Result
-from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.spec import Spec, format_value
+from shadowbench.plugin.spec import Spec, format_value
 
 SLOPE = 1.0  # default of −d log(error) / d log(size): an edge is off by a fraction of a texel
 SLOPES = (0.4, 1.6)  # range to which measured slopes are clamped

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from shadowbench.errors import InputError
+from shadowbench.maps.filters import Filter
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import LightKind
 from shadowbench.survey.survey import Needs
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.spec import Spec, parse_spec
 
 SIZES = (256, 512, 1024, 2048, 4096)
 

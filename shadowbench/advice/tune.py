@@ -11,12 +11,12 @@ from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.failures import Failure
 from shadowbench.measure.rows import Record, Result
+from shadowbench.plugin.spec import Spec, spec_of
 from shadowbench.results.folder import write_cells
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.run import check_sizes
 from shadowbench.studies.study import Study, scenes_of
-from shadowbench.techniques.spec import Spec, spec_of
 
 
 @dataclass(frozen=True, eq=False)

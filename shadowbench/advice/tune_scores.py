@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from shadowbench.measure.rows import Record
+from shadowbench.plugin.spec import Spec
 from shadowbench.scores.metrics import is_soft, ranking
-from shadowbench.techniques.spec import Spec
 
 MIN_ERROR = 1e-4
 """Lower clamp of the errors, whose logarithms are averaged."""

@@ -13,11 +13,11 @@ from shadowbench.measure.campaign import Campaign, Reporter
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.failures import CellFailed
 from shadowbench.measure.rows import Record, Result
+from shadowbench.plugin.spec import Spec
 from shadowbench.results.times import pareto_front
 from shadowbench.scenes.model import view_of
 from shadowbench.studies.run import readable_blocks
 from shadowbench.studies.study import Study
-from shadowbench.techniques.spec import Spec
 
 if TYPE_CHECKING:
     from optuna import Study as OptunaStudy

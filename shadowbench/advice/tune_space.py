@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.techniques.params import Component, TechniqueParams, in_metres
-from shadowbench.techniques.spec import Spec
+from shadowbench.plugin.params import Component, TechniqueParams, in_metres
+from shadowbench.plugin.spec import Spec
 
 if TYPE_CHECKING:
     from optuna import Trial

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.check.baseline import COMPARED, Change, Findings, compare
 from shadowbench.engines.difference import with_legend
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
@@ -23,6 +22,7 @@ from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rows import SCHEMA, Record, Result, RunFile
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
+from shadowbench.results.baseline import COMPARED, Change, Findings, compare
 from shadowbench.results.folder import IDENTITY, Run, identity, read_runs
 from shadowbench.scores.metrics import is_soft
 from shadowbench.studies.crossing import Techniques

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shadowbench.check.joining import Conflict, Joined, join
 from shadowbench.errors import InputError
 from shadowbench.extremes.ranges import points_frame, ranges_frame
 from shadowbench.measure.row_files import read_run_file
@@ -20,6 +19,7 @@ from shadowbench.reports.stability import analyse
 from shadowbench.reports.words import counted
 from shadowbench.results.bias_sweeps import read_sweep_positions
 from shadowbench.results.folder import read_folders, write_cells
+from shadowbench.results.joining import Conflict, Joined, join
 from shadowbench.results.tables import write_table
 from shadowbench.scores.masks import mask_sha256, open_png, read_mask
 

@@ -13,9 +13,9 @@ from shadowbench.commands.options import Json, Plugins, Quiet
 from shadowbench.errors import InputError, alternatives
 
 if TYPE_CHECKING:
-    from shadowbench.check.baseline import Change, Findings
-    from shadowbench.check.repeat import RepeatResult
+    from shadowbench.results.baseline import Change, Findings
     from shadowbench.results.folder import Run
+    from shadowbench.results.repeat import RepeatResult
 
 _LINES = 40  # of a table, one per cell
 _LONGEST = 40  # characters of a status
@@ -132,7 +132,7 @@ def _pictures_line(pictures: Sequence[tuple[Path, bool]]) -> str | None:
 
 def _repeated(folder: Path, other: Path | None, json: bool, quiet: bool) -> int:
     """Compare two runs of a study, the other one first; the exit code."""
-    from shadowbench.check.repeat import compare_folders
+    from shadowbench.results.repeat import compare_folders
 
     found = compare_folders(folder) if other is None else compare_folders(other, folder)
     if json:
@@ -144,7 +144,7 @@ def _repeated(folder: Path, other: Path | None, json: bool, quiet: bool) -> int:
 
 
 def _print_repeated(found: "RepeatResult", quiet: bool) -> None:
-    from shadowbench.check.repeat import LEAST_RATIO, LEAST_TAU
+    from shadowbench.results.repeat import LEAST_RATIO, LEAST_TAU
 
     block, numbers = "scene, view, light, phase", ("cells", "pairs", "swapped", "τ", "τ of all pairs")
     rows = []
@@ -199,8 +199,8 @@ def _print(findings: "Findings", baseline: Path, time: bool) -> None:
 
 
 def _summary(findings: "Findings", baseline: Path) -> str:
-    from shadowbench.check.baseline import MISSING
     from shadowbench.reports.words import counted
+    from shadowbench.results.baseline import MISSING
 
     missing = [change for change in findings.changes if change.after == MISSING]
     counts = {

@@ -74,7 +74,7 @@ def entry(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def spec(incomplete: str) -> Iterator[tuple[str, str]]:
     """Techniques."""
-    from shadowbench.techniques.registry import techniques
+    from shadowbench.plugin.registry import techniques
 
     for one in techniques().values():
         yield one.name, " ".join((one.__doc__ or "").split("\n\n")[0].split())
@@ -82,7 +82,7 @@ def spec(incomplete: str) -> Iterator[tuple[str, str]]:
 
 def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
     """Names of the parameters of the technique that `tune` tunes, separated by commas."""
-    from shadowbench.techniques.registry import techniques
+    from shadowbench.plugin.registry import techniques
 
     technique = techniques().get(str(ctx.params.get("technique")).partition(":")[0])
     return _after_comma(incomplete, technique.Params.model_fields if technique else ())

@@ -32,8 +32,8 @@ def opening(
         with Worker(plugins, limits) as worker:
             yield partial(Campaign, drawer=GLDrawer(worker), reporter=reporter, **options)
         return
-    from shadowbench.cluster.campaign import ClusterCampaign, ClusterDrawer
-    from shadowbench.cluster.cluster import Cluster
+    from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
+    from shadowbench.measure.dask_cluster import Cluster
 
     time_on = machines.time_on if isinstance(machines, TimingMachines) else None
     if time_on == HERE:
@@ -62,8 +62,8 @@ def places(
     if worker is not None:
         yield [Place(partial(Campaign, drawer=GLDrawer(worker), reporter=reporter, **options))]
         return
-    from shadowbench.cluster.campaign import ClusterCampaign, ClusterDrawer
-    from shadowbench.cluster.cluster import Cluster
+    from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
+    from shadowbench.measure.dask_cluster import Cluster
 
     assert machines.dask is not None
     setup = (plugins, study.limits, machines.renderer, machines.any_renderer)

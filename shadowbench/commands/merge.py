@@ -9,7 +9,7 @@ from shadowbench.commands import console
 from shadowbench.commands.options import Json, Quiet
 
 if TYPE_CHECKING:
-    from shadowbench.check.joining import Conflict
+    from shadowbench.results.joining import Conflict
 
 _LINES = 40  # of the table of what differs
 

@@ -26,7 +26,7 @@ def new_technique(
 
     It is a shadow map with its shader, and runs unmodified. An existing file is not overwritten.
     """
-    from shadowbench.techniques.template import write_technique
+    from shadowbench.plugin.template import write_technique
 
     file = write_technique(name, output)
     typer.echo(f"{file}: try it with")

@@ -59,9 +59,9 @@ def render(
     from shadowbench.measure.pictures import write_picture
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
+    from shadowbench.plugin.base import Technique
+    from shadowbench.plugin.spec import parse_spec
     from shadowbench.scores.masks import write_mask
-    from shadowbench.techniques.base import Technique
-    from shadowbench.techniques.spec import parse_spec
 
     if len(technique) > 1:
         raise InputError(f"--technique: found {' and '.join(technique)}; allowed: one; `run` takes several")

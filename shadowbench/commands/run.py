@@ -132,9 +132,9 @@ def run(
         # It starts while the rest is imported and the study is read.
         worker = None if machines.dask is not None else stack.enter_context(Worker(plugin or ()))
         from shadowbench.measure.plugin_output import techniques_with
+        from shadowbench.plugin.spec import parse_spec
         from shadowbench.studies.measure import estimate, measure, study_from_options
         from shadowbench.studies.part import part_of
-        from shadowbench.techniques.spec import parse_spec
 
         chosen_part = part_of(part)
         known = techniques_with(plugin or ())

@@ -76,8 +76,8 @@ def stress(
     from shadowbench.extremes.stress import LIMITS, SWEEPING, default_specs, select_axes
     from shadowbench.extremes.stress import stress as walk
     from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.plugin.spec import parse_spec
     from shadowbench.studies.part import part_of
-    from shadowbench.techniques.spec import parse_spec
 
     chosen_part = part_of(part)
     axes = select_axes(axis or ())

@@ -76,10 +76,10 @@ def _print_dropped(drawn: "list[list[Configuration]]", table: Path) -> None:
 
 def _print_section(section: "Section", times: str, swept: "SweepPositions") -> None:
     """A table with a line for each spec and map size; then unsuccessful cells, slopes, notes and bias sweeps."""
+    from shadowbench.plugin.registry import preset_names
     from shadowbench.reports.words import bias_notes, phase_note
     from shadowbench.results.curves import curves, slopes
     from shadowbench.results.times import time_notes
-    from shadowbench.techniques.registry import preset_names
 
     _print_table(f"{section.scene}, best first{' by RMSE' if section.soft else ''}{times}", section.configurations)
     for one in section.configurations:

@@ -109,8 +109,8 @@ def tune(
     """
     from shadowbench.advice.tune import no_image, tune_parameters, values
     from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.plugin.spec import parse_spec
     from shadowbench.reports.words import counted
-    from shadowbench.techniques.spec import parse_spec
 
     known = techniques_with(plugin or ())
     with (

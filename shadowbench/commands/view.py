@@ -62,8 +62,8 @@ def view(
     checkout of shadowbench, pip install '.[viewer]'.
     """
     from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.plugin.spec import parse_spec
     from shadowbench.scenes.views import named
-    from shadowbench.techniques.spec import parse_spec
     from shadowbench.viewer.state import Origin, ViewerState
     from shadowbench.viewer.state_files import read_state
 

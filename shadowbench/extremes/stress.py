@@ -12,13 +12,13 @@ from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.failures import Failure, Limits
 from shadowbench.measure.rows import Record
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.spec import Spec
 from shadowbench.results.folder import read_folders
 from shadowbench.results.tables import write_table
 from shadowbench.scenes.model import LightKind
 from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.study import Study
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.spec import Spec
 
 Point = tuple[Axis, LightKind, Value]
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import Coordinates, LightKind, Scene, View
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.techniques.cube_map import CubeMap
 from shadowbench.techniques.shadow_map import ShadowMap
-from shadowbench.techniques.spec import Spec
 from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 from shadowbench.truths.trace import Truth

@@ -11,7 +11,7 @@ from shadowbench.measure.failures import Limits
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.time_rows import Timing
-from shadowbench.techniques.stage import ShaderText
+from shadowbench.plugin.stage import ShaderText
 
 
 class Drawer(Protocol):

@@ -13,9 +13,9 @@ from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.session import CellRequest, DeviceInfo, Session
 from shadowbench.measure.time_rows import Times, Timing
 from shadowbench.measure.worker import P, R, Worker
+from shadowbench.plugin.spec import Spec
+from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import View
-from shadowbench.techniques.spec import Spec
-from shadowbench.techniques.stage import ShaderText
 from shadowbench.techniques.unshadowed import Unshadowed
 
 _GROUP_SHARE = 0.5  # share of the memory limit for the cells of a group

@@ -15,13 +15,13 @@ from pathlib import Path
 from shadowbench import versions
 from shadowbench.files import PACKAGE, data_folder
 from shadowbench.measure.cells import Cell
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.params import Component
+from shadowbench.plugin.registry import own_techniques, source_file
+from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
 from shadowbench.scores.metrics import plugged_in
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.params import Component
-from shadowbench.techniques.registry import own_techniques, source_file
-from shadowbench.techniques.spec import Spec
 
 SOURCES = {".py", ".glsl", ".vert", ".geom", ".frag"}
 _COMMENT = re.compile(r"//.*|/\*[\s\S]*?\*/")

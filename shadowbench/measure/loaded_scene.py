@@ -7,10 +7,10 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.picture import PicturePass
+from shadowbench.plugin.base import Frame, Stage, Technique
+from shadowbench.plugin.registry import shader_folder
+from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
-from shadowbench.techniques.base import Frame, Stage, Technique
-from shadowbench.techniques.registry import shader_folder
-from shadowbench.techniques.spec import Spec
 
 
 class LoadedScene:

@@ -13,7 +13,7 @@ from typing import IO, TYPE_CHECKING, TextIO
 from shadowbench.streams import SafeStream
 
 if TYPE_CHECKING:
-    from shadowbench.techniques.base import Technique
+    from shadowbench.plugin.base import Technique
 
 MAX_CHARACTERS = 100_000
 """Characters forwarded from one process."""
@@ -65,7 +65,7 @@ def techniques_with(plugins: Sequence[Path]) -> "Mapping[str, type[Technique]]":
 
     Raises InputError for a plug-in that cannot be loaded.
     """
-    from shadowbench.techniques.registry import techniques  # the worker's start does not wait for this import
+    from shadowbench.plugin.registry import techniques  # the worker's start does not wait for this import
 
     stream = TruncatedStream(sys.stderr)
     with redirect_stdout(stream), redirect_stderr(stream):

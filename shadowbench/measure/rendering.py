@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from shadowbench.files import png_of
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.library import moderngl
+from shadowbench.maps.filters import Filter
+from shadowbench.plugin.base import Technique
 from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.scores.masks import quantise
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.filters import Filter
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,11 +22,11 @@ from shadowbench.gl.device import Device, open_device
 from shadowbench.measure.loaded_scene import BuiltCell, LoadedScene, OpenView
 from shadowbench.measure.rendering import Rendering, declared_work, finite_facts, visibility_of
 from shadowbench.measure.rows import renderer_of
+from shadowbench.plugin.base import Frame, Phase, Stage, Technique
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import Coordinates, Scene, View
-from shadowbench.techniques.base import Frame, Phase, Stage, Technique
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, parse_spec
-from shadowbench.techniques.stage import ShaderText
 
 WARM_UP = 2  # untimed draws before a cell is timed
 

@@ -15,6 +15,7 @@ from markupsafe import Markup, escape
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import OperatingRange
 from shadowbench.measure.flips import ROW_METRICS
+from shadowbench.plugin.registry import preset_names
 from shadowbench.reports.along_axes import LIMITS, axis_chart, metrics_along
 from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.gallery import GalleryCell, breaking_cells, gallery, no_pictures, scored_cells, size_limit
@@ -34,7 +35,6 @@ from shadowbench.reports.words import (
 )
 from shadowbench.results.configurations import Section, specs_of
 from shadowbench.results.folder import Run, Sweep
-from shadowbench.techniques.registry import preset_names
 from shadowbench.versions import VERSION
 
 _PAGE = Path(__file__).parent / "page"

@@ -5,13 +5,13 @@ from collections.abc import Iterable, Sequence
 
 from shadowbench.extremes.axes.model import NAMES, Axis, value_label
 from shadowbench.extremes.ranges import HARD, SOFT, OperatingRange, value_text
+from shadowbench.plugin.registry import preset_names
 from shadowbench.reports.stability import Stability, complete_count
 from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, Section
 from shadowbench.results.folder import Run, Sweep
 from shadowbench.results.times import time_notes
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
-from shadowbench.techniques.registry import preset_names
 
 SOFTWARE = "times of a software renderer: for trends only, not representative of a GPU"
 NO_HARDENING = (

@@ -17,10 +17,10 @@ import pandas as pd
 from shadowbench.errors import InputError
 from shadowbench.measure.row_files import read_run_file, stream_rows
 from shadowbench.measure.rows import Record, Result, RunFile
+from shadowbench.plugin.spec import without_retired
 from shadowbench.results.bias_sweeps import SweepPositions, add_factor_columns, read_sweep_positions
 from shadowbench.results.tables import cells_frame, cells_frames, write_table
 from shadowbench.scores.metrics import is_soft
-from shadowbench.techniques.spec import without_retired
 
 IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
 _identity_of = itemgetter(*IDENTITY)

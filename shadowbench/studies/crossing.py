@@ -20,15 +20,15 @@ from pydantic import (
 from pydantic_core import PydanticKnownError
 
 from shadowbench.errors import InputError, alternatives
+from shadowbench.maps.biases import Bias
 from shadowbench.options import MAP_SIZE
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.params import Component
+from shadowbench.plugin.spec import Spec, format_value, parse_spec
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Light, Scene
 from shadowbench.scenes.tables import camera_from_table, light_from_table
 from shadowbench.strict import explain
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.biases import Bias
-from shadowbench.techniques.params import Component
-from shadowbench.techniques.spec import Spec, format_value, parse_spec
 
 Techniques = Mapping[str, type[Technique]]
 

@@ -9,12 +9,12 @@ from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.failures import Failure
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.options import AS_STUDIED, FIRST, Measuring, ViewOptions
+from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.run import cell_seconds, readable_blocks, run_blocks
 from shadowbench.studies.study import Study, find_study, read_study
-from shadowbench.techniques.spec import Spec, has_size
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
     from shadowbench.results.bias_sweeps import SweepPositions

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from shadowbench.errors import InputError, ShadowbenchError
+from shadowbench.maps.filters import Filter
 from shadowbench.measure.campaign import Campaign, Uniform
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.failures import Failure
@@ -15,7 +16,6 @@ from shadowbench.measure.session import DeviceInfo
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.views import first_of
 from shadowbench.studies.study import Study, scenes_of
-from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.unshadowed import Unshadowed
 
 _PIXEL_S = 12e-9  # seconds of a drawn pixel or texel, on two cores without a GPU

@@ -14,6 +14,7 @@ from shadowbench.measure.failures import Limits
 from shadowbench.measure.flips import Stepped
 from shadowbench.measure.rows import StudyFacts
 from shadowbench.options import PHASES, ROUNDS, VIEW_SIZE, SceneOptions
+from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.views import Named, named, opened
@@ -31,7 +32,6 @@ from shadowbench.studies.crossing import (
     Source,
     Techniques,
 )
-from shadowbench.techniques.spec import Spec, parse_spec
 
 if TYPE_CHECKING:
     from shadowbench.results.bias_sweeps import SweepPositions

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from shadowbench.geometry.convex import box_planes, corners, view_planes
 from shadowbench.geometry.lights import LightSpace, LightView
+from shadowbench.maps.culling import box_corners, may_shadow, visible_region
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
-from shadowbench.techniques.culling import box_corners, may_shadow, visible_region
 
 Count = Literal["z-pass", "z-fail"]
 

@@ -15,14 +15,10 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, Texture, Value
 from shadowbench.gl.targets import DepthFormat, unsupported_map
-from shadowbench.scenes.model import View
-from shadowbench.scenes.vectors import Floats
-from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.techniques.biases import Bias, Texel
-from shadowbench.techniques.engines import BEVY, GODOT, UNITY
-from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.fits import widened
-from shadowbench.techniques.maps import (
+from shadowbench.maps.biases import Bias, Texel
+from shadowbench.maps.filters import Filter, Hardware
+from shadowbench.maps.fits import widened
+from shadowbench.maps.passes import (
     MAP_GRID,
     MAP_SOFT_GRID,
     CasterMap,
@@ -34,9 +30,13 @@ from shadowbench.techniques.maps import (
     penumbra_uniforms,
     unsupported_components,
 )
-from shadowbench.techniques.params import one_of
-from shadowbench.techniques.resolve import ResolvePass
-from shadowbench.techniques.splits import PracticalSplit, Split
+from shadowbench.maps.presets import BEVY, GODOT, UNITY
+from shadowbench.maps.resolve import ResolvePass
+from shadowbench.maps.splits import PracticalSplit, Split
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.plugin.params import one_of
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats
 
 _SPHERES = "count=4,box=sphere,stable=true"  # as in all engines
 

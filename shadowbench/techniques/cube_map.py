@@ -12,12 +12,9 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Value
 from shadowbench.gl.targets import DepthFormat, unsupported_map
-from shadowbench.scenes.model import View
-from shadowbench.scenes.vectors import Floats
-from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.techniques.biases import Bias, Texel
-from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import (
+from shadowbench.maps.biases import Bias, Texel
+from shadowbench.maps.filters import Filter, Hardware
+from shadowbench.maps.passes import (
     MAP_GRID,
     MAP_SOFT_GRID,
     CasterMap,
@@ -29,8 +26,11 @@ from shadowbench.techniques.maps import (
     penumbra_uniforms,
     unsupported_components,
 )
-from shadowbench.techniques.params import one_of
-from shadowbench.techniques.resolve import ResolvePass
+from shadowbench.maps.resolve import ResolvePass
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.plugin.params import one_of
+from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats
 
 _MARGIN = 1.001  # so that the farthest caster is stored nearer than an empty texel
 _NEAREST = 2.0**-24  # near plane as a share of far: closer to the light than float32 positions can resolve

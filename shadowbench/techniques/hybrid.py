@@ -11,14 +11,14 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State, Texture, Value
 from shadowbench.gl.targets import Kind
+from shadowbench.maps.biases import NoBias
+from shadowbench.maps.filters import Contents, Filter
+from shadowbench.maps.fits import Fit, ViewFit
+from shadowbench.maps.passes import FittedParams
+from shadowbench.plugin.base import Changes, Entry, Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.plugin.params import one_of
 from shadowbench.scenes.model import LightKind, View
-from shadowbench.techniques.base import Changes, Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.techniques.biases import NoBias
 from shadowbench.techniques.cube_map import CubeMap
-from shadowbench.techniques.filters import Contents, Filter
-from shadowbench.techniques.fits import Fit, ViewFit
-from shadowbench.techniques.maps import FittedParams
-from shadowbench.techniques.params import one_of
 from shadowbench.techniques.ray_traced import EXTRA_WORK, RayTraced, TracePass, ray_offset, too_large
 from shadowbench.techniques.shadow_map import ShadowMap
 

@@ -12,14 +12,14 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State
+from shadowbench.maps.resolve import ResolvePass
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.plugin.grammar import Call
+from shadowbench.plugin.registry import own_techniques
+from shadowbench.plugin.spec import Spec, spec_of
 from shadowbench.scenes.model import WIDEST_CONE, Light, View
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
-from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.techniques.grammar import Call
-from shadowbench.techniques.registry import own_techniques
-from shadowbench.techniques.resolve import ResolvePass
 from shadowbench.techniques.shadow_volume import ShadowVolume
-from shadowbench.techniques.spec import Spec, spec_of
 
 _GOLDEN = (math.sqrt(5) - 1) / 2
 _NEAREST = 10.0  # distance of receivers from a spot, in its radii, from which on all of its points light the whole cone

@@ -12,10 +12,10 @@ from shadowbench.gl.geometry import TRIANGLE_DEFINES, triangle_texels
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State, Texture
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats, vec3
-from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 
 _ROUNDING = 1e-6  # of the diagonal: exceeds the float32 distance of a plane's own corners from it near the origin
 _FLOAT_STEP = 2.0**-23  # of a coordinate: twice its float32 rounding error

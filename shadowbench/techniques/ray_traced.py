@@ -11,9 +11,9 @@ from shadowbench.gl.gbuffer import download
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, TRIANGLE_ROW, triangle_texels
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import Light, Scene, View
 from shadowbench.scenes.vectors import vec3
-from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.truths.embree import INFINITE, RAYS_A_SLICE, Tracer, over_slices
 
 EXTRA_WORK = "walks a tree in the shader, which counts of work do not see"

@@ -11,13 +11,10 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Wrap
 from shadowbench.gl.targets import DepthFormat, unsupported_map
-from shadowbench.scenes.model import View
-from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.techniques.biases import Bias, Texel
-from shadowbench.techniques.engines import BABYLON, BEVY, FILAMENT, GODOT, THREE, UNITY
-from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.fits import Fit
-from shadowbench.techniques.maps import (
+from shadowbench.maps.biases import Bias, Texel
+from shadowbench.maps.filters import Filter, Hardware
+from shadowbench.maps.fits import Fit
+from shadowbench.maps.passes import (
     MAP_GRID,
     MAP_SOFT_GRID,
     CasterMap,
@@ -32,8 +29,11 @@ from shadowbench.techniques.maps import (
     penumbra_uniforms,
     unsupported_components,
 )
-from shadowbench.techniques.params import one_of
-from shadowbench.techniques.resolve import ResolvePass
+from shadowbench.maps.presets import BABYLON, BEVY, FILAMENT, GODOT, THREE, UNITY
+from shadowbench.maps.resolve import ResolvePass
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.plugin.params import one_of
+from shadowbench.scenes.model import View
 
 
 class ShadowMap(Technique):

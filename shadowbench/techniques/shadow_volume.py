@@ -8,11 +8,11 @@ from shadowbench.gl.library import moderngl
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
+from shadowbench.maps.reduction import MinMaxReduction
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
-from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.batches import Batch, Count, batches_of
 from shadowbench.techniques.layers import LayerBound
-from shadowbench.techniques.reduction import MinMaxReduction
 from shadowbench.techniques.volumes import Extrusion, RenderPass, VolumePart, Volumes
 
 # The stencil stores the number of caster layers between receiver and light modulo 256: increments and decrements wrap,

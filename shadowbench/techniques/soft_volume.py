@@ -9,10 +9,10 @@ from shadowbench.geometry.convex import SceneHull
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State
+from shadowbench.maps.resolve import ResolvePass
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import Light
-from shadowbench.techniques.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.light_samples import LightSamples, hard_light, points_of
-from shadowbench.techniques.resolve import ResolvePass
 from shadowbench.techniques.shadow_volume import ShadowVolume
 
 POINTS = 16  # of the light in a pass: a target of four floats holds as many counters

@@ -1,8 +1,8 @@
 """Unshadowed rendering."""
 
 from shadowbench.gl.library import moderngl
-from shadowbench.techniques.base import Entry, Frame, Stage, Technique
-from shadowbench.techniques.resolve import ResolvePass
+from shadowbench.maps.resolve import ResolvePass
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique
 
 
 class Unshadowed(Technique):

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from shadowbench.geometry.topology import Casters, Indices, Singles
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Sampling, State, Texture
+from shadowbench.maps.culling import kept_ranges
+from shadowbench.plugin.base import Frame, Stage, TechniqueParams
 from shadowbench.scenes.vectors import Floats
-from shadowbench.techniques.base import Frame, Stage, TechniqueParams
 from shadowbench.techniques.batches import Batch
-from shadowbench.techniques.culling import kept_ranges
 
 Extrusion = Literal["triangle", "silhouette"]
 VolumePart = Literal["wall", "cap"]

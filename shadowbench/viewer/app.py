@@ -12,8 +12,8 @@ import moderngl
 
 from shadowbench.errors import ShadowbenchError
 from shadowbench.gl.device import Device
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.spec import Spec
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.spec import Spec
 from shadowbench.viewer.changed_files import ChangedFiles
 from shadowbench.viewer.drawing import Drawing, Drawn, Mask, moving_size, told
 from shadowbench.viewer.judge import Judge, Scores

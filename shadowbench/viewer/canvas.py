@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from imgui_bundle import imgui
 
-from shadowbench.techniques.spec import Spec
+from shadowbench.plugin.spec import Spec
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.lights import Dome, Handle, dragged, handles, is_far
 from shadowbench.viewer.navigation import looked, orbited, panned, projected, zoomed

@@ -14,9 +14,9 @@ from shadowbench.gl.clock import Clock, PassTimes, with_cost, work_of
 from shadowbench.gl.device import Device
 from shadowbench.measure.loaded_scene import LoadedScene
 from shadowbench.measure.rendering import checked_texture, declared_work, finite_facts, visibility_of
+from shadowbench.plugin.base import Frame, Phase, Stage, Technique
+from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
-from shadowbench.techniques.base import Frame, Phase, Stage, Technique
-from shadowbench.techniques.spec import Spec
 from shadowbench.viewer.state import ViewerState, recolored
 
 SHRINKS = (1, 2, 4)

@@ -10,8 +10,8 @@ from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Sampling, link
 from shadowbench.gl.shaders import compose
+from shadowbench.plugin.base import Technique
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
-from shadowbench.techniques.base import Technique
 from shadowbench.viewer.drawing import Drawn
 from shadowbench.viewer.state import Overlay, Source, ViewerState
 from shadowbench.viewer.truth import Traced

@@ -8,10 +8,10 @@ from typing import Literal, get_args
 
 from shadowbench.gl.picture import Shading
 from shadowbench.options import SceneOptions
+from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.vectors import Vec3
 from shadowbench.scenes.views import Named, opened
-from shadowbench.techniques.spec import Spec
 
 Layout = Literal["one", "wipe", "side by side"]
 Source = Literal["A", "B", "truth"]

@@ -18,14 +18,14 @@ from shadowbench.gl.picture import Shading
 from shadowbench.measure.row_files import read_run_file, stream_rows
 from shadowbench.measure.rows import Record
 from shadowbench.options import VIEW_SIZE
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.files import read_document
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh
 from shadowbench.scenes.tables import LIGHT_TABLES, Color
 from shadowbench.scenes.views import named
 from shadowbench.strict import Strict, explain
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer.state import Layout, Origin, Overlay, Source, ViewerState
 
 Techniques = Mapping[str, type[Technique]]

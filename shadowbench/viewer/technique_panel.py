@@ -6,10 +6,10 @@ from typing import Any
 
 from imgui_bundle import imgui
 
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.grammar import parse_value
+from shadowbench.plugin.spec import Spec, spec_of
 from shadowbench.scenes.triangles import LARGEST
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.grammar import parse_value
-from shadowbench.techniques.spec import Spec, spec_of
 from shadowbench.viewer.widgets import (
     BEYOND,
     CUSTOM,

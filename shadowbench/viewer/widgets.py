@@ -10,12 +10,12 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError
+from shadowbench.maps.biases import NoBias, Sum
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.params import Component, TechniqueParams, allowed
+from shadowbench.plugin.registry import own_techniques
+from shadowbench.plugin.spec import Spec, format_value, spec_of
 from shadowbench.strict import explain
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.biases import NoBias, Sum
-from shadowbench.techniques.params import Component, TechniqueParams, allowed
-from shadowbench.techniques.registry import own_techniques
-from shadowbench.techniques.spec import Spec, format_value, spec_of
 
 BEYOND = 2**30
 """Numbers of this magnitude or more are texts: sliders take 32 bits, and no limits near them."""

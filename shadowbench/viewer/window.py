@@ -17,7 +17,7 @@ from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
 
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.gl.device import before_context, device_of
-from shadowbench.techniques.base import Technique
+from shadowbench.plugin.base import Technique
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import Canvas
 from shadowbench.viewer.crash_reporter import CrashReporter

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from shadowbench.techniques.biases import Texel
+from shadowbench.maps.biases import Texel
 
 SCENE = """
 [camera]

@@ -23,14 +23,14 @@ from shadowbench.advice.space import (
 from shadowbench.advice.target import Target
 from shadowbench.advice.words import excluded_lines, obstacles, step_lines, target_notes
 from shadowbench.errors import InputError
+from shadowbench.maps.filters import Filter
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import View
 from shadowbench.scores import score
 from shadowbench.survey.survey import Needs, needs
-from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.truths.trace import Truth
 
 KNOWN = techniques()

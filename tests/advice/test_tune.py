@@ -25,12 +25,12 @@ from shadowbench.advice.tune_space import (
     split_scenes,
 )
 from shadowbench.errors import InputError
+from shadowbench.maps.biases import Constant, Sum
 from shadowbench.measure.rows import Record
+from shadowbench.plugin.params import in_metres
+from shadowbench.plugin.registry import own_techniques, techniques
+from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.studies.study import Study, scenes_of
-from shadowbench.techniques.biases import Constant, Sum
-from shadowbench.techniques.params import in_metres
-from shadowbench.techniques.registry import own_techniques, techniques
-from shadowbench.techniques.spec import Spec, parse_spec
 
 KNOWN = techniques()
 SHADOW_MAP = parse_spec("shadow-map", KNOWN)

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
+from shadowbench.plugin.registry import techniques
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.study import find_study, read_study
-from shadowbench.techniques.registry import techniques
 
 ROOT = Path(__file__).resolve().parents[2]
 

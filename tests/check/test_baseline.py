@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from shadowbench.check import baseline
-from shadowbench.check.baseline import compare
 from shadowbench.measure.rows import Result
+from shadowbench.results import baseline
+from shadowbench.results.baseline import compare
 from shadowbench.scores.metrics import METRICS
 
 GOOD = {name: 0.9 if metric.better == "higher" else 0.1 for name, metric in METRICS.items()}

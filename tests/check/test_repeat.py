@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from shadowbench.check.repeat import compare_runs
 from shadowbench.measure.rows import Result
+from shadowbench.results.repeat import compare_runs
 
 
 def result(

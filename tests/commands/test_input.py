@@ -71,7 +71,7 @@ FILES = {
     "empty.py": "",
     "broken.py": "def technique(:\n",
     "raises.py": "raise RuntimeError('no')\n",
-    "nameless.py": "from shadowbench.techniques.base import Technique\n\nclass Nameless(Technique):\n    pass\n",
+    "nameless.py": "from shadowbench.plugin.base import Technique\n\nclass Nameless(Technique):\n    pass\n",
     "study.toml": 'scenes = ["cube-on-plane"]\nround = 3\n',
     "broken-study.toml": "scenes = \n",
     "text.toml": 'scenes = ["cube-on-plane"]\nrounds = "many"\n',

@@ -17,9 +17,9 @@ from shadowbench.extremes.ranges import Failure, failure, operating_range, opera
 from shadowbench.extremes.stress import SWEEPING, spec_at, stress
 from shadowbench.measure.failures import Limits
 from shadowbench.measure.flips import flips
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import Truth
 
 Records = Callable[..., list[dict[str, Any]]]

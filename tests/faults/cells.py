@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import load_scene
 from shadowbench.studies.study import read_study
-from shadowbench.techniques.registry import techniques
 
 from .test_faults import CELLS, ROOT
 

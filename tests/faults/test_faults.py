@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from shadowbench.techniques.registry import own_techniques
+from shadowbench.plugin.registry import own_techniques
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]

@@ -18,11 +18,11 @@ import numpy as np
 import psutil
 
 from shadowbench.errors import InputError
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.studies.study import read_study
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 
 from .cases import ASSETS, INSIDE, OUTSIDE, ROOT, Case
 

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.plugin.base import Frame, Phase, Stage
+from shadowbench.plugin.registry import shader_folder
+from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.vectors import perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.mask_metrics import iou
-from shadowbench.techniques.base import Frame, Phase, Stage
-from shadowbench.techniques.registry import shader_folder
-from shadowbench.techniques.spec import Spec
 from shadowbench.truths.trace import trace
 
 NUDGE = 1 / 256  # of a pixel or texel: the rasteriser's sub-pixel grid, as in the truth's definition of undecided

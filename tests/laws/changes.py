@@ -10,9 +10,9 @@ from inspect import cleandoc
 
 import numpy as np
 
+from shadowbench.maps.fits import FixedFit
 from shadowbench.scenes.model import Mesh, Scene, View
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit, vec3
-from shadowbench.techniques.fits import FixedFit
 
 from .scenes import CONVEX, GRID, SHAPES, Caster, on_grid
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
+from shadowbench.plugin.registry import own_techniques
+from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import LightKind
-from shadowbench.techniques.registry import own_techniques
-from shadowbench.techniques.spec import Spec, parse_spec
 
 from .changes import LAWS, SIZE
 

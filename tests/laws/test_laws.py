@@ -18,16 +18,17 @@ from shadowbench.files import data_folder
 from shadowbench.geometry import convex
 from shadowbench.geometry.slices import Slice
 from shadowbench.gl.program import Stencil
+from shadowbench.maps import passes as maps
+from shadowbench.maps.biases import Constant, FrontCull, NoBias, ReceiverPlane
+from shadowbench.maps.filters import PCF, Filter, Hard
+from shadowbench.maps.fits import FixedFit
+from shadowbench.maps.moments import EVSM, VSM
+from shadowbench.maps.passes import caster_state
+from shadowbench.maps.pcss import PCSS
+from shadowbench.plugin.registry import own_techniques
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Scene, View
 from shadowbench.scenes.vectors import unit
-from shadowbench.techniques import maps, shadow_volume
-from shadowbench.techniques.biases import Constant, FrontCull, NoBias, ReceiverPlane
-from shadowbench.techniques.filters import PCF, Filter, Hard
-from shadowbench.techniques.fits import FixedFit
-from shadowbench.techniques.maps import caster_state
-from shadowbench.techniques.moments import EVSM, VSM
-from shadowbench.techniques.pcss import PCSS
-from shadowbench.techniques.registry import own_techniques
+from shadowbench.techniques import shadow_volume
 
 from .answers import Answer, Drawing, traced
 from .changes import LAWS, with_meshes

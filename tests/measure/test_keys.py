@@ -19,14 +19,14 @@ from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key, shader_names, view_key
 from shadowbench.measure.loaded_scene import LoadedScene
 from shadowbench.measure.machine import machine_key
+from shadowbench.plugin import stage
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Coordinates, View, view_of
-from shadowbench.techniques import stage
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.shadow_map import ShadowMap
-from shadowbench.techniques.spec import parse_spec
 
 DRAWER = {"renderer": "r", "embree": "e"}
 KNOWN = techniques()
@@ -328,7 +328,7 @@ def test_the_whole_package_of_a_plug_in_is_in_its_key(half: Path, tmp_path: Path
 
 
 FILTER = """
-from shadowbench.techniques.filters import Hard
+from shadowbench.maps.filters import Hard
 
 
 class Plugged(Hard):

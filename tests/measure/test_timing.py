@@ -16,9 +16,9 @@ from shadowbench.measure.failures import CellFailed, Limits, MemoryExceeded
 from shadowbench.measure.gl_drawer import GLDrawer, reference_cell
 from shadowbench.measure.session import CellRequest
 from shadowbench.measure.time_rows import Timing, time_row
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import Coordinates, LightKind
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, parse_spec
 
 KNOWN = techniques()
 FLOOR, REFERENCE, SLOW, FAST = "unshadowed", "shadow-map:size=16", "shadow-map:size=64", "shadow-map:size=32"

@@ -15,11 +15,11 @@ from PIL import Image
 from rich.console import Console
 
 from shadowbench.commands import console
+from shadowbench.plugin.registry import preset_names
 from shadowbench.reports import gallery, report
 from shadowbench.reports.gallery import difference
 from shadowbench.results import folder as folder_of_cells
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
-from shadowbench.techniques.registry import preset_names
 from tests.reports.conftest import CELLS, SIDE, Cell, galleries, image_of, scripts
 
 Shadowbench = Callable[..., Any]

@@ -13,6 +13,8 @@ import shadowbench
 from shadowbench.commands import app
 from shadowbench.errors import InputError
 from shadowbench.options import ViewOptions
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.assumed import without_ground
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.geometry import bounds_of
@@ -21,8 +23,6 @@ from shadowbench.scenes.views import chosen_view
 from shadowbench.studies.study import Study
 from shadowbench.survey.explanations import explanations_of
 from shadowbench.survey.survey import needs
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 
 
 @pytest.fixture

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import shadowbench as sb
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.assumed import with_sun
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light
 from shadowbench.studies.study import Study
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 
 NOTE = "no size of light in cube-on-plane: assumed the sun's angular radius, 0.2665°"
 

@@ -9,10 +9,10 @@ import pytest
 import shadowbench as sb
 from shadowbench.errors import InputError
 from shadowbench.options import Measuring, ViewOptions
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.studies.measure import study_from_options
 from shadowbench.studies.study import Study
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 
 KNOWN = techniques()
 SPEC = parse_spec("shadow-map", KNOWN)

@@ -14,11 +14,11 @@ from shadowbench.extremes.stress import default_specs
 from shadowbench.files import data_folder
 from shadowbench.measure.cells import Block
 from shadowbench.options import Measuring
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import builtin_names, hard_names
 from shadowbench.studies.measure import study_from_options
 from shadowbench.studies.study import Study, find_study, read_study, study_names
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 
 SCENE = 'scenes = ["cube-on-plane"]\n'
 HOME = "shadow-map"

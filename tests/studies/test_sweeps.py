@@ -11,13 +11,13 @@ import pandas as pd
 import pytest
 
 from shadowbench.errors import InputError
+from shadowbench.maps.biases import Bias
+from shadowbench.plugin.registry import techniques
 from shadowbench.results.bias_sweeps import SweepPositions, add_factor_columns, read_sweep_positions
 from shadowbench.results.configurations import Configuration
 from shadowbench.results.curves import curves
 from shadowbench.results.intervals import Interval
 from shadowbench.studies.study import Study, read_study
-from shadowbench.techniques.biases import Bias
-from shadowbench.techniques.registry import techniques
 
 KNOWN = techniques()
 BIASES = [bias for bias in Bias.table.values() if bias.__module__ == Bias.__module__]

@@ -17,6 +17,8 @@ import trimesh
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
+from shadowbench.plugin.base import Stage
+from shadowbench.plugin.registry import shader_folder
 from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
@@ -25,9 +27,7 @@ from shadowbench.survey.explanations import explanations_of
 from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
 from shadowbench.survey.sampling import Samples, sample_view
 from shadowbench.survey.survey import needs
-from shadowbench.techniques.base import Stage
 from shadowbench.techniques.planar_projection import PlanarProjection
-from shadowbench.techniques.registry import shader_folder
 from shadowbench.truths.embree import Tracer
 from shadowbench.truths.trace import trace
 from tests.survey.conftest import box, from_above, looking, plate

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from shadowbench.maps.biases import Texel
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey import sampling
@@ -25,7 +26,6 @@ from shadowbench.survey.texels import (
     texels_for,
     texels_of,
 )
-from shadowbench.techniques.biases import Texel
 from shadowbench.techniques.shadow_map import ShadowMap
 from tests.survey.conftest import box, from_above, looking, plate
 

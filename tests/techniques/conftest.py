@@ -11,12 +11,12 @@ import pytest
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
+from shadowbench.plugin.base import Frame, Phase, Stage, Technique
+from shadowbench.plugin.registry import shader_folder, techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.vectors import Vec3, unit
 from shadowbench.scores import PreparedTruth, score
-from shadowbench.techniques.base import Frame, Phase, Stage, Technique
-from shadowbench.techniques.registry import shader_folder, techniques
-from shadowbench.techniques.spec import parse_spec
 
 KNOWN = techniques()  # which searches all installed packages
 

@@ -10,11 +10,11 @@ import math
 import numpy as np
 import pytest
 
+from shadowbench.maps.biases import Bias
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.vectors import unit
-from shadowbench.techniques.biases import Bias
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 
 SIZE = 160
 TILTS = [5.0, 30.0, 60.0, 75.0]  # degrees between the plane's normal and the light

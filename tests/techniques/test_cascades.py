@@ -14,15 +14,15 @@ from shadowbench.errors import InputError
 from shadowbench.geometry.lights import Box, light_space, window
 from shadowbench.geometry.slices import Slice, slices, snapped
 from shadowbench.gl.gbuffer import download
+from shadowbench.maps.biases import Bias
+from shadowbench.maps.filters import Filter
+from shadowbench.maps.splits import PracticalSplit, ShareSplit, Split
+from shadowbench.plugin.base import Frame, Phase
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, view_of
 from shadowbench.scenes.vectors import unit, vec3
-from shadowbench.techniques.base import Frame, Phase
-from shadowbench.techniques.biases import Bias
-from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
-from shadowbench.techniques.splits import PracticalSplit, ShareSplit, Split
 from shadowbench.truths.trace import trace
 from tests.samples import sampled
 

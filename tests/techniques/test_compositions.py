@@ -12,10 +12,10 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.files import data_folder
+from shadowbench.plugin.params import Component
+from shadowbench.plugin.registry import own_techniques, techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Light, view_of
-from shadowbench.techniques.params import Component
-from shadowbench.techniques.registry import own_techniques, techniques
-from shadowbench.techniques.spec import parse_spec
 
 KNOWN = techniques()
 SHADERS = "\n".join(file.read_text(encoding="utf-8") for file in data_folder("shaders").rglob("*.*"))

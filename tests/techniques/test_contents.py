@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from shadowbench.maps.contents import kernel_weights
 from shadowbench.scenes.model import Light, Mesh
-from shadowbench.techniques.contents import kernel_weights
 
 SUN = Light("sun", "directional", (0.4, -1.0, 0.3))
 SPOT = Light("spot", "spot", (0.5, -1.0, 0.2), (-1.5, 3.0, -0.7), 1.0)

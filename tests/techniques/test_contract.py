@@ -11,9 +11,9 @@ import psutil
 import pytest
 
 from shadowbench.gl.raw import RawGL
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Camera, Light, View, view_of
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.techniques.unshadowed import Unshadowed
 from tests.samples import sampled
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from shadowbench.maps.biases import Bias
+from shadowbench.maps.filters import Filter
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.vectors import unit
-from shadowbench.techniques.biases import Bias
-from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 
 BIASES = sorted(name for name, row in Bias.table.items() if "cube" in row.maps)
 FILTERS = sorted(name for name, row in Filter.table.items() if "cube" in row.maps)

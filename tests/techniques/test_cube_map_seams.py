@@ -12,11 +12,11 @@ from scipy.spatial import cKDTree
 from shadowbench.files import data_folder
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.gbuffer import download
+from shadowbench.plugin.base import Frame, Phase, Stage
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Camera, Light, Scene, view_of
 from shadowbench.scenes.vectors import unit
-from shadowbench.techniques.base import Frame, Phase, Stage
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import Truth, trace
 
 SIZE = 256

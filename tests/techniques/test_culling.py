@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shadowbench.gl.clock import work_of
+from shadowbench.maps.culling import CasterChunks, kept_ranges, may_shadow
+from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Light, view_of
-from shadowbench.techniques.culling import CasterChunks, kept_ranges, may_shadow
-from shadowbench.techniques.registry import techniques
 
 KNOWN = techniques()
 CULLING = [name for name, technique in KNOWN.items() if "cull" in technique.Params.model_fields]

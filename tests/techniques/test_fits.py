@@ -14,13 +14,13 @@ from scipy.spatial import HalfspaceIntersection, QhullError
 from shadowbench.geometry.convex import box_planes, corners, frustum_planes, hull_points
 from shadowbench.geometry.lights import Box, LightView, light_space
 from shadowbench.gl.clock import Clock
+from shadowbench.maps import reduction
+from shadowbench.maps.fits import Fit
+from shadowbench.maps.reduction import VisibleBounds
+from shadowbench.plugin.base import Frame, Phase
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, view_of
 from shadowbench.scenes.vectors import unit
-from shadowbench.techniques import reduction
-from shadowbench.techniques.base import Frame, Phase
-from shadowbench.techniques.fits import Fit
-from shadowbench.techniques.reduction import VisibleBounds
 
 SIZE = 128
 SCENES = ["sphere-and-torus", "spot-lamp", "street", "cube-on-plane"]

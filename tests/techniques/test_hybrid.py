@@ -7,11 +7,11 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Mesh, view_of
 from shadowbench.scenes.vectors import unit, vec3
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 
 SCENES = ["stairs", "railings", "sphere-and-torus", "spot-lamp", "room-with-lamp"]
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import View, view_of
 from shadowbench.scenes.vectors import unit
 from shadowbench.studies.study import find_study, read_study
 from shadowbench.techniques.light_samples import points_of
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.light_samples import MOST_SAMPLES
 from shadowbench.truths.trace import Truth, trace
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from shadowbench.maps.filters import Filter
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.vectors import unit
-from shadowbench.techniques.filters import Filter
 
 DOWN = Light("sun", "directional", (0.0, -1.0, 0.0))
 FIXED = "fit=fixed(half=2.5,near=1,far=6,distance=5),size=80,bias=none"

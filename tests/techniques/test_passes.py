@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from shadowbench.gl.program import Drawable
+from shadowbench.plugin.base import Frame, Phase
+from shadowbench.plugin.registry import own_techniques
 from shadowbench.scenes.model import Camera, Light, view_of
-from shadowbench.techniques.base import Frame, Phase
-from shadowbench.techniques.registry import own_techniques
 
 LIGHTS = {
     "directional": Light("sun", "directional", (0.5, -1.0, -0.3)),

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from shadowbench.gl.gbuffer import GBufferPass
 from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import hard_names, load_scene
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.vectors import vec3
 from shadowbench.techniques.planar_projection import flattening
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import trace
 from tests.samples import sampled
 

@@ -20,7 +20,7 @@ BLOBS = '''\
 import numpy as np
 
 from shadowbench.gl.program import Sampling
-from shadowbench.techniques.base import Technique, TechniqueParams, param
+from shadowbench.plugin.base import Technique, TechniqueParams, param
 
 
 class BlobShadows(Technique):
@@ -79,7 +79,7 @@ SCREEN_SPACE = '''\
 """Screen-space shadows in one file."""
 
 from shadowbench.gl.matrices import view_projection
-from shadowbench.techniques.base import Technique, TechniqueParams, param
+from shadowbench.plugin.base import Technique, TechniqueParams, param
 
 RESOLVE = """
 #include "receiver.glsl"

@@ -6,8 +6,8 @@ One phase, and 512² pictures, which take a quarter of the time of `run -s prese
 import numpy as np
 import pytest
 
+from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import hard_names, load_scene
-from shadowbench.techniques.registry import techniques
 from tests.samples import sampled
 
 SUNNY = [name for name in hard_names() if load_scene(name).lights[0].kind == "directional"]

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.techniques import registry
-from shadowbench.techniques.filters import PCF, Filter
-from shadowbench.techniques.registry import own_techniques, shader_folder, source_file, techniques
+from shadowbench.maps.filters import PCF, Filter
+from shadowbench.plugin import registry
+from shadowbench.plugin.registry import own_techniques, shader_folder, source_file, techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.techniques.shadow_map import ShadowMap
-from shadowbench.techniques.spec import parse_spec
 
 PLUGIN = """
-from shadowbench.techniques.base import Technique, TechniqueParams, param
+from shadowbench.plugin.base import Technique, TechniqueParams, param
 
 class Dusk(Technique):
     name = "{name}"
@@ -39,7 +39,7 @@ void main() { visibility = receiver_at(ivec2(gl_FragCoord.xy)).facing ? level : 
 
 
 FILTER = """
-from shadowbench.techniques.filters import Filter, param
+from shadowbench.maps.filters import Filter, param
 
 class Share(Filter):
     name = "{name}"
@@ -95,7 +95,7 @@ def test_a_file_brings_its_technique_and_the_shaders_beside_it(tmp_path: Path) -
 def test_a_plugin_draws(tmp_path: Path, studio, builtin) -> None:
     from shadowbench.gl.clock import Clock
     from shadowbench.gl.gbuffer import download
-    from shadowbench.techniques.base import Frame, Phase, Stage
+    from shadowbench.plugin.base import Frame, Phase, Stage
 
     (tmp_path / "dusk.frag").write_text(SHADER, encoding="utf-8")
     found = techniques([plugin(tmp_path, PLUGIN.format(name="dusk"))])
@@ -119,7 +119,7 @@ def test_one_file_may_bring_several(tmp_path: Path) -> None:
 def test_an_abstract_base_in_a_plugin_is_no_technique(tmp_path: Path) -> None:
     text = """
     from abc import abstractmethod
-    from shadowbench.techniques.base import Technique
+    from shadowbench.plugin.base import Technique
     class Base(Technique):
         def build(self, stage): pass
         @abstractmethod
@@ -222,16 +222,16 @@ BROKEN = {
     "imports": ("import nothing_of_this_name", "ModuleNotFoundError"),
     "quits": ("raise SystemExit(3)", "SystemExit"),
     "empty": ("x = 1", "defines no subclass"),
-    "only imports the base": ("from shadowbench.techniques.base import Technique", "defines no subclass"),
+    "only imports the base": ("from shadowbench.plugin.base import Technique", "defines no subclass"),
     "nameless": (
-        "from shadowbench.techniques.base import Technique\nclass A(Technique):\n"
+        "from shadowbench.plugin.base import Technique\nclass A(Technique):\n"
         "    def build(self, stage): pass\n    def draw(self, frame): pass",
         "A has no name",
     ),
     "misnamed": (PLUGIN.format(name="no such name!"), "name"),
-    "a nameless filter": ("from shadowbench.techniques.moments import VSM\nclass A(VSM):\n    pass", "A has no name"),
+    "a nameless filter": ("from shadowbench.maps.moments import VSM\nclass A(VSM):\n    pass", "A has no name"),
     "an incomplete filter": (
-        "from shadowbench.techniques.filters import Filter\nclass A(Filter):\n    name = 'a'\n",
+        "from shadowbench.maps.filters import Filter\nclass A(Filter):\n    name = 'a'\n",
         r"A lacks radius\(self, size: int\) -> float; the property reads -> int; shader, a file or text",
     ),
     "a misnamed filter": (FILTER.format(name="no such!", shader=FILTER_SHADER), "name 'no such!' is not a valid name"),
@@ -240,7 +240,7 @@ BROKEN = {
         r"has exact; allowed: catalogue = Entry\(exact=…\)",
     ),
     "incomplete": (
-        "from shadowbench.techniques.base import Technique\nclass A(Technique):\n    name = 'a'\n",
+        "from shadowbench.plugin.base import Technique\nclass A(Technique):\n    name = 'a'\n",
         r"A lacks build\(self, stage: Stage\) -> None; draw\(self, frame: Frame\) -> ",
     ),
 }
@@ -268,7 +268,7 @@ def test_a_plugin_that_is_not_there_or_no_python(tmp_path: Path) -> None:
         ("nothing_of_this_name:A", "cannot be imported"),
         ("shadowbench.techniques.shadow_map:Nobody", "cannot be imported"),
         ("shadowbench.techniques.shadow_map:np", "not a subclass of Technique"),
-        ("shadowbench.techniques.base:Technique", "has no name"),
+        ("shadowbench.plugin.base:Technique", "has no name"),
     ],
 )
 def test_a_broken_entry_point_is_left_out_and_named(entry_point, caplog, value: str, wanted: str) -> None:

@@ -5,12 +5,12 @@ from itertools import product
 import numpy as np
 import pytest
 
+from shadowbench.maps.biases import Bias
+from shadowbench.maps.filters import Filter
+from shadowbench.maps.fits import Fit
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Light
-from shadowbench.techniques.biases import Bias
-from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.fits import Fit
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import trace
 
 SIZE = 96

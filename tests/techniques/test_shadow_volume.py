@@ -11,17 +11,17 @@ from shadowbench.errors import InputError
 from shadowbench.geometry.convex import corners
 from shadowbench.geometry.topology import casters_of
 from shadowbench.gl.clock import Clock, work_of
+from shadowbench.maps.culling import visible_region
+from shadowbench.plugin.base import Frame, Phase
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.folder import IDENTITY, identity
 from shadowbench.scenes.files import transform_of
 from shadowbench.scenes.library import hard_names, load_scene
 from shadowbench.scenes.model import Light, Mesh, view_of
 from shadowbench.scenes.tables import MeshTable
 from shadowbench.scenes.vectors import unit
-from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.batches import batches_of
-from shadowbench.techniques.culling import visible_region
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import trace
 from tests.samples import sampled
 

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
 from shadowbench.errors import InputError
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.biases import (
+from shadowbench.maps.biases import (
     BeforeDivide,
     Bias,
     Constant,
@@ -20,13 +19,14 @@ from shadowbench.techniques.biases import (
     Slope,
     Sum,
 )
-from shadowbench.techniques.filters import PCF, PCF20, Castano, Dither4, Filter, Hard, Hardware
-from shadowbench.techniques.fits import Fit, FixedFit, SceneFit, ViewFit
-from shadowbench.techniques.grammar import parse_value
-from shadowbench.techniques.params import Component
-from shadowbench.techniques.pcss import PCSS, PCFDisc
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import _WRITTEN, Spec, format_value, parse_spec
+from shadowbench.maps.filters import PCF, PCF20, Castano, Dither4, Filter, Hard, Hardware
+from shadowbench.maps.fits import Fit, FixedFit, SceneFit, ViewFit
+from shadowbench.maps.pcss import PCSS, PCFDisc
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.grammar import parse_value
+from shadowbench.plugin.params import Component
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import _WRITTEN, Spec, format_value, parse_spec
 
 ALL = techniques()
 

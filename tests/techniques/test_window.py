@@ -8,10 +8,10 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.geometry.convex import SceneHull
 from shadowbench.geometry.lights import Box, light_space, window
+from shadowbench.maps.fits import FitContext, FixedFit, SceneFit, VisibleFit
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Scene
-from shadowbench.techniques.fits import FitContext, FixedFit, SceneFit, VisibleFit
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 
 SUN = light_space(Light("sun", "directional", (0.0, -1.0, 0.0)))
 SPOT = light_space(Light("spot", "spot", (0.0, -1.0, 0.0), (0.0, 0.0, 0.0), math.radians(90)))  # base window: ±1

@@ -11,15 +11,15 @@ from driver import Driver, drive  # type: ignore[import-not-found]
 
 from shadowbench import files
 from shadowbench.gl import gbuffer, picture
+from shadowbench.plugin import stage
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
-from shadowbench.techniques import stage
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer import changed_files, panes
 from shadowbench.viewer.state import Origin, ViewerState
 
 PLUGIN = """
-from shadowbench.techniques.base import Technique
+from shadowbench.plugin.base import Technique
 class Raises(Technique):
     '''Raises.'''
     name = "raises"

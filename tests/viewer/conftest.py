@@ -8,9 +8,9 @@ import pytest
 from imgui_bundle import imgui
 
 from shadowbench.gl.device import Device
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer import changed_files
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.state import Origin, ViewerState

@@ -14,10 +14,10 @@ import pytest
 from PIL import Image
 
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import View
 from shadowbench.scores.metrics import score
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import trace
 from shadowbench.viewer import drawing, scene_panels
 from shadowbench.viewer.app import Viewer
@@ -132,7 +132,7 @@ def test_a_technique_is_not_blamed_for_errors_of_another(viewer: Viewer, clock: 
 def test_nan_in_a_mask_is_told(viewer: Viewer, clock: Any, tmp_path: Path) -> None:
     file = tmp_path / "nan.py"
     file.write_text(
-        "from shadowbench.techniques.base import Technique\n"
+        "from shadowbench.plugin.base import Technique\n"
         "class NaN(Technique):\n"
         "    '''NaN.'''\n"
         "    name = 'nan'\n"

@@ -8,9 +8,9 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
+from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import load_scene
 from shadowbench.scores.masks import mask_sha256
-from shadowbench.techniques.registry import techniques
 from shadowbench.viewer.drawing import Drawing
 from shadowbench.viewer.state import ViewerState
 from shadowbench.viewer.state_files import cell_state, ply_of

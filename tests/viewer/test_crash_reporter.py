@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 from shadowbench.gl.device import open_device
 from shadowbench.scenes.library import load_scene
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.viewer.drawing import Drawing
 from shadowbench.viewer.state import ViewerState
 from shadowbench.viewer.crash_reporter import CrashReporter

@@ -14,10 +14,10 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import View
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer.drawing import LEAST_SIZE, Drawing, moving_size
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.panes import Panes, TruthTextures
@@ -27,7 +27,7 @@ from shadowbench.viewer.truth import Traced
 SIZE = 64
 KNOWN = techniques()
 BROKEN = """
-from shadowbench.techniques.base import Technique, TechniqueParams, param
+from shadowbench.plugin.base import Technique, TechniqueParams, param
 class Broken(Technique):
     '''Breaks in many ways.'''
     name = "broken"

@@ -12,10 +12,10 @@ import pytest
 from numpy.typing import NDArray
 
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scores.metrics import score
 from shadowbench.scores.prepared import PreparedTruth
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.truths.trace import trace
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import label
@@ -28,7 +28,7 @@ from shadowbench.viewer.truth import Answer, Failed, Scored, Traced
 LEVEL = """
 from pathlib import Path
 import numpy as np
-from shadowbench.techniques.base import Technique
+from shadowbench.plugin.base import Technique
 class Level(Technique):
     '''The visibility that a file has, as if it were a shader.'''
     name = "level"

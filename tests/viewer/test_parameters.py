@@ -10,10 +10,10 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
+from shadowbench.plugin.registry import FAMILIES, own_techniques, techniques
+from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.plugin.template import write_technique
 from shadowbench.scenes.library import load_scene
-from shadowbench.techniques.registry import FAMILIES, own_techniques, techniques
-from shadowbench.techniques.spec import Spec, parse_spec
-from shadowbench.techniques.template import write_technique
 from shadowbench.viewer.drawing import Drawing
 from shadowbench.viewer.state import ViewerState
 from shadowbench.viewer.widgets import SUM, Widget, widgets, with_inner, with_params, with_value

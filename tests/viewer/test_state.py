@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import View
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer.state import History, ViewerState, materials, recolored
 
 

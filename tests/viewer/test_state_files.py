@@ -10,13 +10,13 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.gl.picture import Shading
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light
 from shadowbench.strict import read_toml
 from shadowbench.studies.study import read_study
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.state import Origin, ViewerState
 from shadowbench.viewer.state_files import adopted, append_to_study, ply_of, read_state, save_state, toml_of

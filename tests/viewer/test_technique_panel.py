@@ -8,16 +8,16 @@ import pytest
 from imgui_bundle import imgui
 
 from shadowbench.errors import InputError
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.registry import own_techniques, techniques
+from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.triangles import LARGEST
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.registry import own_techniques, techniques
-from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.viewer.scene_panels import _edited
 from shadowbench.viewer.technique_panel import edited_spec
 
 ODD = """
-from shadowbench.techniques.base import Technique, TechniqueParams, param
+from shadowbench.plugin.base import Technique, TechniqueParams, param
 class Odd(Technique):
     name = "odd"
     class Params(TechniqueParams):

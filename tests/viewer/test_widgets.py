@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.biases import NoBias, Sum, Texel
-from shadowbench.techniques.params import Component
-from shadowbench.techniques.registry import FAMILIES, own_techniques, techniques
+from shadowbench.maps.biases import NoBias, Sum, Texel
+from shadowbench.plugin.base import Technique
+from shadowbench.plugin.params import Component
+from shadowbench.plugin.registry import FAMILIES, own_techniques, techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.techniques.shadow_map import ShadowMap
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer.widgets import (
     SUM,
     Widget,
@@ -25,7 +25,7 @@ from shadowbench.viewer.widgets import (
 
 PLUGIN = """
 from typing import Literal
-from shadowbench.techniques.base import Technique, TechniqueParams, param
+from shadowbench.plugin.base import Technique, TechniqueParams, param
 class Striped(Technique):
     '''Stripes.'''
     name = "striped"

@@ -15,9 +15,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from driver import Driver, drive, xdotool  # type: ignore[import-not-found]
 
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
-from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer.state import Origin, ViewerState
 
 NOTES: dict[str, object] = {}

@@ -37,9 +37,9 @@ from shadowbench.gl.clock import Changes, Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer
 from shadowbench.gl.library import moderngl
+from shadowbench.plugin.params import TechniqueParams, param
+from shadowbench.plugin.stage import Stage
 from shadowbench.scenes.model import Camera, Light, LightKind, View
-from shadowbench.techniques.params import TechniqueParams, param
-from shadowbench.techniques.stage import Stage
 
 
 @dataclass(frozen=True)

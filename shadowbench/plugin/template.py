@@ -8,19 +8,19 @@ from string import Template
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
+from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.tables import LONGEST_NAME
-from shadowbench.techniques.registry import techniques
 
 _NAME = re.compile(rf"[A-Za-z][\w-]{{0,{LONGEST_NAME - 1}}}", re.ASCII)
 _TEXT = Template('''\
 """Try it: shadowbench run cube-on-plane -t $name -t shadow-map --plugin $name.py.
 
-A shadow map to start from. shadowbench.techniques.base documents the class and the inputs of its shaders.
+A shadow map to start from. shadowbench.plugin.base documents the class and the inputs of its shaders.
 """
 
-from shadowbench.techniques import maps
-from shadowbench.techniques.base import Technique, param
-from shadowbench.techniques.resolve import ResolvePass
+from shadowbench.maps import passes as maps
+from shadowbench.plugin.base import Technique, param
+from shadowbench.maps.resolve import ResolvePass
 
 RESOLVE = """
 #include "map.glsl"

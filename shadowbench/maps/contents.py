@@ -6,10 +6,10 @@ import numpy as np
 
 from shadowbench.gl.program import Sampling, Texture, Wrap
 from shadowbench.gl.targets import Kind
+from shadowbench.maps.filters import Contents, Kernel
+from shadowbench.plugin.params import TechniqueParams
+from shadowbench.plugin.stage import Stage
 from shadowbench.scenes.vectors import Floats
-from shadowbench.techniques.filters import Contents, Kernel
-from shadowbench.techniques.params import TechniqueParams
-from shadowbench.techniques.stage import Stage
 
 
 class MapContents:

@@ -3,10 +3,10 @@
 import math
 from typing import Literal
 
+from shadowbench.maps.biases import MapKind
+from shadowbench.maps.filters import Contents, Filter
+from shadowbench.plugin.params import param
 from shadowbench.scenes.model import Light, Placement
-from shadowbench.techniques.biases import MapKind
-from shadowbench.techniques.filters import Contents, Filter
-from shadowbench.techniques.params import param
 
 Pattern = Literal["vogel", "poisson"]
 _ALL: frozenset[MapKind] = frozenset({"2d", "array", "cube"})

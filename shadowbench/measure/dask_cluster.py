@@ -14,10 +14,10 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from shadowbench.cluster import tasks
-from shadowbench.cluster.tasks import Setup, WorkerFacts
 from shadowbench.errors import InputError, ShadowbenchError, how_to_install, message, quoted
+from shadowbench.measure import dask_tasks as tasks
 from shadowbench.measure.campaign import Reporter
+from shadowbench.measure.dask_tasks import Setup, WorkerFacts
 from shadowbench.measure.failures import Limits
 from shadowbench.measure.worker import sigint_blocked
 

@@ -29,8 +29,8 @@ from shadowbench.gl.targets import (
     map_bytes,
     stencil_target,
 )
+from shadowbench.plugin.params import Component, TechniqueParams, components_of, in_metres
 from shadowbench.scenes.model import Placement, Scene
-from shadowbench.techniques.params import Component, TechniqueParams, components_of, in_metres
 
 _COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4, "nu2": 2}
 

@@ -9,9 +9,9 @@ import numpy as np
 from shadowbench.geometry.convex import SceneHull, box_planes, corners, frustum_planes, view_planes
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.gl.clock import Changes
+from shadowbench.plugin.params import Component, param
 from shadowbench.scenes.model import Light, Placement, View
 from shadowbench.scenes.vectors import Floats
-from shadowbench.techniques.params import Component, param
 
 VisibleBoundsFunction = Callable[[LightSpace], Box | None]
 

@@ -5,8 +5,8 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, model_validator
 
-from shadowbench.techniques.grammar import Call, parse_value
-from shadowbench.techniques.params import Component, param
+from shadowbench.plugin.grammar import Call, parse_value
+from shadowbench.plugin.params import Component, param
 
 MapKind = Literal["2d", "array", "cube"]
 

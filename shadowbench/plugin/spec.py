@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from shadowbench.errors import InputError, alternatives
+from shadowbench.maps.biases import Sum
+from shadowbench.plugin.grammar import Call, Reader
+from shadowbench.plugin.params import Component, TechniqueParams, components_of
 from shadowbench.strict import explain
-from shadowbench.techniques.biases import Sum
-from shadowbench.techniques.grammar import Call, Reader
-from shadowbench.techniques.params import Component, TechniqueParams, components_of
 
 if TYPE_CHECKING:
-    from shadowbench.techniques.base import Technique
+    from shadowbench.plugin.base import Technique
 
 
 _WRITTEN = {

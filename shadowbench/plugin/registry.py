@@ -19,19 +19,18 @@ from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
 
-from shadowbench import techniques as package
 from shadowbench.errors import InputError, message, quoted
+from shadowbench.maps.biases import Bias
+from shadowbench.maps.filters import Filter
+from shadowbench.maps.fits import Fit
+from shadowbench.maps.splits import Split
+from shadowbench.plugin.base import Entry, Technique
+from shadowbench.plugin.grammar import WORD
+from shadowbench.plugin.params import Component
+from shadowbench.plugin.spec import forget_parsed, parse_spec
 from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.scores.metric import Metric
 from shadowbench.scores.metrics import METRICS, plug_in
-from shadowbench.techniques.base import Entry, Technique
-from shadowbench.techniques.biases import Bias
-from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.fits import Fit
-from shadowbench.techniques.grammar import WORD
-from shadowbench.techniques.params import Component
-from shadowbench.techniques.spec import forget_parsed, parse_spec
-from shadowbench.techniques.splits import Split
 
 GROUP = "shadowbench.techniques"
 FAMILIES: tuple[type[Component], ...] = (Bias, Filter, Fit, Split)
@@ -45,7 +44,9 @@ log = logging.getLogger(__name__)
 @cache
 def own_techniques() -> tuple[type[Technique], ...]:
     """The techniques of this package's modules, in the order of the module names."""
-    modules = [import_module(found.name) for found in iter_modules(package.__path__, f"{package.__name__}.")]
+    rooms = [import_module(f"shadowbench.{room}") for room in ("maps", "techniques")]
+    names = [f"{room.__name__}.{one.name}" for room in rooms for one in iter_modules(room.__path__)]
+    modules = [import_module(name) for name in names]
     found = [one for module in modules for one in _defined_in(module)]
     return tuple(one for one in found if issubclass(one, Technique) and _named(one))
 

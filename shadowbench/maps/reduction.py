@@ -9,9 +9,9 @@ import numpy as np
 from shadowbench.geometry.lights import Box, LightSpace
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, Texture
+from shadowbench.plugin.base import Frame, Stage
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
-from shadowbench.techniques.base import Frame, Stage
 
 Inputs = Mapping[str, tuple[Texture, Sampling]]
 _REACHES = 8, 16  # texels along a side that the first step and each further step reduce to one

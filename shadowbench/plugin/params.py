@@ -14,8 +14,8 @@ from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.files import PACKAGE
+from shadowbench.plugin.grammar import Call, parse_value
 from shadowbench.strict import Strict
-from shadowbench.techniques.grammar import Call, parse_value
 
 
 def param(default: Any, help: str, *, metres: bool = False, values: str = "", **limits: Any) -> Any:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, Texture, Value
+from shadowbench.plugin.base import Frame, Stage
+from shadowbench.plugin.params import TechniqueParams
 from shadowbench.scenes.vectors import vec3
-from shadowbench.techniques.base import Frame, Stage
-from shadowbench.techniques.params import TechniqueParams
 
 
 class ResolvePass:

@@ -4,9 +4,9 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from shadowbench.maps.biases import MapKind
+from shadowbench.plugin.params import Component, param
 from shadowbench.scenes.model import Light, Placement
-from shadowbench.techniques.biases import MapKind
-from shadowbench.techniques.params import Component, param
 
 Kernel = Literal["box", "gaussian"]
 

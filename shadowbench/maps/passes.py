@@ -13,16 +13,16 @@ from shadowbench.geometry.convex import SceneHull
 from shadowbench.geometry.lights import LightView
 from shadowbench.gl.program import Comparison, Program, Ranges, Sampling, State, Texture, Value, Wrap
 from shadowbench.gl.targets import DepthFormat, Kind
+from shadowbench.maps.biases import Bias, MapKind, NoBias
+from shadowbench.maps.contents import MapContents
+from shadowbench.maps.culling import CasterChunks
+from shadowbench.maps.filters import Filter
+from shadowbench.maps.fits import Fit, FitContext, VisibleFit
+from shadowbench.maps.reduction import VisibleBounds
+from shadowbench.plugin.base import Frame, Stage
+from shadowbench.plugin.params import TechniqueParams, one_of, param
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats, vec3
-from shadowbench.techniques.base import Frame, Stage
-from shadowbench.techniques.biases import Bias, MapKind, NoBias
-from shadowbench.techniques.contents import MapContents
-from shadowbench.techniques.culling import CasterChunks
-from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.fits import Fit, FitContext, VisibleFit
-from shadowbench.techniques.params import TechniqueParams, one_of, param
-from shadowbench.techniques.reduction import VisibleBounds
 
 # Values that `recommend` tries for every map technique. No biases: all cost the same, and their defaults are tuned.
 MAP_GRID = {

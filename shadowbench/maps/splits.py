@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from shadowbench.geometry.slices import PRACTICAL_WEIGHT, practical_depths
+from shadowbench.plugin.params import Component, param
 from shadowbench.scenes.vectors import Floats
-from shadowbench.techniques.params import Component, param
 
 
 class Split(Component):

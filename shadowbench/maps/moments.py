@@ -3,9 +3,9 @@
 import math
 from typing import Literal
 
-from shadowbench.techniques.biases import MapKind
-from shadowbench.techniques.filters import Contents, Filter, Kernel
-from shadowbench.techniques.params import param
+from shadowbench.maps.biases import MapKind
+from shadowbench.maps.filters import Contents, Filter, Kernel
+from shadowbench.plugin.params import param
 
 Bits = Literal[16, 32]
 _HALF = 5.54  # largest exponent whose warp's square is a half float, as in evsm.glsl

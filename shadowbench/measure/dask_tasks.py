@@ -27,7 +27,7 @@ from shadowbench.measure.row_files import stream_rows
 from shadowbench.measure.rows import Record
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
-from shadowbench.techniques.spec import Spec, parse_spec
+from shadowbench.plugin.spec import Spec, parse_spec
 
 if TYPE_CHECKING:
     from distributed import Worker as DaskWorker

@@ -6,12 +6,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shadowbench.cluster import tasks
-from shadowbench.cluster.cluster import Cluster
-from shadowbench.cluster.tasks import Outcome, WorkerFacts, pack
 from shadowbench.errors import ShadowbenchError
+from shadowbench.measure import dask_tasks as tasks
 from shadowbench.measure.campaign import Campaign, Reporter, Uniform
 from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.dask_cluster import Cluster
+from shadowbench.measure.dask_tasks import Outcome, WorkerFacts, pack
 from shadowbench.measure.failures import Limits
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo

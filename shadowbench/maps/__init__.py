@@ -1,0 +1,1 @@
+"""What map techniques share: fits, casters, biases, filters, stored contents and the resolve pass."""
