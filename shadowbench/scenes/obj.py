@@ -6,10 +6,10 @@ from collections import Counter
 import numpy as np
 
 from shadowbench.errors import InputError, printable
+from shadowbench.scenes.geometry import check_indices
 from shadowbench.scenes.lines import Lines, Rows, lines_of, numbers, with_newlines, without_comments
 from shadowbench.scenes.polygons import Integers, Polygons, gather
 from shadowbench.scenes.tables import MOST_COPIES
-from shadowbench.scenes.triangles import check_indices
 
 NO_SHAPE = {"vn", "vt", "vp", "g", "s", "mg", "mtllib", "usemtl", "o"}
 """Statements that do not affect the shape, or are handled elsewhere."""

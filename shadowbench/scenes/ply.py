@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.geometry import check_indices
 from shadowbench.scenes.lines import Lines, lines_of, numbers, with_newlines
 from shadowbench.scenes.polygons import Integers, Polygons, gather
-from shadowbench.scenes.triangles import check_indices
 
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",

@@ -1,6 +1,7 @@
 """Mesh files: read completely, or refused in one line."""
 
 import logging
+import os
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -290,7 +291,7 @@ def test_a_decoder_that_fails_is_one_line(
     path.write_bytes(data)
     body = "".join(f"    {line}\n" for line in [decoder.replace("\n", "\\n")])
     (tmp_path / "DracoPy.py").write_text(f"def decode(blob):\n{body}")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     monkeypatch.setattr("shadowbench.scenes.draco.LONGEST", 1.0 if "while" in decoder else 20.0)
     with pytest.raises(InputError) as error:
         read_meshes(path)

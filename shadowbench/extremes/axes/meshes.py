@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from shadowbench.extremes.axes.model import Axis, Setting, base_meshes, light_at, view_of_meshes
+from shadowbench.scenes.geometry import Triangles, without_zero_area
 from shadowbench.scenes.model import LightKind, Mesh
-from shadowbench.scenes.triangles import Triangles, without_zero_area
 
 _FLAT = 1e-7  # height of a sliver relative to its longest edge
 
