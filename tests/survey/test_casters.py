@@ -11,8 +11,8 @@ from shadowbench.geometry import topology
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
+from shadowbench.survey.casters import casters_of
 from shadowbench.survey.explanations import explanations_of
-from shadowbench.survey.receivers import casters_of
 from shadowbench.survey.survey import needs
 from tests.survey.conftest import DOWN, box, looking, plate
 

@@ -24,9 +24,8 @@ from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.explanations import explanations_of
-from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
 from shadowbench.survey.sampling import Samples, sample_view
-from shadowbench.survey.survey import needs
+from shadowbench.survey.survey import Receivers, needs, planes_of, receivers_of
 from shadowbench.techniques.planar_projection import PlanarProjection
 from shadowbench.truths.embree import Tracer
 from shadowbench.truths.trace import trace
