@@ -44,34 +44,27 @@ def each(kind: str, count: int, number: int, do: Callable[[Case], None]) -> None
     seed(number)(options(given(CASES[kind][1])(do)))()
 
 
-def try_many(watch: Watch, kind: str, count: int, number: int) -> None:
+@pytest.mark.parametrize(
+    ("number", "files"),
+    [
+        (0, 48),
+        pytest.param(1, 500, marks=pytest.mark.slow),
+        pytest.param(2, MANY, marks=[pytest.mark.slow, pytest.mark.exhaustive]),
+    ],
+    ids=["some", "five hundred", "many"],
+)
+@pytest.mark.parametrize("kind", CASES)
+def test_every_file_gives_a_result_or_one_line(watch: Watch, kind: str, number: int, files: int) -> None:
     seen: set[str] = set()
+    count = files * CASES[kind][0] // 16
 
-    def answer(case: Case) -> None:
+    def judge(case: Case) -> None:
         verdict = judged(case, watch)
         assert verdict.kind != "failure", verdict.line
         seen.add(verdict.kind)
 
-    each(kind, count, number, answer)
+    each(kind, count, number, judge)
     assert count < 10 or seen == {"result", "refusal"}
-
-
-@pytest.mark.parametrize("kind", CASES)
-def test_some_files_give_a_result_or_one_line(watch: Watch, kind: str) -> None:
-    try_many(watch, kind, 3 * CASES[kind][0], 0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", CASES)
-def test_five_hundred_files_give_a_result_or_one_line(watch: Watch, kind: str) -> None:
-    try_many(watch, kind, 500 * CASES[kind][0] // 16, 1)
-
-
-@pytest.mark.slow
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("kind", CASES)
-def test_many_files_give_a_result_or_one_line(watch: Watch, kind: str) -> None:
-    try_many(watch, kind, MANY * CASES[kind][0] // 16, 2)
 
 
 @pytest.mark.slow
