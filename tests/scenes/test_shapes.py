@@ -8,17 +8,8 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import Triangles, bounds_of, without_zero_area
 from shadowbench.scenes.shapes import SHAPES, build_shape
 
-EXTENTS = {
-    "plane": (1, 0, 1),
-    "box": (1, 1, 1),
-    "sphere": (1, 1, 1),
-    "torus": (4 / 3, 1 / 3, 4 / 3),
-    "cylinder": (1, 1, 1),
-    "cone": (1, 1, 1),
-    "capsule": (1, 2, 1),
-    "stairs": (1, 1, 1),
-    "terrain": (1, 1, 1),
-}
+EXTENTS = {"plane": (1, 0, 1), "torus": (4 / 3, 1 / 3, 4 / 3), "capsule": (1, 2, 1)}
+EXTENTS |= dict.fromkeys(("box", "sphere", "cylinder", "cone", "stairs", "terrain"), (1, 1, 1))
 OPEN = ("plane", "terrain", "leaves")
 
 
