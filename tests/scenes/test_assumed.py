@@ -151,12 +151,3 @@ def test_a_speck_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "speck.obj"
     path.write_text("v 0 0 0\nv 1e-30 0 0\nv 0 1e-30 0\nf 1 2 3\n")
     refused(path, "speck.obj: all meshes together span")
-
-
-@pytest.mark.parametrize("file", ["armadillo.obj", "retroufo.gltf", "2CylinderEngine.glb", "bgfx_tree.obj"])
-def test_a_real_mesh_becomes_a_whole_scene(shared_scenes: Path, file: str) -> None:
-    scene = load_scene(shared_scenes / file)
-    assert scene.name == Path(file).stem
-    assert scene.meshes[-1].name == "ground"
-    assert np.isfinite(scene.geometry.normals).all()
-    assert len(scene.cameras) == len(scene.lights) == 1

@@ -208,26 +208,6 @@ def flat_obj(*rings: list[tuple[float, float]]) -> str:
     return "\n".join([*lines, ""])
 
 
-@pytest.mark.parametrize(
-    "ring",
-    [
-        [(2, 0), (2, 0), (1, 0), (1, 2), (1, 1), (0, 0), (0, 0)],
-        [(1, 0), (1, 2), (1, 1), (0, 0), (2, 0)],
-        [(0, 0), (3, 0), (1, 0), (1, 3), (1, 1), (0, 1)],
-    ],
-)
-def test_a_degenerate_spike_adds_no_area(mesh_file: MeshFile, ring: list[tuple[float, float]]) -> None:
-    contents = read_meshes(mesh_file("a.obj", flat_obj(ring)))
-    assert area(contents) == pytest.approx(shoelace(np.array(ring)))
-    assert contents.notes == ()
-
-
-def test_a_polygon_that_covers_part_of_itself_twice_counts_it_twice(mesh_file: MeshFile) -> None:
-    contents = read_meshes(mesh_file("a.obj", flat_obj([(1, 2), (0, 2), (1, 0), (1, 1), (1, 2), (0, 2), (1, 1)])))
-    assert area_vectors(corners_of(contents)).sum(axis=0) == pytest.approx([0.0, 0.0, 1.5])
-    assert area(contents) == pytest.approx(1.5)
-
-
 def test_a_polygon_that_cannot_be_triangulated_does_not_affect_others(mesh_file: MeshFile) -> None:
     wild = [(1, 0), (0, 0), (0, 1), (1, 1), (0, 0), (0, 1)]
     contents = read_meshes(mesh_file("a.obj", flat_obj(wild, [(5, 0), (6, 0), (6, 1)])))
