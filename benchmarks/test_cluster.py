@@ -29,9 +29,9 @@ from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
 from shadowbench.measure.dask_cluster import Cluster
 from shadowbench.measure.dask_tasks import Setup
+from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Record
-from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
 from shadowbench.options import Measuring
 from shadowbench.plugin.registry import techniques

@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.failures import Limits
+from shadowbench.measure.drawer import Limits
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker

@@ -12,8 +12,7 @@ from typing import Any
 
 from shadowbench.errors import InputError
 from shadowbench.extremes.ranges import points_frame, ranges_frame
-from shadowbench.measure.row_files import read_run_file
-from shadowbench.measure.row_store import command_line
+from shadowbench.measure.row_store import command_line, read_run_file
 from shadowbench.measure.rows import SCHEMA, RunFile, StudyFacts
 from shadowbench.reports.stability import analyse
 from shadowbench.reports.words import counted

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from shadowbench.errors import InputError
 from shadowbench.measure.flips import row_metrics
-from shadowbench.measure.row_files import stream_rows
+from shadowbench.measure.row_store import stream_rows
 from shadowbench.measure.rows import Record
 
 _ROUNDING = 1e-9  # relative, or of 1 near 0; sums of floats differ with the width of a processor's vectors

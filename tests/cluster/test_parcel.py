@@ -3,7 +3,7 @@
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.stress import block_at, points_of
 from shadowbench.measure.dask_tasks import Setup, pack, station
-from shadowbench.measure.failures import Limits
+from shadowbench.measure.drawer import Limits
 from shadowbench.measure.keys import view_key
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec

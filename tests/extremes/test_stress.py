@@ -15,7 +15,7 @@ from scipy.ndimage import binary_dilation
 from shadowbench.extremes.axes import AXES, Axis
 from shadowbench.extremes.ranges import Failure, failure, operating_range, operating_ranges
 from shadowbench.extremes.stress import SWEEPING, spec_at, stress
-from shadowbench.measure.failures import Limits
+from shadowbench.measure.drawer import Limits
 from shadowbench.measure.flips import flips
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scores.masks import mask_sha256, read_mask

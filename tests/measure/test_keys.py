@@ -17,8 +17,8 @@ from shadowbench.gl.shaders import compose, places
 from shadowbench.measure import keys
 from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key, shader_names, view_key
-from shadowbench.measure.loaded_scene import LoadedScene
 from shadowbench.measure.machine import machine_key
+from shadowbench.measure.rendering import LoadedScene
 from shadowbench.plugin import stage
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import techniques

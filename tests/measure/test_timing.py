@@ -12,7 +12,7 @@ import pytest
 from shadowbench.errors import Unsupported
 from shadowbench.gl.clock import QUERIES, WALL, Changes, PassTimes, Sample
 from shadowbench.measure.cells import Block, Cell, reference_name
-from shadowbench.measure.failures import CellFailed, Limits, MemoryExceeded
+from shadowbench.measure.drawer import CellFailed, Limits, MemoryExceeded
 from shadowbench.measure.gl_drawer import GLDrawer, reference_cell
 from shadowbench.measure.session import CellRequest
 from shadowbench.measure.time_rows import Timing, time_row

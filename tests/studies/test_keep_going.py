@@ -9,7 +9,7 @@ import pytest
 
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import Block
-from shadowbench.measure.failures import CellFailed
+from shadowbench.measure.drawer import CellFailed
 from tests.runs import CHANGING
 
 Shadowbench = Callable[..., Any]
