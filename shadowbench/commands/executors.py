@@ -39,7 +39,8 @@ def campaigns(
             here = worker or stack.enter_context(Worker(plugins, limits))
             yield [Campaign(folder, GLDrawer(here), reporter, **options)]
             return
-        from shadowbench.measure.dask_cluster import Cluster, ClusterCampaign
+        from shadowbench.measure.dask_campaign import ClusterCampaign
+        from shadowbench.measure.dask_cluster import Cluster
 
         time_on, any_renderer = (getattr(machines, name, None) for name in ("time_on", "any_renderer"))
         if time_on == HERE and not isinstance(machines, StudyMachines):

@@ -142,8 +142,8 @@ def run(
         reporter = stack.enter_context(console.Reporter(printed.quiet))
         if machines.dask is not None and machines.time_on is None and measuring.rounds != 0:
             if measuring.rounds:
-                found = f"--rounds {measuring.rounds} with --dask: times belong to one machine"
-                raise InputError(f"{found}; allowed: --rounds 0, or --time-on here or a worker")
+                given = f"--rounds {measuring.rounds} with --dask: times belong to one machine"
+                raise InputError(f"{given}; allowed: --rounds 0, or --time-on here or a worker")
             reporter.note("nothing is timed: --time-on says on which machine")
             measuring = dataclasses.replace(measuring, rounds=0)
         asked = study_from_options(

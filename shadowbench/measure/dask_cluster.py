@@ -1,4 +1,4 @@
-"""A Dask cluster, or one started in this process, and campaigns whose blocks are its tasks."""
+"""A Dask cluster, or one started in this process, and the tasks that its workers do."""
 
 import asyncio
 import logging
@@ -6,7 +6,7 @@ import os
 import re
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from multiprocessing import resource_tracker
@@ -14,14 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shadowbench.errors import InputError, ShadowbenchError, how_to_install, message, quoted
-from shadowbench.files import replace_file
 from shadowbench.measure import dask_tasks as tasks
-from shadowbench.measure.campaign import Campaign, Reporter, Shadows, called
-from shadowbench.measure.cells import Block
-from shadowbench.measure.dask_tasks import Setup, WorkerFacts, pack
-from shadowbench.measure.drawer import DeviceInfo, Limits
-from shadowbench.measure.gl_drawer import GLDrawer
-from shadowbench.measure.rows import Result
+from shadowbench.measure.campaign import Reporter
+from shadowbench.measure.drawer import Limits
 from shadowbench.measure.worker import sigint_blocked
 
 if TYPE_CHECKING:
@@ -29,7 +24,7 @@ if TYPE_CHECKING:
 
 CONNECT_S, WORKERS_S, _LOOK_S = 10.0, 60.0, 1.0
 _MOST_LOCAL = 256
-_AHEAD = 2  # tasks that a worker has at a time, so that it need not wait for this process
+AHEAD = 2  # tasks that a worker has at a time, so that it need not wait for this process
 _TRIES = 4  # of a task whose worker dies, or that raises an exception that is none of ours, such as a full disk
 
 
@@ -56,9 +51,10 @@ class Cluster:
             raise InputError(f"--dask needs Dask; {how_to_install('dask')}") from None
         self.where, self.local = where, _local_workers(where)
         self.reporter, self.renderer, self.any_renderer = reporter, renderer, any_renderer
-        self.setup = Setup([*map(tasks.plugin_files, plugins)], limits or Limits())
-        self.facts: dict[str, WorkerFacts] = {}
-        self._asked: dict[str, Future[Any] | None] = {}  # None: has answered
+        self.setup = tasks.Setup([*map(tasks.plugin_files, plugins)], limits or Limits())
+        self.facts: dict[str, tasks.WorkerFacts] = {}
+        self._refused: dict[str, str] = {}  # why, by address
+        self._asked: dict[str, Future[Any]] = {}
         self._looked = 0.0
         self._started: LocalCluster | None = None
 
@@ -107,7 +103,7 @@ class Cluster:
         raise InputError(f"--time-on {name}: no such worker; allowed: {', '.join(others)}")
 
     def run(
-        self, workers: Callable[[], Sequence[str]], jobs: Sequence[Sequence[Any]], ahead: int = _AHEAD
+        self, workers: Callable[[], Sequence[str]], jobs: Sequence[Sequence[Any]], ahead: int = AHEAD
     ) -> Iterator[tuple[int, Any]]:
         """Results of jobs as they end, or our errors that they raised, with their index.
 
@@ -116,12 +112,13 @@ class Cluster:
         dies go to another; after a restart of the scheduler they begin again. Raises ShadowbenchError for a job that is
         lost several times.
         """
-        waiting, running = deque(range(len(jobs))), dict[Future[Any], tuple[int, str]]()
-        lost = Counter[int]()
+        waiting, lost = deque(range(len(jobs))), Counter[int]()
+        running: dict[Future[Any], tuple[int, str]] = {}
         try:
             while waiting or running:
                 try:
-                    self._look()
+                    if time.monotonic() > self._looked + _LOOK_S:
+                        self._look()
                     busy = Counter(address for _, address in running.values())
                     for address in [*workers()] * ahead:
                         if waiting and busy[address] < ahead and (ahead > 1 or self._is_idle(address)):
@@ -147,7 +144,7 @@ class Cluster:
                 self.client.cancel([*running])
 
     def _submit(self, address: str, function: Callable[..., Any], *arguments: object) -> "Future[Any]":
-        packed = pack(*arguments)
+        packed = tasks.pack(*arguments)
         return self.client.submit(tasks.do, self.setup, function, packed, workers=[address], pure=False)
 
     def _ended(self, running: "Mapping[Future[Any], tuple[int, str]]") -> "dict[Future[Any], Any]":
@@ -187,8 +184,8 @@ class Cluster:
         """Wait for a scheduler that was restarted, and for workers, all of which are new. Raises ShadowbenchError."""
         end = time.monotonic() + WORKERS_S
         self.client.close(timeout=2)
-        self.facts.clear()
-        self._asked.clear()
+        for known in (self.facts, self._refused, self._asked):
+            known.clear()
         while True:
             try:
                 self.client = self._connect()
@@ -204,52 +201,48 @@ class Cluster:
 
     def _wait(self) -> None:
         """Admit workers, of which at least one must come."""
-        end, reasons = time.monotonic() + WORKERS_S, dict[str, str]()
+        end = time.monotonic() + WORKERS_S
         try:
-            while not reasons and time.monotonic() < end:
-                reasons = self._look(all_together=True)
+            while not self._refused and time.monotonic() < end:
+                self._look(patient=True)
                 if self.on(self.renderer) if self.renderer else self.facts:
                     return
                 time.sleep(0.1)
         except (OSError, CancelledError):
             raise self._gone() from None
-        if not reasons:
-            line = f"no worker within {WORKERS_S:g} s; allowed: a cluster with at least one"
-            raise InputError(f"--dask {self.where}: {line}")
-        address, reason = next(iter(reasons.items()))
-        more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
-        raise InputError(f"--dask {self.where}: no worker can measure; {address}: {reason}{more}")
+        line = f"no worker within {WORKERS_S:g} s; allowed: a cluster with at least one"
+        if self._refused:
+            (address, reason), *others = self._refused.items()
+            line = f"no worker can measure; {address}: {reason}{f' (and {len(others)} more)' if others else ''}"
+        raise InputError(f"--dask {self.where}: {line}")
 
-    def _look(self, all_together: bool = False) -> dict[str, str]:
-        """Ask workers that have joined, and admit them; returns why others were left out, by address.
-
-        all_together: none before all have answered.
-        """
-        if not all_together and time.monotonic() < self._looked + _LOOK_S:
-            return {}
+    def _look(self, patient: bool = False) -> None:
+        """Ask workers that have joined, and admit or refuse them; patient: none before all have answered."""
         self._looked = time.monotonic()
-        known = self.client.scheduler_info()["workers"].keys()
+        present = self.client.scheduler_info()["workers"].keys()
         if self.client.status != "running":
             raise CancelledError
-        self.facts = {address: one for address, one in self.facts.items() if address in known}
-        for address in known - self._asked.keys():
+        for known in (self.facts, self._refused, self._asked):
+            for address in known.keys() - present:
+                del known[address]
+        for address in present - self.facts.keys() - self._refused.keys() - self._asked.keys():
             self._asked[address] = self._submit(address, tasks.describe, tasks.own_versions())
-        self._asked = {address: future for address, future in self._asked.items() if address in known}
-        open_ = {address: future for address, future in self._asked.items() if future is not None}
-        if all_together and not all(future.done() for future in open_.values()):
-            return {}
-        new = {address: future.exception() or future.result() for address, future in open_.items() if future.done()}
-        self._asked |= dict.fromkeys(new)
+        answered = {address: future for address, future in self._asked.items() if future.done()}
+        if patient and len(answered) < len(self._asked):
+            return
+        answers = {address: self._asked.pop(address).exception() or one.result() for address, one in answered.items()}
         if self.renderer is None:
-            counts = Counter(one.info.renderer for one in new.values() if isinstance(one, WorkerFacts))
+            counts = Counter(one.info.renderer for one in answers.values() if isinstance(one, tasks.WorkerFacts))
             self.renderer = min(counts, key=lambda name: (-counts[name], name), default=None)
-        reasons = {address: reason for address, one in new.items() if (reason := self._objection(one))}
-        self.facts |= {address: one for address, one in new.items() if address not in reasons}
-        for address, reason in reasons.items():
-            self.reporter.note(f"worker {address} is left out: {reason}")
-        return reasons
+        for address, one in answers.items():
+            reason = self._objection(one)
+            if reason is None:
+                self.facts[address] = one
+            else:
+                self._refused[address] = reason
+                self.reporter.note(f"worker {address} is left out: {reason}")
 
-    def _objection(self, one: WorkerFacts | Exception) -> str | None:
+    def _objection(self, one: "tasks.WorkerFacts | Exception") -> str | None:
         """Why a worker must not measure."""
         if isinstance(one, Exception):
             return quoted(message(one)) or type(one).__name__
@@ -295,81 +288,3 @@ def _start_local(count: int) -> "LocalCluster":
             # A software renderer would otherwise use all cores in every worker.
             env={"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},
         )
-
-
-class _RemoteWorker:
-    """Worker process beside a Dask worker."""
-
-    def __init__(self, run: Callable[..., Iterator[tuple[int, Any]]], info: DeviceInfo, limits: Limits) -> None:
-        self._run, self.info, self.limits = run, info, limits
-
-    def call(self, method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-        """See `Worker`."""
-        ((_, answer),) = self._run((tasks.call, method, arguments, options))
-        return _raised(answer)
-
-
-class ClusterCampaign(Campaign):
-    """Campaign that measures each block in a task, by a campaign of its own in a temporary folder.
-
-    renderer: that of the workers; only: address of the one that it uses, to time.
-    """
-
-    def __init__(
-        self, folder: Path, cluster: Cluster, reporter: Reporter, renderer: str, only: str | None = None, **options: Any
-    ) -> None:
-        def workers() -> list[str]:
-            return [one for one in cluster.on(renderer) if only in (None, one)]
-
-        def run(*jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
-            return cluster.run(workers, jobs, 1 if only else _AHEAD)
-
-        self._run, facts = run, cluster.facts[workers()[0]]
-        worker: Any = _RemoteWorker(run, facts.info, cluster.setup.limits)
-        super().__init__(folder, GLDrawer(worker, facts.identity, facts.machine), reporter, **options)
-        self._options = {**options, "keep_going": False}  # which is decided here
-
-    def trace(self, blocks: Sequence[Block]) -> list[Shadows | None]:
-        """See `Campaign`."""
-        self.reporter.stage("truth", len(blocks))
-        found: list[Shadows | None] = [None] * len(blocks)
-        for index, answer in self._run(*[(tasks.trace, block) for block in blocks]):
-            with self._attempt("truth", blocks[index].view.name):
-                found[index] = _raised(answer)
-            self.reporter.step(blocks[index].view.name)
-        return found
-
-    def measure(self, blocks: Iterable[Block]) -> Iterator[list[Result]]:
-        """See `Campaign`. What a task has made is written when it ends."""
-        listed = list(blocks)
-        jobs = [(tasks.measure, block, self._known(block), self._options) for block in listed]
-        for index, answer in self._run(*jobs):
-            block = listed[index]
-            with self._attempt(*called(block)):
-                self._keep(_raised(answer))
-            for _ in range(len(block.cells) + sum(map(block.times, block.cells))):
-                self.reporter.step(block.view.scene.name)
-        yield from map(self.results, listed)
-
-    def _known(self, block: Block) -> list[Mapping[str, Any]]:
-        """The rows of a block: a task must not measure them again, and times what they say succeeded."""
-        return [row for one in self.results(block) for row in (one.score, one.last_time) if row is not None]
-
-    def _keep(self, outcome: tasks.Outcome) -> None:
-        """Write what a task has made, images before the rows that promise them."""
-        for name, data in outcome.images.items():
-            file = self.folder / name
-            file.parent.mkdir(exist_ok=True)
-            with replace_file(file) as temporary:
-                temporary.write_bytes(data)
-        if outcome.rows:
-            self.store.append(*outcome.rows)
-        for line in outcome.notes:
-            self.reporter.note(line)
-
-
-def _raised(answer: Any) -> Any:
-    """An answer, unless it is an error."""
-    if isinstance(answer, Exception):
-        raise answer
-    return answer

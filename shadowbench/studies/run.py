@@ -68,6 +68,11 @@ class Part:
 WHOLE = Part()
 
 
+def names_of(block: Block) -> list[str]:
+    """Names of a block's scene, camera and light, by which blocks of a study are dealt to its parts."""
+    return [block.view.scene.name, block.view.camera.name, block.view.light.name]
+
+
 @dataclass(frozen=True, eq=False)
 class StudyResult:
     """Result of measuring a study into a folder.
@@ -92,7 +97,7 @@ def measure(study: Study, campaigns: Sequence[Campaign], part: Part = WHOLE) -> 
     """
     failures: list[Failure] = []
     blocks = readable_blocks(study, failures) if campaigns[0].keep_going else [*study.blocks()]
-    blocks = part.of(blocks, lambda one: [one.view.scene.name, one.view.camera.name, one.view.light.name])
+    blocks = part.of(blocks, names_of)
     keys: dict[str, None] = {}
     notes: dict[str, None] = {}
     for campaign in campaigns:
