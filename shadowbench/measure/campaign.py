@@ -1,6 +1,6 @@
 """The one way to make rows: blocks are drawn, scored against their truths and timed, into a folder."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache, cached_property, partial
@@ -230,29 +230,37 @@ class Campaign:
         wanted = {cell: key for cell, key in self.keys(block).items() if block.times(cell)}
         if not wanted:
             return
-        store, name, machine = self.store, block.view.scene.name, machine_key(self.drawer)
-        (reference,) = self.keys(replace(block, cells=(block.reference_cell,))).values()
-        sizes: dict[Cell, int] = {}
-        lacking: set[Cell] = set()
-        for cell, key in wanted.items():
-            row, time = store.scores[key], store.time_on(machine, key)
-            if row["status"] == "ok":
-                if time is None or self._time_again or not _suffices(time, block.rounds, reference):
-                    lacking.add(cell)
-                if cell in lacking or _may_have_a_ratio(time):
-                    sizes[cell] = int(row["gpu_bytes"])
+        name, machine = block.view.scene.name, machine_key(self.drawer)
+        reference = self.keys(replace(block, cells=(block.reference_cell,)))[block.reference_cell]
+        lacking = self._to_time(block, wanted, reference)
+        sizes = {cell: int(self.store.scores[wanted[cell]]["gpu_bytes"]) for cell in lacking}
         for cell, times in self.drawer.time(block, sizes) if sizes else ():
             if isinstance(times, str):
                 what = "no time" if cell in sizes else "no ratios to this reference"
                 self.reporter.note(f"{name} {cell.spec.text}: {what}: {times}")
             if cell in sizes:
-                row = time_row(times, wanted[cell], reference, machine)
-                if cell in lacking or row.get("ratio") is not None:
-                    store.append(row)
-                if cell in lacking:
-                    self.reporter.step(f"{name}: timed")
-        for _ in range(len(wanted) - len(lacking)):
+                self._keep_time(time_row(times, wanted[cell], reference, machine), name, lacking[cell])
+        for _ in range(len(wanted) - sum(lacking.values())):
             self.reporter.step(f"{name}: nothing to time")
+
+    def _to_time(self, block: Block, wanted: Mapping[Cell, str], reference: str) -> dict[Cell, bool]:
+        """The cells to time: whether each lacks a time, or only a ratio."""
+        found, machine = {}, machine_key(self.drawer)
+        for cell, key in wanted.items():
+            time = self.store.time_on(machine, key)
+            if self.store.scores[key]["status"] == "ok":
+                if self._time_again or not _suffices(time, block.rounds, reference):
+                    found[cell] = True
+                elif _may_have_a_ratio(time):
+                    found[cell] = False
+        return found
+
+    def _keep_time(self, row: Record, scene: str, lacking: bool) -> None:
+        """Append the time of a cell that lacked one, or only a ratio, unless it has none again."""
+        if lacking or row.get("ratio") is not None:
+            self.store.append(row)
+        if lacking:
+            self.reporter.step(f"{scene}: timed")
 
 
 def shadows_in(truth: Truth) -> Shadows:
@@ -269,10 +277,11 @@ def called(block: Block) -> tuple[str, str]:
     return ("axis", f"{place['axis']} {place['light_kind']}") if place else ("cells", block.view.name)
 
 
-def _suffices(time: Record, rounds: int, reference: str) -> bool:
+def _suffices(time: Record | None, rounds: int, reference: str) -> bool:
     """Whether a time record suffices: enough rounds, and the same reference."""
-    enough = time.get("n", 0) >= rounds and "reference_ms" in time
-    return bool(enough and time.get("reference_key") == reference)
+    if time is None or "reference_ms" not in time:
+        return False
+    return bool(time.get("n", 0) >= rounds and time.get("reference_key") == reference)
 
 
 def _may_have_a_ratio(time: Record | None) -> bool:

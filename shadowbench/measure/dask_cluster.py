@@ -132,9 +132,7 @@ class Cluster:
                             continue
                         waiting.appendleft(index)
                         lost[index] += 1
-                        if lost[index] == _TRIES:
-                            times = f"{_TRIES} times, the last time with {address}: {quoted(message(answer))}"
-                            raise ShadowbenchError(f"a task was lost {times}; what was measured is kept")
+                        self._check_lost(lost[index], address, answer)
                 except (OSError, CancelledError):  # the scheduler has gone
                     waiting.extendleft(index for index, _ in running.values())
                     running.clear()
@@ -142,6 +140,12 @@ class Cluster:
         finally:
             with suppress(OSError, CancelledError, RuntimeError):  # the scheduler has gone
                 self.client.cancel([*running])
+
+    def _check_lost(self, times: int, address: str, reason: Exception) -> None:
+        """Raises ShadowbenchError for a task that was lost too often."""
+        if times == _TRIES:
+            last = f"the last time with {address}: {quoted(message(reason))}"
+            raise ShadowbenchError(f"a task was lost {times} times, {last}; what was measured is kept")
 
     def _submit(self, address: str, function: Callable[..., Any], *arguments: object) -> "Future[Any]":
         packed = tasks.pack(*arguments)
@@ -227,19 +231,23 @@ class Cluster:
                 del known[address]
         for address in present - self.facts.keys() - self._refused.keys() - self._asked.keys():
             self._asked[address] = self._submit(address, tasks.describe, tasks.own_versions())
-        answered = {address: future for address, future in self._asked.items() if future.done()}
+        answered = [address for address, future in self._asked.items() if future.done()]
         if patient and len(answered) < len(self._asked):
             return
-        answers = {address: self._asked.pop(address).exception() or one.result() for address, one in answered.items()}
+        answers = {address: self._asked.pop(address) for address in answered}
+        self._judge({address: one.exception() or one.result() for address, one in answers.items()})
+
+    def _judge(self, answers: "Mapping[str, tasks.WorkerFacts | Exception]") -> None:
+        """Admit or refuse workers by what they are."""
         if self.renderer is None:
             counts = Counter(one.info.renderer for one in answers.values() if isinstance(one, tasks.WorkerFacts))
             self.renderer = min(counts, key=lambda name: (-counts[name], name), default=None)
         for address, one in answers.items():
             reason = self._objection(one)
-            if reason is None:
+            if not isinstance(one, Exception) and reason is None:
                 self.facts[address] = one
             else:
-                self._refused[address] = reason
+                self._refused[address] = str(reason)
                 self.reporter.note(f"worker {address} is left out: {reason}")
 
     def _objection(self, one: "tasks.WorkerFacts | Exception") -> str | None:

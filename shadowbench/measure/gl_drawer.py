@@ -86,7 +86,7 @@ class GLDrawer:
             except (CellFailed, Unsupported) as reason:
                 yield reference[0], str(reason)
                 reference, no_ratio = [], status_of(reason)
-        groups, tried_again = _groups(sizes, _GROUP_SHARE * self.worker.limits.bytes), set[Cell | None]()
+        groups, ate = _groups(sizes, _GROUP_SHARE * self.worker.limits.bytes), set[Cell]()
         while groups:
             group = groups.pop(0)
             try:
@@ -94,13 +94,8 @@ class GLDrawer:
             except _GroupFailed as failure:
                 self._release_timed()
                 failed = failure.cell
-                ate = failed is not None and isinstance(failure.reason, MemoryExceeded)
-                if ate and len(group) > 1:  # perhaps not its own fault
-                    middle = len(group) // 2
-                    groups[:0] = [group[:middle], group[middle:]]
-                elif ate and failed not in tried_again:
-                    tried_again.add(failed)  # the worker may have held memory of earlier cells; a fresh one has none
-                    groups.insert(0, group)
+                if again := failure.tried_again(group, ate):
+                    groups[:0] = again
                 elif failed is None or failed not in (*group, *reference):  # no other can be left out
                     what = "opening the view" if failed is None else "the floor, unshadowed"
                     yield from ((cell, f"{what}: {failure}") for cell in group)
@@ -108,7 +103,8 @@ class GLDrawer:
                     yield failed, str(failure)
                     if failed in reference:
                         reference, no_ratio = [], status_of(failure.reason)
-                    groups[:0] = filter(None, [[cell for cell in group if cell != failed]])
+                    if left := [cell for cell in group if cell != failed]:
+                        groups.insert(0, left)
             else:
                 of_reference = times[reference[0]] if reference else None
                 for cell in group:
@@ -153,6 +149,16 @@ class _GroupFailed(Exception):
     def __init__(self, cell: Cell | None, reason: CellFailed | Unsupported) -> None:
         super().__init__(str(reason))
         self.cell, self.reason = cell, reason
+
+    def tried_again(self, group: list[Cell], ate: set[Cell]) -> list[list[Cell]]:
+        """Groups to time instead, if memory ran out, perhaps for other cells; ate: cells that were alone before."""
+        if self.cell is None or not isinstance(self.reason, MemoryExceeded):
+            return []
+        if len(group) > 1:
+            return [group[: len(group) // 2], group[len(group) // 2 :]]
+        first = self.cell not in ate
+        ate.add(self.cell)  # the worker may have held memory of earlier cells; a fresh one has none
+        return [group] if first else []
 
 
 def _groups(sizes: Mapping[Cell, int], limit: float) -> list[list[Cell]]:

@@ -79,13 +79,7 @@ def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list
         raise explain(where, error) from None
     base = parse_spec_at(read.spec, techniques, where)
     lists = {key: to_list(value) for key, value in (read.model_extra or {}).items()}
-    for key, choices in lists.items():
-        if key not in base.technique.Params.model_fields:
-            names = [*base.technique.Params.model_fields, "bias_sweep", "soft"]
-            known = alternatives(key, names, f"parameters of {base.technique.name}")
-            raise InputError(f"{where}: unknown parameter {key!r:.60}{known}")
-        if not choices:
-            raise InputError(f"{where}: {key}: found an empty list; allowed: one value or more")
+    _check_lists(lists, base, where)
     count = math.prod(len(choices) for choices in lists.values()) * max(1, len(read.bias_sweep))
     if count > MOST_SPECS:
         raise InputError(f"{where}: its lists combine to {count} specs; allowed are at most {MOST_SPECS}")
@@ -99,6 +93,17 @@ def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list
     order = {spec: index for index, spec in enumerate(specs)}
     sweeps = sorted(((spec, *variant) for spec, variant in swept), key=lambda one: (order[one[0]], one[1]))
     return CrossedSpecs(tuple(made), read.phases, tuple(sweeps), read.soft)
+
+
+def _check_lists(lists: Mapping[str, list[Any]], base: Spec, where: str) -> None:
+    """Raises InputError for what is no parameter of the technique, and for an empty list."""
+    for key, choices in lists.items():
+        if key not in base.technique.Params.model_fields:
+            names = [*base.technique.Params.model_fields, "bias_sweep", "soft"]
+            known = alternatives(key, names, f"parameters of {base.technique.name}")
+            raise InputError(f"{where}: unknown parameter {key!r:.60}{known}")
+        if not choices:
+            raise InputError(f"{where}: {key}: found an empty list; allowed: one value or more")
 
 
 def _combined(base: Spec, lists: dict[str, list[Any]], dropped: list[InputError], where: str) -> list[Spec]:
@@ -172,23 +177,10 @@ def convert(table: dict[str, Any], where: str, folder: Path, techniques: Techniq
     def crossed(entry: dict[str, Any], number: int) -> CrossedSpecs:
         return cross(entry, techniques, f"{where}: technique {number}", notes)
 
-    makers: dict[str, tuple[Callable[[Any, int], object], tuple[type, ...], str]] = {
-        "scenes": (scene, (str,), "text"),
-        "views": (camera, (dict, str), "a name, or a table"),
-        "lights": (light, (dict, str), "a name, or a table"),
-        "technique": (crossed, (dict,), "a table"),
-    }
-    for name, (make, kinds, allowed) in makers.items():
-        entries = table.get(name)
-        if not isinstance(entries, list):
-            continue
-        if len(entries) > MOST_NAMED:
-            raise InputError(f"{where}: {name}: found {len(entries)} entries; allowed: at most {MOST_NAMED}")
-        for number, entry in enumerate(entries, start=1):
-            if not isinstance(entry, kinds):
-                raise InputError(f"{where}: {name} {number}: found {entry!r:.60}; allowed: {allowed}")
-            if isinstance(entry, kinds[0]):
-                entries[number - 1] = make(entry, number)
+    _replace(table, "scenes", scene, (str,), where)
+    _replace(table, "views", camera, (dict, str), where)
+    _replace(table, "lights", light, (dict, str), where)
+    _replace(table, "technique", crossed, (dict,), where)
     if isinstance(table.get("reference"), str):
         table["reference"] = parse_spec_at(table["reference"], techniques, f"{where}: reference")
     if "technique" not in table:
@@ -196,3 +188,20 @@ def convert(table: dict[str, Any], where: str, folder: Path, techniques: Techniq
             CrossedSpecs((parse_spec(name, techniques),), soft=one.catalogue.soft_only or None)
             for name, one in techniques.items()
         ]
+
+
+def _replace(
+    table: dict[str, Any], name: str, made: Callable[[Any, int], object], kinds: tuple[type, ...], where: str
+) -> None:
+    """Replace entries of the first of these types in a list of the table by what is made of them and their number."""
+    entries = table.get(name)
+    if not isinstance(entries, list):
+        return
+    if len(entries) > MOST_NAMED:
+        raise InputError(f"{where}: {name}: found {len(entries)} entries; allowed: at most {MOST_NAMED}")
+    for number, entry in enumerate(entries, start=1):
+        if not isinstance(entry, kinds):
+            allowed = " or ".join("text" if kind is str else "a table" for kind in kinds)
+            raise InputError(f"{where}: {name} {number}: found {entry!r:.60}; allowed: {allowed}")
+        if isinstance(entry, kinds[0]):
+            entries[number - 1] = made(entry, number)

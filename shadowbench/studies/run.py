@@ -4,9 +4,9 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.maps.filters import Filter
@@ -101,8 +101,14 @@ def measure(study: Study, campaigns: Sequence[Campaign], part: Part = WHOLE) -> 
     keys: dict[str, None] = {}
     notes: dict[str, None] = {}
     for campaign in campaigns:
+        check_sizes(study, campaign.drawer.info)
         timed = blocks if campaign is campaigns[-1] else [replace(block, rounds=0) for block in blocks]
-        keys |= dict.fromkeys(_measure(study, timed, campaign, notes))
+        for kind, text in _measured(study, timed, campaign):
+            if kind == "key":
+                keys[text] = None
+            else:
+                notes[text] = None
+                campaign.reporter.note(text)
         failures += campaign.failures
     from shadowbench.results.folder import write_cells
 
@@ -112,24 +118,14 @@ def measure(study: Study, campaigns: Sequence[Campaign], part: Part = WHOLE) -> 
     return StudyResult(study, run, positions, campaign.drawer.info, tuple(dict.fromkeys(failures)))
 
 
-def _measure(study: Study, blocks: Sequence[Block], campaign: Campaign, notes: dict[str, None]) -> list[str]:
-    """Keys of all cells of the blocks, measured now or before; notes: what is noted is added.
+def _measured(
+    study: Study, blocks: Sequence[Block], campaign: Campaign
+) -> Iterator[tuple[Literal["key", "note"], str]]:
+    """The keys of all cells of the blocks, measured now or before, and what is noted about them.
 
     Raises InputError before anything is written, ShadowbenchError if nothing is left of a campaign that keeps going.
     """
-    check_sizes(study, campaign.drawer.info)
-    reporter = campaign.reporter
-
-    def note(*lines: str) -> None:
-        for line in lines:
-            notes[line] = None
-            reporter.note(line)
-
-    note(*study.notes, *_filter_notes(study))
-    for scene in scenes_of(blocks):
-        note(*scene.notes)
-        if "file" in study.views:
-            note(*first_of(scene.name, "cameras", scene.cameras, "--view or a study"))
+    yield from (("note", line) for line in _notes(study, blocks))
     # Before anything is written: a view that shows nothing raises InputError.
     traced = [(block, shows) for block, shows in zip(blocks, campaign.trace(blocks), strict=True) if shows]
     if not traced:
@@ -137,23 +133,39 @@ def _measure(study: Study, blocks: Sequence[Block], campaign: Campaign, notes: d
     for block, shows in traced:
         if shows != "with edges":
             everything = "nothing is in shadow" if shows == "lit" else "everything is in shadow"
-            note(f"{block.view.name}: {everything}, so most metrics are undefined or trivial")
+            yield "note", f"{block.view.name}: {everything}, so most metrics are undefined or trivial"
     with campaign:
-        cells = [(block, cell) for block, _ in traced for cell in block.cells]
-        missing = [cell for block, _ in traced for cell in campaign.unscored(block)]
-        if (seconds := sum(_seconds(study, cell) for cell in missing)) >= _LONG_S:
-            rough = f"about {duration(seconds)} on two cores without a GPU"
-            reporter.note(f"{len(missing)} of {len(cells)} cells to measure: {rough}")
-        reporter.stage("cells", len(cells) + sum(block.times(cell) for block, cell in cells))
-        keys: list[str] = []
+        _announce(study, [block for block, _ in traced], campaign)
+        some = False
         for (block, shows), found in zip(traced, campaign.measure(block for block, _ in traced), strict=True):
-            keys += [result.score["key"] for result in found]
-            if shows == "with edges":
-                lines = dict.fromkeys(filter(None, map(_uniform_mask, found)))  # phases may say the same
-                note(*(f"{block.view.name}: {line}" for line in lines))
-    if not keys:
+            for result in found:
+                some = True
+                yield "key", result.score["key"]
+                if shows == "with edges" and (line := _uniform_mask(result)):
+                    yield "note", f"{block.view.name}: {line}"
+    if not some:
         raise _nothing("was measured", campaign.failures)
-    return keys
+
+
+def _notes(study: Study, blocks: Sequence[Block]) -> Iterator[str]:
+    """What is noted before anything is drawn."""
+    yield from study.notes
+    filters = {spec.text: getattr(spec.params, "filter", None) for spec in study.specs}
+    yield from (f"{text}: {one.note}" for text, one in filters.items() if isinstance(one, Filter) and one.note)
+    for scene in scenes_of(blocks):
+        yield from scene.notes
+        if "file" in study.views:
+            yield from first_of(scene.name, "cameras", scene.cameras, "--view or a study")
+
+
+def _announce(study: Study, blocks: Sequence[Block], campaign: Campaign) -> None:
+    """Begin the stage of the cells, after a note if they take long."""
+    cells = [(block, cell) for block in blocks for cell in block.cells]
+    missing = [cell for block in blocks for cell in campaign.unscored(block)]
+    if (seconds := sum(_seconds(study, cell) for cell in missing)) >= _LONG_S:
+        rough = f"about {duration(seconds)} on two cores without a GPU"
+        campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to measure: {rough}")
+    campaign.reporter.stage("cells", len(cells) + sum(block.times(cell) for block, cell in cells))
 
 
 def _nothing(what: str, failures: Sequence[Failure]) -> ShadowbenchError:
@@ -221,8 +233,3 @@ def _uniform_mask(result: Result) -> str | None:
     size = f" at {row['map_size']}" if row["map_size"] else ""
     where = "in shadow" if row["metrics"]["iou"] else "lit"
     return f"{row['spec']}{size} draws every scored pixel {where}"
-
-
-def _filter_notes(study: Study) -> list[str]:
-    filters = {spec.text: getattr(spec.params, "filter", None) for spec in study.specs}
-    return [f"{text}: {one.note}" for text, one in filters.items() if isinstance(one, Filter) and one.note]

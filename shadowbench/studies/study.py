@@ -272,13 +272,16 @@ def study_from_options(
     elif measuring.phases:
         changes["technique"] = tuple(replace(crossed, phases=None) for crossed in found.technique)
     changed = found.with_(**changes)
-    if not map_size:
-        return changed
+    return changed.with_(notes=(*found.notes, *_size_notes(map_size, specs, changed))) if map_size else changed
+
+
+def _size_notes(map_size: Sequence[int], specs: Sequence[Spec], study: Study) -> Iterator[str]:
+    """What is noted about specs that --map-size leaves as they are."""
     sizes = f"--map-size {','.join(map(str, map_size))} leaves"
-    notes = [f"{spec.text} names its size, which {sizes} as it is" for spec in specs if "size" in spec.explicit]
-    around = [spec.text for spec in changed.specs if any(map(has_size, spec.techniques[1:]))]
-    notes += [f"{name}: {sizes} the map inside as it is; its size is written in the spec" for name in around]
-    return changed.with_(notes=(*found.notes, *notes))
+    yield from (f"{spec.text} names its size, which {sizes} as it is" for spec in specs if "size" in spec.explicit)
+    for spec in study.specs:
+        if any(map(has_size, spec.techniques[1:])):
+            yield f"{spec.text}: {sizes} the map inside as it is; its size is written in the spec"
 
 
 def find_study(name: str) -> Path:
