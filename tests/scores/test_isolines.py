@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.scores.isolines import Isolines, smooth_gradient, step_squared
+from shadowbench.scores.isolines import Isolines, smooth_gradient
+from shadowbench.scores.loops import step_squared
 
 SIZE = 15
 MIDDLE = 7
@@ -80,11 +81,6 @@ def test_one_value_among_seven_pixels(distance: int, expected: float) -> None:
     assert variance(values.T) == pytest.approx(0 if distance else 6 / 7), "across the isoline"
 
 
-def test_a_period_of_seven_pixels_keeps_its_amplitude() -> None:
-    values = np.cos(2 * math.pi * (np.arange(SIZE) - MIDDLE) / 7)[:, np.newaxis] * np.ones(SIZE)
-    assert variance(values) == pytest.approx(7 / 6)
-
-
 def test_the_known_variance_is_taken_off() -> None:
     line, valid = along()
     values = np.zeros((SIZE, SIZE), np.float32)
@@ -109,11 +105,3 @@ def test_a_segment_with_no_more_than_half_a_pair_does_not_count(slant: float, co
     """
     valid = np.arange(SIZE)[:, np.newaxis] >= MIDDLE + np.zeros(SIZE)
     assert (variance(np.zeros((SIZE, SIZE)), slant, math.sqrt(1 - slant**2), valid) is not None) == counts
-
-
-def test_a_single_pair_counts() -> None:
-    """Three pixels, of which the middle one differs from the mean by 2/3: squared, 3/2 times."""
-    values = np.zeros((SIZE, SIZE))
-    values[MIDDLE, MIDDLE] = 1
-    valid = np.abs(np.arange(SIZE) - MIDDLE)[:, np.newaxis] + np.zeros(SIZE) <= 1
-    assert variance(values, valid=valid) == pytest.approx(2 / 3)

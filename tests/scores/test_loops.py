@@ -60,11 +60,12 @@ def test_a_sum_in_bands_is_that_of_the_whole_image() -> None:
         assert total_of(np.subtract, where, one, other) == total(one - other, where)
 
 
-def test_no_loop_is_compiled_while_a_mask_is_scored(truth) -> None:
+def test_a_mask_of_another_layout_compiles_no_loop_anew(truth) -> None:
     """Loops are compiled anew for arrays of another type or layout than they have been compiled for."""
     rng = np.random.default_rng(5)
     mask, visibility = rng.random((2, 64, 64))
-    kinds = {loop: list(loop.signatures) for loop in vars(loops).values() if hasattr(loop, "signatures")}
+    found = []
     for layout in (np.ascontiguousarray, np.asfortranarray):
         score(layout(mask), truth(layout(visibility), receivers=layout(mask < 0.9)))
-    assert {loop: list(loop.signatures) for loop in kinds} == kinds
+        found.append([list(loop.signatures) for loop in vars(loops).values() if hasattr(loop, "signatures")])
+    assert found[0] == found[1]

@@ -58,11 +58,6 @@ def test_of_many_edge_pixels_a_thousand_are_taken_at_even_ranks() -> None:
     assert found.lines[:, :, 80 // 4].T.tolist() == starts.tolist()
 
 
-def test_of_fewer_edge_pixels_all_but_those_on_the_border_are_tried() -> None:
-    zero = np.zeros((20, 30), np.float32)
-    assert crossings(zero, zero, zero == 0, zero == 0, np.stack([zero, zero]), floor(20, 30)).tried == 18 * 28
-
-
 @pytest.mark.parametrize(("dark", "lit", "found"), [(40, 120, 1), (39, 120, 0), (40, 121, 0)])
 def test_a_line_reaches_a_quarter_of_the_image_to_either_side(dark: int, lit: int, found: int) -> None:
     """From column 80 of 160 to the first pixels darker than 0.1 and lighter than 0.9."""
