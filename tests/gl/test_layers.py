@@ -1,6 +1,5 @@
 """Layered maps, stencil and blending, for which moderngl has no or partial support."""
 
-import moderngl
 import numpy as np
 import pytest
 
@@ -8,28 +7,7 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Sampling, State, Stencil
 from shadowbench.gl.targets import depth_target, stencil_target
 
-AT_DEPTH = """
-uniform float depth;
-void main() {
-    vec2 corner = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);
-    gl_Position = vec4(corner * 2.0 - 1.0, depth * 2.0 - 1.0, 1.0);
-}
-"""
-NEARER = State(depth_test="<=")
 BYTES = {"d16": 2, "d24": 3, "d32f": 4}
-
-
-@pytest.fixture
-def at_depth(device: Device, program):
-    """Draws a constant depth over a whole target."""
-    flat = program("void main() {}", AT_DEPTH)
-    vertices = device.context.vertex_array(flat.linked, [])
-
-    def draw(target: moderngl.Framebuffer, depth: float, state: State = NEARER) -> None:
-        flat.set(depth=depth)
-        Drawable(flat, vertices, count=3).draw(target, state=state)
-
-    return draw
 
 
 @pytest.mark.parametrize("kind", ["array", "cube"])
@@ -53,15 +31,6 @@ def test_clearing_the_whole_clears_every_layer(device: Device, at_depth, kind: s
         at_depth(target, 0.25, State())
     layers.target.clear(depth=0.75)
     assert (layers.texture.read() == 0.75).all()
-    device.free([layers])
-
-
-def test_row_0_of_a_layer_is_its_bottom(device: Device, at_depth) -> None:
-    layers = depth_target(device, 4, "d32f", "array", 2)
-    layers.target.clear(depth=1.0)
-    layers.layer_targets[1].viewport = (0, 0, 4, 2)
-    at_depth(layers.layer_targets[1], 0.5)
-    assert (layers.texture.read()[1] == [[0.5]] * 2 + [[1.0]] * 2).all()
     device.free([layers])
 
 
@@ -162,16 +131,6 @@ def test_a_draw_resets_the_blending_and_masks_of_the_previous_one(
     drawable.draw(target)
     assert (np.frombuffer(image.read(), np.float32) == 3).all(), "no blending, no mask remains"
     device.free([drawable.vertices, target, image])
-
-
-def test_a_depth_that_is_not_written_is_tested_all_the_same(device: Device, at_depth) -> None:
-    layers = depth_target(device, 4, "d32f", "array", 1)
-    layers.target.clear(depth=1.0)
-    at_depth(layers.layer_targets[0], 0.25, State(depth_test="<", depth_write=False))
-    assert (layers.texture.read() == 1).all()
-    at_depth(layers.layer_targets[0], 0.5, State(depth_test="<"))
-    assert (layers.texture.read() == 0.5).all()
-    device.free([layers])
 
 
 def test_arrays_of_uniforms_arrive_in_order(program, paint) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from shadowbench.gl.shaders import FILE_LINES, VERSION, compose, places
+from shadowbench.gl.shaders import VERSION, compose
 
 
 def write(folder: Path, **files: str) -> None:
@@ -21,26 +21,10 @@ def test_version_comes_first_then_the_defines_that_are_used_then_text(tmp_path: 
     assert text.splitlines() == [VERSION, "#define SIZE 1024", "#define REVERSED 0", code]
 
 
-def test_includes_nest(tmp_path: Path) -> None:
-    write(tmp_path, a='#include "b.glsl"\nfrom a', b='#include "c.glsl"\nfrom b', c="from c")
-    assert compose('#include "a.glsl"\nend', [tmp_path]).splitlines() == [VERSION, "from c", "from b", "from a", "end"]
-
-
-def test_a_file_is_included_once_at_its_first_include(tmp_path: Path) -> None:
-    write(tmp_path, a='#include "c.glsl"\nfrom a', b='#include "c.glsl"\nfrom b', c="from c")
-    lines = compose('#include "a.glsl"\n#include "b.glsl"\n#include "c.glsl"\n', [tmp_path]).split()
-    assert lines.count("c") == 1
-    assert lines.index("c") < lines.index("a") < lines.index("b")
-
-
-def test_files_that_include_each_other_end(tmp_path: Path) -> None:
-    write(tmp_path, a='#include "b.glsl"\nfrom a', b='#include "a.glsl"\nfrom b')
-    assert compose("a.glsl", [tmp_path]).split() == [*VERSION.split(), "from", "b", "from", "a"]
-
-
-def test_a_text_without_newlines_is_a_file_name(tmp_path: Path) -> None:
-    write(tmp_path, a="from a")
-    assert compose("a.glsl", [tmp_path]) == compose(Path("a.glsl"), [tmp_path]) == f"{VERSION}\nfrom a"
+def test_includes_nest_and_a_file_is_included_once_at_its_first_include(tmp_path: Path) -> None:
+    write(tmp_path, a='#include "c.glsl"\nfrom a', b='#include "c.glsl"\n#include "b.glsl"\nfrom b', c="from c")
+    lines = compose('#include "a.glsl"\n#include "b.glsl"\n#include "c.glsl"\n', [tmp_path]).splitlines()
+    assert [line for line in lines if line] == [VERSION, "from c", "from a", "from b"]
 
 
 def test_an_include_slot_takes_its_file(tmp_path: Path) -> None:
@@ -135,22 +119,16 @@ def test_every_reachable_include_is_inserted_once(tmp_path: Path, web: list[set[
     assert "#include" not in text
 
 
-def test_each_line_of_a_traced_text_knows_its_file_and_line(tmp_path: Path) -> None:
+def test_each_line_of_a_composed_text_knows_its_file_and_line(tmp_path: Path) -> None:
     """Of includes within includes, of one that is taken already, of renamed ones, and of text in a Python file."""
     (tmp_path / "a.glsl").write_text('a1\n#include "b.glsl"\na3\n#include "b.glsl"\na5')
     (tmp_path / "b.glsl").write_text("b1\nb2\n")
-    inline = '\ni2\n#include "a.glsl"\ni4\n#include <bias>\ni6\n'
+    inline = '\ni2 SIZE\n#include "a.glsl"\ni4\n#include <bias>\ni6\n'
     (tmp_path / "mine.py").write_text(f'# a comment\nTEXT = """{inline}"""\n')
     (tmp_path / "bias.glsl").write_text("bias1\n")
-    text = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"}, traced=True)
-    found = {
-        line: (name, number % FILE_LINES) for line, (number, name) in zip(text.splitlines(), places(text), strict=True)
-    }
+    text = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"})
+    found = dict(zip(text.splitlines(), text.places, strict=False))
     expected = {"a1": ("a.glsl", 1), "a3": ("a.glsl", 3), "a5": ("a.glsl", 5), "b1": ("b.glsl", 1), "b2": ("b.glsl", 2)}
-    expected |= {f"i{line}": ("mine.py", line + 1) for line in (2, 4, 6)} | {"bias1": ("bias.glsl", 1)}
+    expected |= {"i2 SIZE": ("mine.py", 3), "i4": ("mine.py", 5), "i6": ("mine.py", 7), "bias1": ("bias.glsl", 1)}
     assert {line: found[line] for line in expected} == expected
-    plain = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"})
-    directives = [line for line in text.splitlines() if line.startswith("#line")]
-    assert [line for line in text.split() if line in expected] == [line for line in plain.split() if line in expected]
-    assert directives and "#line" not in plain
-    assert places("a\nb") == [(1, ""), (2, "")]
+    assert len(text.places) == text.count("\n") + 1
