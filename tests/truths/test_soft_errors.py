@@ -9,10 +9,9 @@ import pytest
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.vectors import Floats
 from shadowbench.scenes.views import chosen_view
-from shadowbench.truths.estimator import Estimator, Sums
 from shadowbench.truths.light_samples import MOST_SAMPLES, scrambles_of
 from shadowbench.truths.rays import Receivers, ViewRays
-from shadowbench.truths.soft import REPLICATIONS, estimate, find_penumbra
+from shadowbench.truths.soft import REPLICATIONS, Estimator, Sums, estimate, find_penumbra
 from shadowbench.truths.trace import OFFSET, STANDARD_ERROR
 
 STUDENT, SHARE = 4.44, 0.997  # of Student's t with 7 degrees of freedom, 99.7% lies within it
