@@ -55,7 +55,7 @@ def test_receivers_lie_inside_a_spots_cone(shape: Shape, looking: Looking, on_gr
 
 
 @pytest.mark.parametrize("kind", ["directional", "spot"])
-@pytest.mark.parametrize("length", [1e-320, 1e-170, 1e-40, 1e17, 1e200])
+@pytest.mark.parametrize("length", [1e-320, 1e-170, 1e200])
 def test_the_length_of_a_direction_changes_nothing(
     shape: Shape, looking: Looking, kind: LightKind, length: float
 ) -> None:
@@ -69,16 +69,12 @@ def test_the_length_of_a_direction_changes_nothing(
         assert same[~expected.undecided].all()
 
 
-def test_ground_seen_from_below_is_no_receiver_of_a_light_above(shape: Shape, looking: Looking, sun: Light) -> None:
-    truth = trace(looking([shape("plane", 8.0)], sun, eye=(1.0, -3.0, 2.0)))
-    assert (truth.triangle >= 0).any()
-    assert not truth.receivers.any()
-
-
-def test_ground_wound_downward_is_a_receiver_all_the_same(shape: Shape, looking: Looking, sun: Light) -> None:
+def test_winding_does_not_decide_what_a_receiver_is(shape: Shape, looking: Looking, sun: Light) -> None:
     ground = shape("plane", 8.0)
-    truth = trace(looking([replace(ground, faces=np.ascontiguousarray(ground.faces[:, ::-1]))], sun))
-    assert (truth.receivers == (truth.triangle >= 0)).all()
+    for faces in (ground.faces, np.ascontiguousarray(ground.faces[:, ::-1])):
+        above, below = (trace(looking([replace(ground, faces=faces)], sun, eye=(1.0, y, 2.0))) for y in (3.0, -3.0))
+        assert (above.receivers == (above.triangle >= 0)).all()
+        assert (below.triangle >= 0).any() and not below.receivers.any()
 
 
 def test_mesh_that_does_not_receive_has_no_receivers(shape: Shape, looking: Looking, sun: Light) -> None:
