@@ -159,8 +159,9 @@ class ViewRays:
         facing = cosine > 0
         if self._cos_half_angle > -1:
             facing &= -dot(to_light, self._axis) >= self._cos_half_angle
-        found, chosen = (rays, triangle, point, to_light, distance, cosine), np.flatnonzero(facing)
-        return Receivers(*(values.take(chosen, axis=-1) for values in found))
+        chosen = np.flatnonzero(facing)
+        found = Receivers(rays, triangle, point, to_light, distance, cosine)
+        return found._replace(**{name: values.take(chosen, axis=-1) for name, values in found._asdict().items()})
 
     def shadow_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """Shadow rays offset along L to a height δ; an offset along N would shift shadows by δ/tan(elevation)."""

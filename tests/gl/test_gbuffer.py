@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download, view_projection
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
@@ -37,7 +36,7 @@ def disagreement(ours: np.ndarray, theirs: np.ndarray, where: np.ndarray, down: 
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_triangles_are_those_that_rays_hit(studio, builtin, truth_of, name: str) -> None:
+def test_triangles_are_those_that_rays_hit(studio, builtin, truth_of, name) -> None:
     shot, truth = studio.shot(builtin(name, SIZE)), truth_of(name, SIZE)
     decided = truth.receivers & ~truth.undecided
     # A rasteriser moves vertices to a grid of 1/256 pixel, so a centre beside an edge may fall to the other triangle:
@@ -46,7 +45,7 @@ def test_triangles_are_those_that_rays_hit(studio, builtin, truth_of, name: str)
 
 
 @pytest.mark.parametrize("name", ["sphere-and-torus", "terrain"])
-def test_the_image_is_neither_shifted_nor_turned(studio, builtin, truth_of, name: str) -> None:
+def test_the_image_is_neither_shifted_nor_turned(studio, builtin, truth_of, name) -> None:
     shot, truth = studio.shot(builtin(name, SIZE)), truth_of(name, SIZE)
     decided = truth.receivers & ~truth.undecided
     here = disagreement(shot.triangle, truth.triangle, decided)
@@ -60,9 +59,7 @@ def test_the_image_is_neither_shifted_nor_turned(studio, builtin, truth_of, name
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_positions_are_where_rays_through_pixel_centres_meet_the_triangle(
-    studio, builtin, device: Device, name: str
-) -> None:
+def test_positions_are_where_rays_through_pixel_centres_meet_the_triangle(studio, builtin, device, name) -> None:
     shot = studio.shot(builtin(name, SIZE))
     eye, directions = rays(shot.view)
     hit = shot.triangle >= 0
@@ -79,7 +76,7 @@ def test_positions_are_where_rays_through_pixel_centres_meet_the_triangle(
 
 
 @pytest.mark.parametrize("name", [*SCENES, *DEEP])
-def test_normals_are_the_triangles_own_turned_to_the_camera_and_a_miss_has_none(studio, builtin, name: str) -> None:
+def test_normals_are_the_triangles_own_turned_to_the_camera_and_a_miss_has_none(studio, builtin, name) -> None:
     shot = studio.shot(builtin(name, SIZE))
     hit = shot.triangle >= 0
     normal = shot.normal[hit][:, :3]

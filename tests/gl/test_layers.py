@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Sampling, State, Stencil
 from shadowbench.gl.targets import depth_target, stencil_target
 
@@ -12,7 +11,7 @@ BYTES = {"d16": 2, "d24": 3, "d32f": 4}
 
 @pytest.mark.parametrize("kind", ["array", "cube"])
 @pytest.mark.parametrize("depth", BYTES)
-def test_each_layer_is_drawn_into_and_read_by_itself(device: Device, at_depth, kind: str, depth: str) -> None:
+def test_each_layer_is_drawn_into_and_read_by_itself(device, at_depth, kind, depth) -> None:
     layers = depth_target(device, 4, depth, kind, 6)
     layers.target.clear(depth=1.0)
     for layer, target in enumerate(layers.layer_targets):
@@ -25,7 +24,7 @@ def test_each_layer_is_drawn_into_and_read_by_itself(device: Device, at_depth, k
 
 
 @pytest.mark.parametrize("kind", ["array", "cube"])
-def test_clearing_the_whole_clears_every_layer(device: Device, at_depth, kind: str) -> None:
+def test_clearing_the_whole_clears_every_layer(device, at_depth, kind) -> None:
     layers = depth_target(device, 4, "d32f", kind, 6)
     for target in layers.layer_targets:
         at_depth(target, 0.25, State())
@@ -34,7 +33,7 @@ def test_clearing_the_whole_clears_every_layer(device: Device, at_depth, kind: s
     device.free([layers])
 
 
-def test_an_array_is_sampled_and_compared_by_layer(device: Device, at_depth, program, paint) -> None:
+def test_an_array_is_sampled_and_compared_by_layer(device, at_depth, program, paint) -> None:
     layers = depth_target(device, 4, "d32f", "array", 3)
     for layer, target in enumerate(layers.layer_targets):
         target.clear(depth=0.25 + 0.25 * layer)
@@ -55,7 +54,7 @@ def test_an_array_is_sampled_and_compared_by_layer(device: Device, at_depth, pro
     ("face", "direction"),
     list(enumerate(["1,0,0", "-1,0,0", "0,1,0", "0,-1,0", "0,0,1", "0,0,-1"])),
 )
-def test_a_cube_is_sampled_by_direction(device: Device, program, paint, face: int, direction: str) -> None:
+def test_a_cube_is_sampled_by_direction(device, program, paint, face, direction) -> None:
     layers = depth_target(device, 4, "d32f", "cube")
     for layer, target in enumerate(layers.layer_targets):
         target.clear(depth=layer / 8)
@@ -73,7 +72,7 @@ def test_a_cube_is_sampled_by_direction(device: Device, program, paint, face: in
     device.free([layers])
 
 
-def test_the_two_sides_of_a_closed_body_count_in_opposite_directions(device: Device, program, paint) -> None:
+def test_the_two_sides_of_a_closed_body_count_in_opposite_directions(device, program, paint) -> None:
     """Three front faces and one back face over a pixel leave a count of two; 256 increments wrap to none."""
     image = device.context.texture((4, 4), 1, dtype="f4")
     buffers = stencil_target(device, (4, 4), image)
@@ -100,7 +99,7 @@ def test_the_two_sides_of_a_closed_body_count_in_opposite_directions(device: Dev
     device.free([front.vertices, back.vertices, buffers, image])
 
 
-def test_depth_fail_is_counted_apart_from_depth_pass(device: Device, at_depth, program) -> None:
+def test_depth_fail_is_counted_apart_from_depth_pass(device, at_depth, program) -> None:
     image = device.context.texture((4, 4), 1, dtype="f4")
     buffers = stencil_target(device, (4, 4), image)
     buffers.target.clear(depth=1.0)
@@ -116,9 +115,7 @@ def test_depth_fail_is_counted_apart_from_depth_pass(device: Device, at_depth, p
 
 
 @pytest.mark.parametrize(("blend", "result"), [("", 3.0), ("add", 5.0), ("min", 2.0), ("max", 3.0)])
-def test_a_draw_resets_the_blending_and_masks_of_the_previous_one(
-    device: Device, program, blend: str, result: float
-) -> None:
+def test_a_draw_resets_the_blending_and_masks_of_the_previous_one(device, program, blend, result) -> None:
     image = device.context.texture((4, 4), 1, dtype="f4")
     target = device.context.framebuffer([image])
     target.clear(red=2.0)
@@ -145,7 +142,7 @@ def test_arrays_of_uniforms_arrive_in_order(program, paint) -> None:
     assert (paint(arrays) == 5432).all()
 
 
-def test_a_clip_distance_cuts(device: Device, program) -> None:
+def test_a_clip_distance_cuts(device, program) -> None:
     image = device.context.texture((4, 4), 1, dtype="f4")
     target = device.context.framebuffer([image])
     left = program(

@@ -77,7 +77,7 @@ def test_an_array_whose_last_elements_are_unused_takes_all_values(program, paint
     assert (paint(one) == 2.0).all()
 
 
-def test_sampling_of_each_wrap(device: Device, program, paint) -> None:
+def test_sampling_of_each_wrap(device, program, paint) -> None:
     texture = device.context.texture((2, 1), 1, np.array([0.25, 0.5], np.float32).tobytes(), dtype="f4")
     beyond = program("uniform sampler2D s; out float value; void main() { value = texture(s, vec2(1.25, 0.5)).r; }")
     assert (paint(beyond, {"s": (texture, Sampling(wrap="edge"))}) == 0.5).all()
@@ -87,7 +87,7 @@ def test_sampling_of_each_wrap(device: Device, program, paint) -> None:
     device.free([texture])
 
 
-def test_every_kind_of_2d_sampler_reads_its_own_texture(device: Device, program, paint) -> None:
+def test_every_kind_of_2d_sampler_reads_its_own_texture(device, program, paint) -> None:
     context = device.context
     decoy = context.texture((1, 1), 1, np.array([99], np.float32).tobytes(), dtype="f4")
     plain = context.texture((1, 1), 1, np.array([0.5], np.float32).tobytes(), dtype="f4")
@@ -120,7 +120,7 @@ def test_every_kind_of_2d_sampler_reads_its_own_texture(device: Device, program,
 
 
 @pytest.mark.parametrize("kind", ["sampler2DArray", "sampler2DArrayShadow", "samplerCube", "samplerCubeShadow"])
-def test_samplers_that_moderngl_ignores_get_a_unit_of_their_own(device: Device, program, kind: str) -> None:
+def test_samplers_that_moderngl_ignores_get_a_unit_of_their_own(device, program, kind) -> None:
     get = RawGL(device.context, {"glGetUniformiv": (ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)})
     read = "texture(s, vec4(0.5))" if kind.endswith("Shadow") else "texture(s, vec3(0.5)).r"
     two = program(
@@ -139,7 +139,7 @@ def test_a_texture_that_is_left_out_is_an_error(program, paint) -> None:
         paint(reads)
 
 
-def test_a_shader_error_says_where_and_why_in_its_first_line(device: Device) -> None:
+def test_a_shader_error_says_where_and_why_in_its_first_line(device) -> None:
     fragment = f"{VERSION}\nout vec4 color;\nvoid main() {{\n    color = vec4(blurred);\n}}\n"
     with pytest.raises(
         ShaderError, match=r"^fragment shader: line 4: .*blurred.*: 'color = vec4\(blurred\);'"
@@ -179,7 +179,7 @@ def drawable(device: Device, one: Program) -> Drawable:
     return Drawable(one, device.context.vertex_array(one.linked, []), count=3)
 
 
-def test_a_draw_leaves_no_state_for_the_next(device: Device, program) -> None:
+def test_a_draw_leaves_no_state_for_the_next(device, program) -> None:
     target, draws = device.context.simple_framebuffer((4, 4)), device.draws
     for state in (replace(ALL, zero_to_one=device.clip_control), State()):
         drawable(device, program(WHITE)).draw(target, state=state)
@@ -188,7 +188,7 @@ def test_a_draw_leaves_no_state_for_the_next(device: Device, program) -> None:
     device.free([target])
 
 
-def test_a_failing_draw_leaves_no_state_behind(device: Device, program, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_draw_leaves_no_state_behind(device, program, monkeypatch) -> None:
     seen: dict[str, int] = {}
 
     def fail(*_: object, **__: object) -> None:

@@ -33,7 +33,7 @@ def stored(device: Device, at_depth) -> Callable[..., np.ndarray]:
 @pytest.mark.parametrize("kind", BITS)
 @given(depth=st.floats(0.0, 1.0, width=32))
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_fixed_point_target_keeps_the_nearest_step(stored, kind: str, depth: float) -> None:
+def test_a_fixed_point_target_keeps_the_nearest_step(stored, kind, depth) -> None:
     levels = 2 ** BITS[kind] - 1
     values = stored(depth, kind)
     assert (values == values[0, 0]).all()
@@ -51,7 +51,7 @@ def test_16_bits_cannot_tell_apart_what_24_and_floats_can(stored) -> None:
 
 
 @pytest.mark.parametrize("kind", ["d16", "d24", "d32f"])
-def test_step_is_what_separates_values_near_1(device: Device, stored, kind: str) -> None:
+def test_step_is_what_separates_values_near_1(device, stored, kind) -> None:
     target = depth_target(device, 1, kind)
     step = target.step
     device.free([target])
@@ -61,7 +61,7 @@ def test_step_is_what_separates_values_near_1(device: Device, stored, kind: str)
     assert (stored(0.0, kind) == 0).all()
 
 
-def test_a_mask_of_another_precision_is_an_error(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mask_of_another_precision_is_an_error(device, monkeypatch) -> None:
     lies = {"d16": (*targets._FORMATS["d24"][:2], 16, 2.0**-16)}
     monkeypatch.setattr(targets, "_FORMATS", lies)
     with pytest.raises(RuntimeError, match="asked the driver for 16 bits in a d16 target of 8², got 24"):
@@ -69,7 +69,7 @@ def test_a_mask_of_another_precision_is_an_error(device: Device, monkeypatch: py
 
 
 @pytest.mark.parametrize("kind", ["2d", "array", "cube"])
-def test_unsupported_texture_sizes_are_reported_before_allocation(device: Device, kind: str) -> None:
+def test_unsupported_texture_sizes_are_reported_before_allocation(device, kind) -> None:
     assert unsupported_map(device, 64, "d16", kind, 6) is None
     too_large = unsupported_map(device, 4 * device.max_map_size, "d16", kind, 6)
     what = {"2d": "a map", "array": "6 maps", "cube": "a cube"}[kind]

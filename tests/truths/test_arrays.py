@@ -18,7 +18,7 @@ OnGround = Callable[[View], Floats]
 Toward = Callable[[Light, Floats], Floats]
 
 
-def test_shapes_and_types(shape: Shape, looking: Looking, sun: Light) -> None:
+def test_shapes_and_types(shape, looking, sun) -> None:
     truth = trace(looking([shape("plane", 8.0), shape("box", at=(0, 0.5, 0))], sun, size=48))
     types = dict.fromkeys(("visibility", "standard_error", "irradiance", "area", "blocker", "cosine"), np.float32)
     types |= {"receivers": np.bool_, "undecided": np.bool_, "triangle": np.int32}
@@ -29,9 +29,7 @@ def test_shapes_and_types(shape: Shape, looking: Looking, sun: Light) -> None:
     assert set(np.unique(truth.visibility)) == {0.0, 1.0}
 
 
-def test_outside_receivers_nothing_is_in_shadow_and_no_sample_counts(
-    light: Light, shape: Shape, looking: Looking
-) -> None:
+def test_outside_receivers_nothing_is_in_shadow_and_no_sample_counts(light, shape, looking) -> None:
     assert (trace(looking([shape("plane", 2.0)], light, size=96)).area == 1).all()  # also at the rim of a lit ground
     truth = trace(looking([shape("plane", 3.0), shape("box", at=(0, 0.5, 0))], light, size=96))
     outside = ~truth.receivers
@@ -44,7 +42,7 @@ def test_outside_receivers_nothing_is_in_shadow_and_no_sample_counts(
     assert (truth.cosine[truth.receivers] > 0).all()
 
 
-def test_area_is_visibility_where_no_edge_is_near(shape: Shape, looking: Looking, sun: Light) -> None:
+def test_area_is_visibility_where_no_edge_is_near(shape, looking, sun) -> None:
     truth = trace(looking([shape("plane", 8.0), shape("box", at=(0, 0.5, 0))], sun, size=128))
     code = truth.receivers + 2 * truth.visibility
     flat = maximum_filter(code, 3) == minimum_filter(code, 3)
@@ -54,9 +52,7 @@ def test_area_is_visibility_where_no_edge_is_near(shape: Shape, looking: Looking
 
 
 @pytest.mark.parametrize("samples", [4, 8])
-def test_area_of_a_straight_edge_is_its_coverage(
-    samples: int, shape: Shape, looking: Looking, on_ground: OnGround, sun: Light
-) -> None:
+def test_area_of_a_straight_edge_is_its_coverage(samples, shape, looking, on_ground, sun) -> None:
     """A row of an n × n grid misjudges a straight edge by half a sample at most."""
     plate = shape("plane", (20.0, 1.0, 10.0), (0.0, 2.0, 5.0))  # its edge over z = 0 casts one straight shadow
     view = looking([shape("plane", 40.0), plate], sun, eye=(0.3, 1.5, 0.3), target=(0.6, 0.0, -0.6))
@@ -74,9 +70,7 @@ def test_area_of_a_straight_edge_is_its_coverage(
     assert np.abs(error[~at_edge]).max() == 0
 
 
-def test_blocker_is_the_distance_to_the_near_side_of_a_box(
-    light: Light, shape: Shape, looking: Looking, on_ground: OnGround, toward: Toward
-) -> None:
+def test_blocker_is_the_distance_to_the_near_side_of_a_box(light, shape, looking, on_ground, toward) -> None:
     """The first crossing of six planes, seen from outside: the entry of the slab test."""
     box = shape("box", (1.0, 0.4, 1.2), (0.0, 0.9, 0.1))
     view = looking([shape("plane", 8.0), box], light, size=96)
@@ -92,7 +86,7 @@ def test_blocker_is_the_distance_to_the_near_side_of_a_box(
     assert np.isinf(truth.blocker[truth.visibility == 1]).all()
 
 
-def test_triangles_are_counted_over_meshes_in_file_order(shape: Shape, looking: Looking, sun: Light) -> None:
+def test_triangles_are_counted_over_meshes_in_file_order(shape, looking, sun) -> None:
     ground, box, sphere = shape("plane", 3.0), shape("box", at=(-0.8, 0.5, 0)), shape("sphere", at=(0.8, 0.5, 0))
     view = looking([ground, box, sphere], sun, size=128)
     truth = trace(view)
@@ -105,7 +99,7 @@ def test_triangles_are_counted_over_meshes_in_file_order(shape: Shape, looking: 
     assert (mesh_of[:, :half] == 1).sum() > (mesh_of[:, half:] == 1).sum()
 
 
-def test_diagonal_is_of_casters_and_visible_receivers(shape: Shape, looking: Looking, sun: Light) -> None:
+def test_diagonal_is_of_casters_and_visible_receivers(shape, looking, sun) -> None:
     ground, box = shape("plane", 1000.0, casts=False), shape("box", at=(0, 0.5, 0))
     seen = trace(looking([ground, box], sun, target=(0.0, -1.0, 0.0), fov=30.0)).diagonal
     assert seen < 20

@@ -73,7 +73,7 @@ def assert_heals(view: View, file: Path, first: Truth) -> None:
     assert_equal(kept, first)
 
 
-def test_second_time_nothing_is_traced_whatever_names_there_are(view: View, first: Truth, no_tracing: None) -> None:
+def test_second_time_nothing_is_traced_whatever_names_there_are(view, first, no_tracing) -> None:
     scene = replace(view.scene, name="another name")
     renamed = replace(view, scene=scene, camera=replace(view.camera, name="c"), light=replace(view.light, name="l"))
     assert_equal(cached_truth(view), first)
@@ -104,14 +104,12 @@ def without_casting(view: View) -> View:
     ],
     ids=["camera", "far", "light", "size", "vertex", "casts"],
 )
-def test_another_view_is_traced(other: Callable[[View], View], view: View, no_tracing: None) -> None:
+def test_another_view_is_traced(other, view, no_tracing) -> None:
     with pytest.raises(TracedAgainError):
         cached_truth(other(view))
 
 
-def test_other_numbers_of_samples_and_truths_of_another_version_are_traced(
-    view: View, no_tracing: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_numbers_of_samples_and_truths_of_another_version_are_traced(view, no_tracing, monkeypatch) -> None:
     for other in ({"pixel_samples": 5}, {"standard_error": 0.01}):
         with pytest.raises(TracedAgainError):
             cached_truth(view, **other)
@@ -134,9 +132,7 @@ def with_unknown_compression(content: bytes) -> bytes:
         with_unknown_compression,
     ],
 )
-def test_file_that_is_damaged_or_cut_short_is_traced_again(
-    damaged: Callable[[bytes], bytes], view: View, file: Path, first: Truth
-) -> None:
+def test_file_that_is_damaged_or_cut_short_is_traced_again(damaged, view, file, first) -> None:
     file.write_bytes(damaged(file.read_bytes()))
     assert_heals(view, file, first)
 
@@ -167,9 +163,7 @@ def with_pixel(name: str, value: float) -> Callable[[Arrays], None]:
         with_pixel("triangle", 14),
     ],
 )
-def test_readable_but_wrong_truth_is_traced_again(
-    change: Callable[[Arrays], object], view: View, file: Path, first: Truth
-) -> None:
+def test_readable_but_wrong_truth_is_traced_again(change, view, file, first) -> None:
     assert len(view.scene.geometry.faces) == 14
     arrays = dict(first.arrays())
     change(arrays)
@@ -178,9 +172,7 @@ def test_readable_but_wrong_truth_is_traced_again(
 
 
 @pytest.mark.parametrize("claimed", ["(60000000, 60000000)", f"({2**70},)", "(32, 32", "(32,\n  32)"])
-def test_a_truth_with_an_impossible_array_header_is_traced_again(
-    claimed: str, view: View, file: Path, first: Truth
-) -> None:
+def test_a_truth_with_an_impossible_array_header_is_traced_again(claimed, view, file, first) -> None:
     with zipfile.ZipFile(file) as whole:
         arrays = {name: whole.read(name) for name in whole.namelist()}
     header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {claimed}, }}\n".encode()
@@ -192,13 +184,13 @@ def test_a_truth_with_an_impossible_array_header_is_traced_again(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes in the file system")
-def test_pipe_in_a_truth_s_place_is_not_waited_for(view: View, file: Path, first: Truth) -> None:
+def test_pipe_in_a_truth_s_place_is_not_waited_for(view, file, first) -> None:
     file.unlink()
     os.mkfifo(file)
     assert_equal(cached_truth(view), first)
 
 
-def test_every_truth_passes_its_check(view: View, tmp_path: Path) -> None:
+def test_every_truth_passes_its_check(view, tmp_path) -> None:
     """Including a lamp, which lights only a part, and a view that misses the scene in most pixels."""
     lamp = Light("lamp", "spot", (0.0, -1.0, 0.0), position=(0.3, 2.0, 0.2), angle=0.8)
     back = np.subtract(view.camera.position, view.camera.target) * 20 + view.camera.target
@@ -208,7 +200,7 @@ def test_every_truth_passes_its_check(view: View, tmp_path: Path) -> None:
         assert read_truth(tmp_path / "truth.npz", one) is not None
 
 
-def test_oldest_truths_go_first(view: View, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_oldest_truths_go_first(view, file, monkeypatch) -> None:
     (file.parent / "gone.npz").symlink_to("nowhere")  # listed, and deleted by another process
     monkeypatch.setattr(cache, "KEPT_BYTES", int(1.5 * file.stat().st_size))
     cached_truth(replace(view, light=replace(view.light, direction=(0.4, -1.0, -0.3))))
@@ -218,7 +210,7 @@ def test_oldest_truths_go_first(view: View, file: Path, monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize(("below", "why"), [("cache", "Not a directory"), ("", "")])
 def test_where_no_folder_can_be_made_a_truth_is_traced_and_that_is_said(
-    below: str, why: str, view: View, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    below, why, view, tmp_path, monkeypatch, caplog
 ) -> None:
     """Below a file, or at one, which is left alone: not even root can."""
     (tmp_path / "file").write_text("mine")
@@ -229,9 +221,7 @@ def test_where_no_folder_can_be_made_a_truth_is_traced_and_that_is_said(
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_folder_in_the_truth_s_place_is_left_alone(
-    view: View, file: Path, first: Truth, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_folder_in_the_truth_s_place_is_left_alone(view, file, first, caplog) -> None:
     file.unlink()
     file.mkdir()
     assert_equal(cached_truth(view), first)
@@ -239,9 +229,7 @@ def test_folder_in_the_truth_s_place_is_left_alone(
     assert list(file.parent.iterdir()) == [file]
 
 
-def test_full_disk_keeps_no_truth_and_no_part_of_one(
-    view: View, folder: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_full_disk_keeps_no_truth_and_no_part_of_one(view, folder, caplog) -> None:
     resource = pytest.importorskip("resource", reason="no limits on files here")
     allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, allowed[1]))  # bytes; a truth has more
@@ -254,9 +242,7 @@ def test_full_disk_keeps_no_truth_and_no_part_of_one(
     assert list(folder.iterdir()) == []
 
 
-def test_truth_that_may_only_be_read_is_read(
-    view: View, first: Truth, no_tracing: None, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_truth_that_may_only_be_read_is_read(view, first, no_tracing, monkeypatch, caplog) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError
 

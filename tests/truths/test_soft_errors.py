@@ -95,9 +95,7 @@ class ShortSighted(Estimator):
 
 
 @pytest.mark.parametrize(("enough", "told"), [(256, 0), (257, 1), (2000, 0)])
-def test_a_penumbra_that_the_audit_finds_and_256_points_do_not_is_told_once(
-    enough: int, told: int, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_penumbra_that_the_audit_finds_and_256_points_do_not_is_told_once(enough, told, caplog) -> None:
     """Nor is one that the audit, of 1024 points and four replications, does not find."""
     view = chosen_view("cube-on-plane", 64)
     _, receivers = receivers_of(view)

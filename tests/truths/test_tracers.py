@@ -4,7 +4,6 @@ import importlib.util
 import os
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -46,7 +45,7 @@ def device_of(instructions: str, width: int | None = None) -> packets.Device:
 @pytest.mark.parametrize("shared", [False, True], ids=["directions", "one direction"])
 @pytest.mark.parametrize("count", [0, 1, 15, 33, 20_000])
 @pytest.mark.parametrize("width", [4, 8, 16])
-def test_packets_and_single_rays_agree(width: int, count: int, shared: bool) -> None:
+def test_packets_and_single_rays_agree(width, count, shared) -> None:
     random = np.random.default_rng(count)
     corners = random.uniform(-0.5, 0.5, (600, 3)).astype(np.float32)
     faces = np.arange(600, dtype=np.int32).reshape(200, 3)
@@ -68,9 +67,7 @@ def test_packets_and_single_rays_agree(width: int, count: int, shared: bool) -> 
 
 @pytest.mark.parametrize("width", [4, 8, 16])
 @pytest.mark.parametrize("instructions", ["sse2", "sse4.2", "avx2"])
-def test_a_truth_of_another_processor_decides_the_same(
-    instructions: str, width: int, view: View, truth: Truth, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_truth_of_another_processor_decides_the_same(instructions, width, view, truth, monkeypatch) -> None:
     """Distances differ in their last bits, and with them single samples of soft shadows."""
     device = device_of(instructions, width)
     monkeypatch.setattr(packets, "default_device", lambda: device)
@@ -83,9 +80,7 @@ def test_a_truth_of_another_processor_decides_the_same(
 
 
 @pytest.mark.parametrize("instructions", ["sse2", "sse4.2", "avx", "avx2"])
-def test_truths_of_processors_with_one_digest_are_equal(
-    instructions: str, view: View, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_truths_of_processors_with_one_digest_are_equal(instructions, view, monkeypatch) -> None:
     """The digest is part of the cache's key, since one folder may serve several machines."""
     digests, truths = [], []
     for device in (device_of("sse4.2"), device_of(instructions)):
@@ -98,9 +93,7 @@ def test_truths_of_processors_with_one_digest_are_equal(
         assert_same(*truths)
 
 
-def test_an_unknown_instruction_set_and_one_that_the_processor_lacks_are_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_unknown_instruction_set_and_one_that_the_processor_lacks_are_refused(monkeypatch) -> None:
     """Embree itself would take its slowest code without a word."""
     monkeypatch.setenv("SHADOWBENCH_ISA", "avx3")
     with pytest.raises(InputError, match=r"SHADOWBENCH_ISA: 'avx3' is not one of sse2, .*, avx512"):
@@ -111,9 +104,7 @@ def test_an_unknown_instruction_set_and_one_that_the_processor_lacks_are_refused
 
 
 @pytest.mark.parametrize("content", [None, b"\x7fELF of another processor"], ids=["absent", "damaged"])
-def test_a_library_that_cannot_be_loaded_is_none(
-    content: bytes | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_library_that_cannot_be_loaded_is_none(content, tmp_path, monkeypatch) -> None:
     (tmp_path / "embreex.libs").mkdir()
     if content is not None:
         (tmp_path / "embreex.libs" / "libembree4-1.so").write_bytes(content)
@@ -125,7 +116,7 @@ def test_a_library_that_cannot_be_loaded_is_none(
 
 @pytest.mark.parametrize("cores", [1, 7])
 def test_a_truth_is_the_same_for_any_number_of_threads_and_where_the_library_cannot_be_loaded(
-    cores: int, view: View, monkeypatch: pytest.MonkeyPatch
+    cores, view, monkeypatch
 ) -> None:
     device = device_of("")  # embreex has no other
     monkeypatch.setattr(packets, "default_device", lambda: device)
