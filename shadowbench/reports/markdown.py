@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from shadowbench.extremes.axes.model import NAMES
+from shadowbench.extremes.model import NAMES
 from shadowbench.reports.panels import Panel, panels_of
 from shadowbench.reports.stability import Stability, range_text, tolerances
 from shadowbench.reports.verdict import target_name, verdict

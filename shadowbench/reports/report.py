@@ -15,7 +15,6 @@ import pandas as pd
 from PIL import Image
 
 from shadowbench.errors import InputError
-from shadowbench.extremes.ranges import points_frame
 from shadowbench.files import check_outputs, replace_file
 from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.gallery import Place
@@ -27,6 +26,7 @@ from shadowbench.reports.vega import Chart, styles_of, titled
 from shadowbench.reports.words import section_notes, time_source
 from shadowbench.results.configurations import Section, specs_of
 from shadowbench.results.folder import Run, Sweep
+from shadowbench.results.ranges import points_frame
 
 FORMATS = ("html", "md", "csv", "png")
 _SCALE = 2.5  # 760 units of width become 1900 pixels: 16 cm at 300 dots an inch

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from statistics import fmean
 
-from shadowbench.extremes.axes import AXES, Axis, Value, value_label
-from shadowbench.extremes.axes.model import NAMES
-from shadowbench.extremes.ranges import HARD, SOFT, Break, OperatingRange, operating_ranges, value_text
+from shadowbench.errors import counted
+from shadowbench.extremes.axes import AXES
+from shadowbench.extremes.model import NAMES, Axis, Value, value_label
 from shadowbench.measure.rows import Record
-from shadowbench.reports.words import counted
 from shadowbench.results.folder import Sweep
+from shadowbench.results.ranges import HARD, SOFT, Break, OperatingRange, operating_ranges, value_text
 from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.unshadowed import Unshadowed
 

@@ -7,9 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
-from shadowbench.extremes.axes import Axis, Value, value_label
-from shadowbench.extremes.axes.model import NAMES
-from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, failure, tolerances_of, value_text
+from shadowbench.extremes.model import NAMES, Axis, Value, value_label
 from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
 from shadowbench.reports.stability import Stability
@@ -27,6 +25,7 @@ from shadowbench.reports.vega import (
     quantity,
 )
 from shadowbench.reports.words import digits
+from shadowbench.results.ranges import TOLERANCES, OperatingRange, failure, tolerances_of, value_text
 
 SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
 """Colours of shares 0, ½ and 1; distinguishable in greyscale and by the colour-blind."""

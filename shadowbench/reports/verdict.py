@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
+from shadowbench.errors import counted
 from shadowbench.plugin.registry import own_techniques
-from shadowbench.reports.words import counted, digits, median_text, sentence, time_source
+from shadowbench.reports.words import digits, median_text, sentence, time_source
 from shadowbench.results.configurations import Section
 from shadowbench.results.ranking import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
 from shadowbench.scores.metrics import METRICS

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from shadowbench.errors import counted
 from shadowbench.plugin.registry import preset_names
 from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, Section
 from shadowbench.results.folder import Folder, Run
@@ -25,11 +26,6 @@ def digits(value: float) -> str:
     if abs(value) >= 1000:
         return f"{float(f'{value:.3g}'):.0f}"
     return f"{value:#.3g}".rstrip(".") if value and abs(value) >= 1e-4 else f"{value:.2g}"
-
-
-def counted(count: int, what: str) -> str:
-    """A count with its noun: `1 cell`, `2 cells`."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def sentence(text: str) -> str:

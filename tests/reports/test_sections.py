@@ -18,9 +18,8 @@ from shadowbench.reports.words import (
     time_source,
     unscored,
 )
-from shadowbench.results.configurations import Section, sections
+from shadowbench.results.configurations import Interval, Section, sections
 from shadowbench.results.folder import read_runs
-from shadowbench.results.intervals import Interval
 from tests.reports.conftest import CELLS, Cell
 from tests.reports.test_verdict import SOFT, phases
 

@@ -13,8 +13,7 @@ import pytest
 from PIL import Image
 
 from shadowbench.extremes.axes import AXES
-from shadowbench.extremes.axes.model import NAMES
-from shadowbench.extremes.ranges import TOLERANCES, value_text
+from shadowbench.extremes.model import NAMES
 from shadowbench.reports.stability import Stability, range_text
 from shadowbench.reports.sweep_charts import (
     LIMITS,
@@ -27,6 +26,7 @@ from shadowbench.reports.sweep_charts import (
     share_style,
 )
 from shadowbench.reports.vega import styles_of
+from shadowbench.results.ranges import TOLERANCES, value_text
 from shadowbench.scores.masks import read_mask
 from tests.reports.conftest import CELLS, POINTS, Point, color_of, galleries, image_of, parts_of, swept, texts
 
