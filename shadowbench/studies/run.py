@@ -19,8 +19,8 @@ from shadowbench.scenes.views import first_of
 from shadowbench.studies.study import Study, scenes_of
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
-    from shadowbench.results.bias_sweeps import SweepPositions
     from shadowbench.results.folder import Run
+    from shadowbench.results.tables import SweepPositions
 
 T = TypeVar("T")
 _MOST_PARTS = 10_000
