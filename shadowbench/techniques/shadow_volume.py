@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 
 from shadowbench.geometry.topology import Singles, casters_of
+from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
 from shadowbench.maps.reduction import MinMaxReduction
