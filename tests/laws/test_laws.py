@@ -21,9 +21,10 @@ from shadowbench.gl.program import Stencil
 from shadowbench.maps import caster_map
 from shadowbench.maps.biases import Constant, FrontCull, NoBias, ReceiverPlane
 from shadowbench.maps.caster_map import caster_state
-from shadowbench.maps.filters import PCF, PCSS, Filter, Hard
+from shadowbench.maps.filters import PCF, Filter, Hard
 from shadowbench.maps.fits import FixedFit
 from shadowbench.maps.moments import EVSM, VSM
+from shadowbench.maps.pcss import PCSS
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Scene, View
 from shadowbench.scenes.vectors import unit
