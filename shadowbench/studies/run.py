@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.maps.filters import Filter
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import UNSHADOWED, Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Failure
@@ -106,7 +105,7 @@ def measure(study: Study, campaigns: Sequence[Campaign], part: Part = WHOLE) -> 
         for kind, text in _measured(study, timed, campaign):
             if kind == "key":
                 keys[text] = None
-            else:
+            elif text not in notes:  # phases may say the same
                 notes[text] = None
                 campaign.reporter.note(text)
         failures += campaign.failures
@@ -150,8 +149,6 @@ def _measured(
 def _notes(study: Study, blocks: Sequence[Block]) -> Iterator[str]:
     """What is noted before anything is drawn."""
     yield from study.notes
-    filters = {spec.text: getattr(spec.params, "filter", None) for spec in study.specs}
-    yield from (f"{text}: {one.note}" for text, one in filters.items() if isinstance(one, Filter) and one.note)
     for scene in scenes_of(blocks):
         yield from scene.notes
         if "file" in study.views:
