@@ -160,7 +160,7 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     if extra := len(now.keys() - then.keys()):
         notes.append(f"{counted(extra, 'cell')} {'is' if extra == 1 else 'are'} not in the baseline")
     equal = sum(_same_mask(old.score, new.score, allowed) for old, new in drawn)
-    timed = sum(_comparable(old, new) for old, new in drawn)
+    timed = sum(comparable(old, new) for old, new in drawn)
     return Findings(tuple(changes), len(pairs), equal, timed, tuple(notes))
 
 
@@ -231,7 +231,7 @@ def _work(old: Result, new: Result) -> Iterator[Change]:
             yield Change(new.score, name, one, other, verdict, abs(other - one) / max(INVOCATIONS * one, 1.0))
 
 
-def _comparable(old: Result, new: Result) -> bool:
+def comparable(old: Result, new: Result) -> bool:
     """Whether both have a ratio to the same reference on the same machine and clock."""
     before, after = old.time or {}, new.time or {}
     same = ("machine", "clock", "reference")
@@ -243,7 +243,7 @@ def _time(old: Result, new: Result) -> Iterator[Change]:
     before, after = old.time or {}, new.time or {}
     if before.get("ratio") and new.status != "ok":
         yield Change(new.score, "time", before["ratio"], new.status, "slower")
-    if not _comparable(old, new):
+    if not comparable(old, new):
         return
     factor = after["ratio"] / before["ratio"]
     errors = [_standard_error(side) / side["ratio"] for side in (before, after)]

@@ -317,8 +317,8 @@ def test_ambient_light_that_is_in_both_pictures_is_told_and_what_else_is_wrong(
     level = float(np.median((ambient / (ambient + 0.5 * truth.cosine))[truth.shadow_interior]))
     kinds = {kind.name: kind for kind in found.kinds}
     assert next(iter(kinds)) == "raised shadow"
-    assert found.umbra.level == pytest.approx(level, abs=0.1 if fault == "blur" else 0.03)
-    assert sum(f"its shadow is {found.umbra.level:.2f}, not 0" in line for line in found.warnings) == 1
+    assert found.encoding.umbra == pytest.approx(level, abs=0.1 if fault == "blur" else 0.03)
+    assert sum(f"its shadow is {found.encoding.umbra:.2f}, not 0" in line for line in found.warnings) == 1
     assert not any("edges are soft" in line for line in found.summary()) or fault == "blur"
     if fault == "blur":  # which lightens most of the umbra of such narrow shadows
         assert "give it with --ambient" in kinds["raised shadow"].line
@@ -326,13 +326,13 @@ def test_ambient_light_that_is_in_both_pictures_is_told_and_what_else_is_wrong(
     assert "as ambient light in both pictures leaves it: give it with --ambient" in kinds["raised shadow"].line
     assert ("faint acne" in kinds, "shift" in kinds) == (fault == "acne", fault == "shift")
     assert sum(kinds[name].pixels for name in ("leak", "peter-panning") if name in kinds) < 20
-    assert pictured(mask, ambient, given=True).umbra is None
+    assert pictured(mask, ambient, given=True).encoding.umbra is None
 
 
 def test_shadows_that_are_dark_somewhere_have_no_ambient_light(pictured: Callable, drawn: Callable) -> None:
     exact = drawn(SCENE)
     for mask in (exact, ndimage.gaussian_filter(exact, 4.0), np.ones_like(exact), np.maximum(exact, np.eye(256))):
-        assert pictured(mask).umbra is None
+        assert pictured(mask).encoding.umbra is None
 
 
 @pytest.mark.parametrize("share", [0.01, 0.1, 0.5])
