@@ -128,19 +128,14 @@ def check(
 
 
 def _differing_fields(*runs: Run) -> str:
-    """Text on the identity fields in which no cell of a run agrees with any of the other."""
-    columns = [[*map(set, zip(*map(identity, run.rows), strict=True))] for run in runs]
-    fields = [
-        f"{name} is {_values_of(here)} against {_values_of(there)}"
-        for name, here, there in zip(("spec", *IDENTITY), *columns, strict=True)
-        if here.isdisjoint(there)
-    ]
-    return "; ".join(fields) or "each field has values in common, but no cell agrees in all of them"
-
-
-def _values_of(found: set[Any]) -> str:
-    texts = sorted(f"{one[0]}:{','.join(one[1:])}" if isinstance(one, tuple) else str(one) for one in found)
-    return ", ".join(f"{text:.60}" for text in texts[:3]) + (", …" if len(texts) > 3 else "")
+    """The fields of a cell's identity in which no cell of a run agrees with any of the other, with some values."""
+    found = []
+    for name in ("full_spec", *IDENTITY):
+        values = [sorted({str(row[name]) for row in run.rows}) for run in runs]
+        if set(values[0]).isdisjoint(values[1]):
+            here, there = (", ".join(f"{text:.60}" for text in side[:3]) for side in values)
+            found.append(f"{name.removeprefix('full_')} is {here} against {there}")
+    return "; ".join(found) or "each field has values in common, but no cell agrees in all of them"
 
 
 def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:
