@@ -187,7 +187,10 @@ def glb_of(view: View) -> bytes:
     def complete(tree: Json) -> None:
         """Add what trimesh does not write; its meshes are in the order of the scene's."""
         colors = list(dict.fromkeys(mesh.color for mesh in scene.meshes))
-        tree["materials"] = [_material(color) for color in colors]
+        surfaces = [
+            {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0} for color in colors
+        ]
+        tree["materials"] = [{"pbrMetallicRoughness": surface, "doubleSided": True} for surface in surfaces]
         for mesh, written in zip(scene.meshes, tree["meshes"], strict=True):
             written["name"] = mesh.name
             written["primitives"][0]["material"] = colors.index(mesh.color)
@@ -212,11 +215,6 @@ def glb_of(view: View) -> bytes:
         loaded.add_geometry(shape, geom_name=f"mesh {index}")
     written: bytes = export_glb(loaded, include_normals=False, tree_postprocessor=complete)  # type: ignore[no-untyped-call]
     return written
-
-
-def _material(color: tuple[float, float, float]) -> Json:
-    surface = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
-    return {"pbrMetallicRoughness": surface, "doubleSided": True}
 
 
 def _lamp(light: Light) -> Json:

@@ -148,7 +148,11 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     changes = [
         Change(old.score, "status", old.status, MISSING, "regressed") for key, old in then.items() if key not in now
     ]
-    changes += [change for old, new in pairs for change in _status(old.score, new.score)]
+    for old, new in pairs:
+        before, after = old.score["status"], new.score["status"]
+        if (before == "ok") != (after == "ok"):  # another reason of failure is no change
+            verdict: Verdict = "regressed" if before == "ok" else "improved"
+            changes.append(Change(new.score, "status", before, after, verdict))
     for old, new in drawn:
         changes += [*_metrics(old.score, new.score, allowed), *_work(old, new), *_time(old, new)]
     changes.sort(key=lambda change: -change.excess)
@@ -187,13 +191,6 @@ def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
         return False
     before, after = row_metrics(old), row_metrics(new)
     return before == after or all(before[name] == after.get(name) for name in names if name in before)
-
-
-def _status(old: Record, new: Record) -> Iterator[Change]:
-    """Change from success to failure or back; a different reason of failure is no change."""
-    before, after = old["status"], new["status"]
-    if (before == "ok") != (after == "ok"):
-        yield Change(new, "status", before, after, "regressed" if before == "ok" else "improved")
 
 
 def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
