@@ -5,8 +5,8 @@ from functools import partial
 import numpy as np
 
 from shadowbench.extremes.model import TEXEL, Axis, Setting, base_meshes, ground, light_at, mesh, view_of_meshes
+from shadowbench.scenes.geometry import Triangles, without_zero_area
 from shadowbench.scenes.model import LightKind, Mesh
-from shadowbench.scenes.triangles import Triangles, without_zero_area
 from shadowbench.scenes.vectors import Floats
 
 _PLATE = 1.2
