@@ -32,7 +32,7 @@ from shadowbench.scenes.views import chosen_view
 from shadowbench.truths import packets
 from shadowbench.truths.trace import Truth, trace
 
-pytest_plugins = ["tests.runs"]
+pytest_plugins = ["tests.runs", "tests.drawing"]
 
 # A suite that a script starts in the background ignores SIGINT, and so would the programs that tests interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)

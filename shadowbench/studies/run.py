@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.maps.filters import Filter
 from shadowbench.measure.campaign import Campaign, Uniform
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.failures import Failure
@@ -64,7 +63,7 @@ def run_blocks(study: Study, blocks: Sequence[Block], campaign: Campaign) -> Run
     """
     check_sizes(study, campaign.drawer.info)
     reporter = campaign.reporter
-    notes = [*study.notes, *_filter_notes(study), *(note for scene in scenes_of(blocks) for note in _of(study, scene))]
+    notes = [*study.notes, *(note for scene in scenes_of(blocks) for note in _of(study, scene))]
     for note in notes:
         reporter.note(note)
 
@@ -137,11 +136,6 @@ def _uniform_mask(result: Result) -> str | None:
     size = f" at {row['map_size']}" if row["map_size"] else ""
     where = "in shadow" if row["metrics"]["iou"] else "lit"
     return f"{row['spec']}{size} draws every scored pixel {where}"
-
-
-def _filter_notes(study: Study) -> list[str]:
-    filters = {spec.text: getattr(spec.params, "filter", None) for spec in study.specs}
-    return [f"{text}: {one.note}" for text, one in filters.items() if isinstance(one, Filter) and one.note]
 
 
 def _of(study: Study, scene: Scene) -> list[str]:
