@@ -8,9 +8,9 @@ import numpy as np
 from shadowbench.geometry.convex import box_planes, corners, is_outside, view_planes
 from shadowbench.geometry.planes import LEAST_SHARE, MOST_PLANES, TOLERANCE, Plane, find_planes
 from shadowbench.gl.device import Device
+from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, triangle_texels
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
@@ -46,8 +46,6 @@ class PlanarProjection(Technique):
     )
 
     class Params(TechniqueParams):
-        """Parameters of planar-projection."""
-
         receives: Literal["found", "flagged"] = param("found", "planes of all meshes, or of meshes flagged as planar")
         share: float = param(LEAST_SHARE, "smallest area of a plane, as a share of all receivers' area", ge=0, le=1)
         count: int = param(MOST_PLANES, "largest number of planes; the largest planes are kept", ge=1, le=1024)
