@@ -17,7 +17,7 @@ from shadowbench.scenes.geometry import Triangles, triangles_of
 from shadowbench.scenes.gltf_bytes import STRIP, TRIANGLES, read_json, read_primitives
 from shadowbench.scenes.gltf_layout import Layout, NodeTable, Primitive
 from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
-from shadowbench.scenes.tables import LONGEST_NAME, name_from
+from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, name_from
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.strict import validated
 
@@ -128,16 +128,17 @@ def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera
         if data.type == "orthographic":
             orthographic += 1
             continue
-        if data.perspective is None:
-            raise InputError(f"{where}: camera: perspective: found none; it must be given")
-        fov, near, far = data.perspective.yfov, data.perspective.znear, data.perspective.zfar
-        if far is not None and near >= far:
-            raise InputError(f"{where}: camera: znear is {near:g} and zfar {far:g}; allowed: znear < zfar")
+        if data.yfov < (least := math.radians(NARROWEST)):
+            raise InputError(f"{where}: camera: perspective: yfov is {data.yfov:g} rad; allowed: from {least:.3g}")
+        if not 0.0 < data.znear < (math.inf if data.zfar is None else data.zfar):
+            found = f"znear is {data.znear:g} and zfar {data.zfar}"
+            raise InputError(f"{where}: camera: perspective: {found}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
         name = _unique(node.data.name or data.name, "camera", {camera.name for camera in cameras})
         # The distance of the target scales with the position's coordinates, so that rounding keeps the direction.
+        up = vec3(unit(node.matrix[:3, 1]))
         target = vec3(position + forward * max(1.0, float(np.linalg.norm(position))))
-        cameras.append(Camera(name, vec3(position), target, fov, vec3(unit(node.matrix[:3, 1])), near, far))
+        cameras.append(Camera(name, vec3(position), target, data.yfov, up, data.znear, data.zfar))
     left_out = f"{where}: {orthographic} orthographic camera(s) left out: cameras here are perspective"
     return cameras, [left_out] if orthographic else []
 
