@@ -1,7 +1,7 @@
 """OBJ, OFF and STL readers: vertices and faces, of OBJ and STL by object.
 
-Materials and groups do not split meshes. STL is not read by trimesh, which searches a text for its keywords, also in the
-names of solids, and truncates damaged files.
+Materials and groups do not split meshes. Not read by trimesh, which searches a text STL for keywords also in names of
+solids, and truncates damaged files.
 """
 
 import re
