@@ -26,10 +26,7 @@ Json = dict[str, Any]
 
 
 def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list[Path]:
-    """Write a view's files into a folder, created if missing, and return their paths.
-
-    scene_name: the scene's argument on the command line. Raises InputError if the folder cannot be written.
-    """
+    """Write a view's files into a folder, and return their paths; scene_name: its argument on the command line."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

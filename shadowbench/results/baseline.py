@@ -252,10 +252,7 @@ def _standard_error(time: Record) -> float:
 
 
 def write_baseline(results: Sequence[Result], folder: Path) -> None:
-    """Write a baseline's `rows.jsonl` atomically: score records, then time records.
-
-    Raises InputError if there is no cell, if a cell failed, and if the folder cannot be written.
-    """
+    """Write a baseline's `rows.jsonl` atomically. Raises InputError without a cell, and if one failed."""
     if not results:
         raise InputError("--update: found no cell; allowed: a run whose last command measured one or more")
     failed = [result for result in results if result.status.startswith("failed")]

@@ -184,8 +184,7 @@ def _differ(first: _Score, other: _Score, name: str) -> bool:
 def _write(rows: _Rows, abouts: Mapping[Path, RunFile], output: Path) -> list[str]:
     """Write all files beside the output, and rename the folder; what a killed merge left there is replaced.
 
-    Returns notes: on images that were left out or taken from another folder, and on cells of the last commands that the
-    result does not show, as another row represents them.
+    Returns notes on images, and on cells of the last commands that another row represents.
     """
     target = output.resolve()
     beside = target.with_name(f".{target.name}.merging")
@@ -282,10 +281,7 @@ def _link(files: Iterable[Path], folder: Path, hashes: Mapping[str, str | None] 
 
 
 def _run_file(rows: _Rows, cells: Mapping[str, _Score], abouts: Mapping[Path, RunFile]) -> dict[str, Any]:
-    """Contents of `run.json`: machine and versions of the folder with the most times, cells and notes of all.
-
-    Of the studies, scenes and specs of all, and the values in which they agree.
-    """
+    """Contents of `run.json`: facts of the folder with the most times, cells and notes of all, what studies share."""
     times = Counter(time.machine for time in rows.times.values())
     main = max(abouts.values(), key=lambda about: (times[about.get("machine_key")], len(about)))
     own = (
