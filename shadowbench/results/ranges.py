@@ -157,17 +157,14 @@ def operating_range(axis: Axis, rows: Sequence[Record]) -> OperatingRange:
     failures = {value: reason for value in values if (reason := failure(by_value[value])) is not None}
     refused = [value for value in values if str(by_value[value]["status"]).startswith("unsupported")]
     held = [value for value in values if value not in failures and value not in refused]
-    broken = list(failures)
-    if axis.ordered:
-        held, ends = _around(values, axis.default, held)
-        broken = [value for value in ends if value in failures]
+    held, ends = _around(values, axis.default, held) if axis.ordered else (held, list(failures))
     return OperatingRange(
         technique=rows[0]["technique"],
         spec=rows[0]["home_spec"],
         axis=axis,
         light=str(rows[0]["light_kind"]),
         in_tolerance=tuple(held),
-        breaks=tuple(Break(value, failures[value]) for value in broken),
+        breaks=tuple(Break(value, failures[value]) for value in ends if value in failures),
         unsupported=tuple(refused),
         worst=tuple(dict.fromkeys(reason.kind for reason in failures.values())),
         swept=tuple(values),
