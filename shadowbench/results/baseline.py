@@ -151,8 +151,9 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     changes.sort(key=lambda change: (-change.excess, change.what != "status"))
     if extra := len(now.keys() - then.keys()):
         notes.append(f"{counted(extra, 'cell')} {'is' if extra == 1 else 'are'} not in the baseline")
-    equal = sum(_same_mask(old.score, new.score, allowed) for old, new in pairs)
-    timed = sum(comparable(old, new) for old, new in pairs)
+    drawn = [(old, new) for old, new in pairs if old.score["status"] == new.score["status"] == "ok"]
+    equal = sum(_same_mask(old.score, new.score, allowed) for old, new in drawn)
+    timed = sum(comparable(old, new) for old, new in drawn)
     return Findings(tuple(changes), len(pairs), equal, timed, tuple(notes))
 
 

@@ -144,8 +144,8 @@ def _values(row: Record) -> dict[str, Any]:
 
 
 def _chosen(scores: Sequence[_Score]) -> _Score:
-    """The first row that did not fail, if any."""
-    return min(scores, key=lambda score: score.values["status"] == "failed")
+    """The first row that did not fail, else the last one."""
+    return next((one for one in scores if one.values["status"] != "failed"), scores[-1])
 
 
 def _conflicts(scores: Sequence[_Score]) -> Iterator[Conflict]:
