@@ -81,6 +81,14 @@ def check_outputs(suffix: str, *files: Path | None) -> None:
             raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: {suffix}")
 
 
+def make_folder(folder: Path, option: str = "") -> None:
+    """Create a folder if it is missing. Raises InputError, which names the option that asked for it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{option}{folder}: cannot be created ({error.strerror or error})") from None
+
+
 def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
     """Raises InputError if a folder has visible files but not `own`, by which our folders are recognised."""
     try:

@@ -1,8 +1,9 @@
 """Groups of options that the command line, the Python functions and study files share, and the values they allow."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Bounds(NamedTuple):
@@ -19,26 +20,48 @@ PHASES = Bounds(1, 10_000)
 PIXEL_SAMPLES = Bounds(1, 64)
 
 
+def option(
+    help: str,
+    metavar: str | None = None,
+    *,
+    default: Any = None,
+    bounds: Bounds | None = None,
+    words: tuple[str, ...] = (),
+    names: tuple[str, ...] = (),
+    complete: Callable[..., Any] | None = None,
+) -> Any:
+    """A field of a group: on the command line an option with this help, of which `metavar` stands for the value.
+
+    bounds, words: what it allows; names: on the command line, by default that of the field; complete: completes it.
+    """
+    shown = metavar or "|".join(words) or None
+    completed = complete or ((lambda: words) if words else None)
+    return field(
+        default=default,
+        metadata={"help": help, "metavar": shown, "bounds": bounds, "names": names, "autocompletion": completed},
+    )
+
+
 @dataclass(frozen=True)
 class SceneOptions:
-    """How a scene is read.
+    """How a scene is read."""
 
-    assets: additional folder to search for a scene file's meshes; up: up axis, y or z, of mesh formats that do not
-    specify it; sun: give directional lights without a size that of the sun; no_ground: assume no ground.
-    """
-
-    assets: Path | None = None
-    up: str | None = None
-    sun: bool = False
-    no_ground: bool = False
+    assets: Path | None = option("Additional folder to search for a scene file's meshes.", "DIR")
+    up: str | None = option("Up axis of OBJ, PLY, STL and OFF files, which do not specify it  [y].", words=("y", "z"))
+    sun: bool = option(
+        "Give directional lights without a size that of the sun: an angular radius of 0.2665°.", default=False
+    )
+    no_ground: bool = option(
+        "Assume no ground below a mesh file that has none; the assumed one receives shadows that count.", default=False
+    )
 
 
 @dataclass(frozen=True)
 class ViewOptions(SceneOptions):
-    """Which view of a scene is meant: the names of a camera and of a light, None for its first."""
+    """Which view of a scene is meant, by the names of a camera and of a light."""
 
-    view: str | None = None
-    light: str | None = None
+    view: str | None = option("Name of a camera of the scene  [the first].", "NAME")
+    light: str | None = option("Name of a light of the scene  [the first; `run`: each].", "NAME")
 
 
 FIRST = ViewOptions()
@@ -46,16 +69,22 @@ FIRST = ViewOptions()
 
 @dataclass(frozen=True)
 class Measuring:
-    """How a study is measured; None for its own value.
+    """How a study is measured; None for its own value."""
 
-    view_size: pixels along a side; rounds: how often each cell is timed, 0 for no timing; phases: subtexel offsets of
-    the map at which it is scored; step: camera or light, which moves a little so that flips can be counted.
-    """
-
-    view_size: int | None = None
-    rounds: int | None = None
-    phases: int | None = None
-    step: str | None = None
+    view_size: int | None = option("Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
+    rounds: int | None = option("Number of times that each cell is timed; 0 for no timing  [9].", "N", bounds=ROUNDS)
+    phases: int | None = option(
+        "Sub-texel offsets of the shadow map at which each cell is scored; with more than one, the table shows medians "
+        "and intervals. Only the first is timed  [the study's; with -t and neither study nor --map-size, 1].",
+        "N",
+        bounds=PHASES,
+    )
+    step: str | None = option(
+        "Draw each cell again after a small step of the camera or the light, and count the pixels that flip although "
+        "the truth does not (shimmering). A step of the camera needs a truth and drawings of three times the view size "
+        " [the study's; none].",
+        words=("camera", "light"),
+    )
 
 
 AS_STUDIED = Measuring()

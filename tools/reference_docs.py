@@ -11,7 +11,7 @@ from pathlib import Path
 import typer
 from pages import compare
 
-from shadowbench.catalogue import catalogue
+from shadowbench.commands.listing import catalogue
 from shadowbench.commands import app
 
 REFERENCE = Path(__file__).resolve().parent.parent / "docs" / "reference"

@@ -32,7 +32,9 @@ from shadowbench.commands import (
     tune,
     view,
 )
-from shadowbench.commands.options import GroupedCommand
+from shadowbench.commands.options import GroupedCommand, write_sections
+from shadowbench.errors import NO_PROCESS, NOT_EVERYWHERE, NOT_INSTALLED, ShadowbenchError
+from shadowbench.files import FULL
 from shadowbench.streams import safe_output
 from shadowbench.versions import VERSION
 
@@ -52,9 +54,7 @@ class _Grouped(TyperGroup):
         for name, command in self.commands.items():
             text = command.get_short_help_str(formatter.width - longest - 6)
             panels.setdefault(str(getattr(command, "rich_help_panel", "")), []).append((name.ljust(longest), text))
-        for panel, lines in panels.items():
-            with formatter.section(panel):
-                formatter.write_dl(lines)
+        write_sections(formatter, panels)
 
 
 app = typer.Typer(
@@ -71,17 +71,15 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _PANELS = {  # as --help lists them
-    "Measure techniques": (run, stress, score, truth),
-    "Decide what a scene needs": (recommend, needs, tune),
-    "Check results and the machine": (check, merge, doctor),
-    "Look": (report, render, view, listing),
-    "Extend with a technique or an engine": (new_technique, export),
+    "Measure techniques": (run.run, stress.stress, score.score, truth.truth),
+    "Decide what a scene needs": (recommend.recommend, needs.needs, tune.tune),
+    "Check results and the machine": (check.check, merge.merge, doctor.doctor),
+    "Look": (report.report, render.render, view.view, listing.list_things),
+    "Extend with a technique or an engine": (new_technique.new_technique, export.export),
 }
-for panel, modules in _PANELS.items():
-    for module in modules:
-        for command in module.app.registered_commands:
-            command.rich_help_panel, command.cls = panel, GroupedCommand
-        app.add_typer(module.app)
+for _panel, _commands in _PANELS.items():
+    for _one in _commands:
+        app.command(epilog=_one.epilog, rich_help_panel=_panel, cls=GroupedCommand)(_one.function)
 
 
 @app.callback(invoke_without_command=True)
@@ -110,9 +108,6 @@ def main() -> None:
 
 def _exit_code() -> int:
     """Exit code of the command line; errors are printed."""
-    from shadowbench.errors import NO_PROCESS, NOT_EVERYWHERE, NOT_INSTALLED, ShadowbenchError
-    from shadowbench.files import FULL
-
     try:
         code = int(app(standalone_mode=False) or 0)
     except _UsageError as error:

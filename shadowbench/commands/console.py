@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import TaskID
 
+    from shadowbench.measure.failures import Failure
+    from shadowbench.measure.rows import Result
     from shadowbench.options import ViewOptions
     from shadowbench.scenes.model import View
 
@@ -41,6 +43,11 @@ def err() -> "Console":
 def print_line(line: str) -> None:
     """Print a line of the result on stdout."""
     out().print(line, markup=False, soft_wrap=True)
+
+
+def print_text(text: str) -> None:
+    """Print a text on stdout, wrapped between words."""
+    out().print(text, markup=False)
 
 
 def print_error(line: str) -> None:
@@ -138,8 +145,22 @@ class Reporter(logging.Handler):
             print_error(f"{task.description}: {task.completed:.0f}{of}, {left}{printable(what)}")
 
 
+def exit_code_of(results: "Sequence[Result]", left_out: "Sequence[Failure]") -> int:
+    """3 if a cell failed or something was left out, which is told on stderr; else 0."""
+    failed = [
+        ("cell", f"{one.score['scene']} {one.score['spec']}", one.status.removeprefix("failed: "))
+        for one in results
+        if one.status.startswith("failed")
+    ]
+    if left_out or len({reason for _, _, reason in failed}) > 1:
+        print_failures([*((one.what, one.where, one.reason) for one in left_out), *failed])
+    if failed:
+        print_error(f"shadowbench: {len(failed)} of {len(results)} cells failed; the first: {failed[0][2]}")
+    return 3 if failed or left_out else 0
+
+
 def print_failures(failed: Iterable[tuple[str, str, str]]) -> None:
-    """Print what failed on stderr, most frequent first: a line for each reason.
+    """Print what failed on stderr, a line for each reason, the most frequent first.
 
     failed: of each failure its kind (`scene`, `cell`, …), its name, and its reason.
     """
@@ -173,40 +194,35 @@ def print_table(
     columns: headings; numbers: right-aligned columns; neither these nor those in `whole` wrap. Other columns wrap
     between words; words over _LONGEST_WORD characters are broken.
     """
-    from rich.cells import cell_len
     from rich.markup import escape
     from rich.measure import Measurement
-    from rich.segment import Segment, Segments
     from rich.table import Table
 
+    console = out()
     table = Table(title=escape(title) or None, title_justify="left", box=None, pad_edge=padded)
     for heading in columns:
         justify: Literal["right", "left"] = "right" if heading in numbers else "left"
-        kept = heading in numbers or heading in whole
-        table.add_column(heading, justify=justify, no_wrap=kept, overflow="fold")
+        table.add_column(heading, justify=justify, no_wrap=heading in (*numbers, *whole), overflow="fold")
     for row in rows:
         table.add_row(*map(escape, row))
-    unlimited = out().options.update(width=10_000)
+    unlimited = console.options.update(width=10_000)
     for column in table.columns:
-        sizes = [Measurement.get(out(), unlimited, cell) for cell in (column.header, *column.cells)]
+        sizes = [Measurement.get(console, unlimited, cell) for cell in (column.header, *column.cells)]
         words = min(max(size.minimum for size in sizes), _LONGEST_WORD)
         column.min_width = max(size.maximum for size in sizes) if column.no_wrap else words
-    least = Measurement.get(out(), unlimited, table).minimum
-    table.width = least if least > out().width else None
-    options = out().options.update(width=max(least, out().width))
-    for line in out().render_lines(
-        table, options, pad=False
-    ):  # without the blanks that Rich leaves at the ends of lines
-        width = cell_len("".join(part.text for part in line).rstrip())
-        trimmed = Segment.adjust_line_length(line, width, pad=False)
-        out().print(Segments([*trimmed, Segment.line()]), crop=False, end="")
+    least = Measurement.get(console, unlimited, table).minimum
+    table.width = least if least > console.width else None
+    with console.capture() as captured:
+        console.print(table, crop=False)
+    for line in captured.get().splitlines():
+        print(line.rstrip())  # Rich leaves blanks at the ends of lines
 
 
 def print_json(value: Any) -> None:
-    """One JSON document on stdout."""
+    """One JSON document on stdout; paths are texts."""
     import json
 
-    print(json.dumps(value, indent=2, allow_nan=False))
+    print(json.dumps(value, indent=2, allow_nan=False, default=str))
 
 
 def number(value: float | None) -> str:

@@ -1,7 +1,7 @@
 """Where a command measures: with a worker process here, or on the workers of a Dask cluster."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,21 +16,26 @@ if TYPE_CHECKING:
     from shadowbench.studies.measure import Place
     from shadowbench.studies.study import Study
 
+    Opener = Callable[[Path], Campaign]
+
 HERE = "here"
 
 
+def _here(worker: "Worker", **options: Any) -> "Opener":
+    from shadowbench.measure.campaign import Campaign
+    from shadowbench.measure.gl_drawer import GLDrawer
+
+    return partial(Campaign, drawer=GLDrawer(worker), **options)
+
+
 @contextmanager
-def opening(
-    machines: Machines, plugins: Sequence[Path], limits: "Limits | None", reporter: "Reporter", **options: Any
-) -> "Iterator[Callable[[Path], Campaign]]":
+def opening(machines: Machines, plugins: Sequence[Path], limits: "Limits | None", **options: Any) -> "Iterator[Opener]":
     """What opens the campaign of a command in a folder; options: of the campaign."""
     if machines.dask is None:
-        from shadowbench.measure.campaign import Campaign
-        from shadowbench.measure.gl_drawer import GLDrawer
         from shadowbench.measure.worker import Worker
 
         with Worker(plugins, limits) as worker:
-            yield partial(Campaign, drawer=GLDrawer(worker), reporter=reporter, **options)
+            yield _here(worker, **options)
         return
     from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
     from shadowbench.measure.dask_cluster import Cluster
@@ -38,51 +43,45 @@ def opening(
     time_on = machines.time_on if isinstance(machines, TimingMachines) else None
     if time_on == HERE:
         raise InputError(f"--time-on {time_on}: allowed: one worker, by its address or machine")
-    with Cluster(machines.dask, reporter, plugins, limits, machines.renderer) as cluster:
+    with Cluster(machines.dask, options["reporter"], plugins, limits, machines.renderer) as cluster:
         one = cluster.named(time_on) if time_on is not None else None
-        drawer = ClusterDrawer(cluster, cluster.renderers()[0], one)
-        yield partial(ClusterCampaign, drawer=drawer, reporter=reporter, **options)
+        yield partial(ClusterCampaign, drawer=ClusterDrawer(cluster, cluster.renderers()[0], one), **options)
 
 
 @contextmanager
 def places(
-    study: "Study",
-    machines: StudyMachines,
-    worker: "Worker | None",
-    plugins: Sequence[Path],
-    reporter: "Reporter",
-    **options: Any,
+    study: "Study", machines: StudyMachines, worker: "Worker | None", plugins: Sequence[Path], **options: Any
 ) -> "Iterator[list[Place]]":
     """Where a study is measured; worker: the one here, without --dask; options: of the campaigns."""
-    from shadowbench.measure.campaign import Campaign
-    from shadowbench.measure.gl_drawer import GLDrawer
     from shadowbench.measure.worker import Worker
     from shadowbench.studies.measure import Place
 
-    if worker is not None:
-        yield [Place(partial(Campaign, drawer=GLDrawer(worker), reporter=reporter, **options))]
+    if machines.dask is None:
+        assert worker is not None
+        yield [Place(_here(worker, **options))]
         return
     from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
     from shadowbench.measure.dask_cluster import Cluster
 
-    assert machines.dask is not None
     setup = (plugins, study.limits, machines.renderer, machines.any_renderer)
-    with ExitStack() as stack:
-        cluster = stack.enter_context(Cluster(machines.dask, reporter, *setup))
-        on_dask = partial(ClusterCampaign, reporter=reporter, **options)
+    with Cluster(machines.dask, options["reporter"], *setup) as cluster:
         found = [
-            Place(partial(on_dask, drawer=ClusterDrawer(cluster, one), time_again=False), times=False)
+            Place(
+                partial(ClusterCampaign, drawer=ClusterDrawer(cluster, one), **options | {"time_again": False}), False
+            )
             for one in cluster.renderers()
         ]
         if machines.time_on == HERE:
-            here = stack.enter_context(Worker(plugins, study.limits))
-            if here.info.renderer not in cluster.renderers():
-                measured = " and ".join(cluster.renderers())
-                raise InputError(f"--time-on here: the renderer here is {here.info.renderer}; allowed: {measured}")
-            found.append(Place(partial(Campaign, drawer=GLDrawer(here), reporter=reporter, **options)))
-        elif machines.time_on is not None:
+            with Worker(plugins, study.limits) as here:
+                if here.info.renderer not in cluster.renderers():
+                    measured = " and ".join(cluster.renderers())
+                    raise InputError(f"--time-on here: the renderer here is {here.info.renderer}; allowed: {measured}")
+                yield [*found, Place(_here(here, **options))]
+            return
+        if machines.time_on is not None:
             one = cluster.named(machines.time_on)
-            found.append(Place(partial(on_dask, drawer=ClusterDrawer(cluster, str(one.renderer), one))))
+            drawer = ClusterDrawer(cluster, str(one.renderer), one)
+            found.append(Place(partial(ClusterCampaign, drawer=drawer, **options)))
         yield found
 
 

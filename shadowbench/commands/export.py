@@ -5,22 +5,18 @@ from typing import Annotated
 
 import typer
 
-from shadowbench.commands import console
-from shadowbench.commands.options import Quiet, SceneArgument, ViewSize, grouped
+from shadowbench.commands import console, options
 from shadowbench.options import ViewOptions
 
-app = typer.Typer()
 
-
-@app.command(epilog="For example  shadowbench export stairs for-my-engine/ --view-size 1024")
-@grouped
+@options.command("For example  shadowbench export stairs for-my-engine/ --view-size 1024")
 def export(
-    scene: SceneArgument,
+    scene: options.Scene,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files.")],
-    view_size: ViewSize = None,
-    quiet: Quiet = False,
+    view_size: options.ViewSize = None,
+    quiet: options.Quiet = False,
     *,
-    options: ViewOptions,
+    view: ViewOptions,
 ) -> None:
     """Write a scene for your engine: glTF, matrices, truth.
 
@@ -35,7 +31,7 @@ def export(
 
     check_folder(folder, DESCRIPTION)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, options)
+        chosen = reporter.view(scene, view_size, view)
         for line in inexpressible_in_gltf(chosen):
             reporter.note(line)
         model, description, example = export_view(chosen, cached_truth(chosen), folder, scene)

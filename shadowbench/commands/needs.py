@@ -1,22 +1,12 @@
 """`needs`: predict what a scene requires of a shadow technique."""
 
-import typer
-
-from shadowbench.commands import console
-from shadowbench.commands.options import Printed, SceneArgument, ViewSize, grouped
+from shadowbench.commands import console, options
 from shadowbench.options import ViewOptions
 
-app = typer.Typer()
 
-
-@app.command(epilog="For example  shadowbench needs street --view-size 1024")
-@grouped
+@options.command("For example  shadowbench needs street --view-size 1024")
 def needs(
-    scene: SceneArgument,
-    view_size: ViewSize = None,
-    *,
-    options: ViewOptions,
-    printed: Printed,
+    scene: options.Scene, view_size: options.ViewSize = None, *, view: ViewOptions, printed: options.Printed
 ) -> None:
     """Predict map size, cascades, bias and depth bits.
 
@@ -31,7 +21,7 @@ def needs(
     from shadowbench.survey.survey import needs as needs_of
 
     with console.Reporter(printed.quiet) as reporter:
-        chosen = reporter.view(scene, view_size, options)
+        chosen = reporter.view(scene, view_size, view)
         found = needs_of(chosen)
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2

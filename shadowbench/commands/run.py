@@ -1,40 +1,49 @@
 """`run`: measure a study and print its tables."""
 
-import dataclasses
 from contextlib import ExitStack
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands import completion, console
+from shadowbench.commands import console, options
 from shadowbench.commands.executors import places, timed_on
-from shadowbench.commands.options import (
-    SCENE,
-    SPEC,
-    KeepGoing,
-    PartOption,
-    Plugins,
-    Printed,
-    StudyMachines,
-    grouped,
-    map_sizes,
-)
 from shadowbench.commands.study_tables import print_study
 from shadowbench.errors import InputError
-from shadowbench.options import Measuring, ViewOptions
+from shadowbench.options import Measuring, ViewOptions, option
 
 if TYPE_CHECKING:
     from shadowbench.results.folder import Run
     from shadowbench.studies.crossing import Techniques
-    from shadowbench.studies.measure import StudyResult
     from shadowbench.studies.study import Study
 
-app = typer.Typer()
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What is measured, and where results go."""
+
+    study: str | None = option(
+        "A study file (.toml), which names scenes, techniques and options, or a built-in study (shadowbench list "
+        "studies).",
+        "STUDY",
+        names=("-s", "--study"),
+        complete=options.studies,
+    )
+    techniques: list[str] = options.technique(
+        f"Technique to measure: {options.SPEC}; repeatable  [the study's].", default=()
+    )
+    map_size: str | None = option(
+        "Shadow-map sizes in texels along a side; each spec that does not set its own is measured at all of them  [the "
+        "study's; with -t and no study, the technique's default].",
+        "N,N,...",
+    )
+    output: Path = options.output("Folder for the table, masks and pictures.", default=Path("results/latest"))
+    plugin: list[Path] = options.plugins()
 
 
-@app.command(
-    epilog="\b\nColumns\n"
+@options.command(
+    "\b\nColumns\n"
     "  spec      the technique and its parameters\n"
     "  map       texels along a side of its shadow map\n"
     "  1 − IoU   error: 1 − intersection over union of the shadows; 0 is exact\n"
@@ -53,46 +62,10 @@ app = typer.Typer()
     "`shadowbench list metrics` has the exact definitions, also of the other columns of soft shadows; < marks a value "
     "below the truth's own error. A slope, below a table, is the median of the slopes of each view, light and phase."
 )
-@grouped
 def run(
-    scenes: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="SCENE", autocompletion=completion.scene, help=f"Each is {SCENE}  [the study's]."),
-    ] = None,
-    study: Annotated[
-        str | None,
-        typer.Option(
-            "-s",
-            "--study",
-            metavar="STUDY",
-            autocompletion=completion.study,
-            help="A study file (.toml), which names scenes, techniques and options, or a built-in study "
-            "(shadowbench list studies).",
-        ),
-    ] = None,
-    techniques: Annotated[
-        list[str] | None,
-        typer.Option(
-            "-t",
-            "--technique",
-            metavar="SPEC",
-            autocompletion=completion.spec,
-            help=f"Technique to measure: {SPEC}; repeatable  [the study's].",
-        ),
-    ] = None,
-    map_size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="N,N,...",
-            help="Shadow-map sizes in texels along a side; each spec that does not set its own is measured at all of "
-            "them  [the study's; with -t and no study, the technique's default].",
-        ),
-    ] = None,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the table, masks and pictures.")
-    ] = Path("results/latest"),
-    plugin: Plugins = None,
+    scenes: Annotated[list[str] | None, options.scene(f"Each is {options.SCENE}  [the study's].")] = None,
     *,
+    asked: RunOptions,
     measuring: Measuring,
     time_again: Annotated[
         bool,
@@ -102,12 +75,12 @@ def run(
             help="Time cells again that have been timed before; `check DIR --repeat` compares the two times.",
         ),
     ] = False,
-    options: ViewOptions,
-    machines: StudyMachines,
-    part: PartOption = None,
-    printed: Printed,
-    keep_going: KeepGoing = False,
-) -> None:
+    view: ViewOptions,
+    machines: options.StudyMachines,
+    part: options.Part = None,
+    printed: options.Printed,
+    keep_going: options.KeepGoing = False,
+) -> int:
     """Measure techniques: accuracy against ray tracing, and time.
 
     Draws each technique in each scene, compares its shadows with ray-traced ones and times it. Prints one table per
@@ -123,89 +96,65 @@ def run(
     from shadowbench.measure.worker import Worker
 
     stray = [scene for scene in scenes or () if scene.isdecimal()]
-    if map_size is not None and stray:
-        together = ",".join([map_size, *stray])
-        raise InputError(
-            f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} as separate arguments; allowed: {together}"
-        )
+    if asked.map_size is not None and stray:
+        together = ",".join([asked.map_size, *stray])
+        both = f"{asked.map_size!r:.60} and {stray[0]!r:.60} as separate arguments"
+        raise InputError(f"--map-size: found {both}; allowed: {together}")
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
-        worker = None if machines.dask is not None else stack.enter_context(Worker(plugin or ()))
+        worker = None if machines.dask is not None else stack.enter_context(Worker(asked.plugin))
         from shadowbench.measure.plugin_output import techniques_with
         from shadowbench.plugin.spec import parse_spec
         from shadowbench.studies.measure import estimate, measure, study_from_options
         from shadowbench.studies.part import part_of
 
         chosen_part = part_of(part)
-        known = techniques_with(plugin or ())
-        specs = [parse_spec(text, known) for text in techniques or ()]
-        asked = study_from_options(
-            known, scenes or (), specs, study=study, map_size=map_sizes(map_size), measuring=measuring, view=options
+        known = techniques_with(asked.plugin)
+        specs = [parse_spec(text, known) for text in asked.techniques]
+        sizes = options.map_sizes(asked.map_size)
+        study = study_from_options(
+            known, scenes or (), specs, study=asked.study, map_size=sizes, measuring=measuring, view=view
         )
         reporter = stack.enter_context(console.Reporter(printed.quiet))
-        if not scenes and not study and part is None:
-            cells, seconds = estimate(asked)
-            on = f"{len(asked.scenes)} scenes"
+        if not scenes and not asked.study and part is None:
+            cells, seconds = estimate(study)
+            on = f"{len(study.scenes)} scenes"
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         if worker is not None:
-            worker.limits = asked.limits
-        measured = timed_on(asked, machines, measuring.rounds, reporter)
-        of_campaigns = {"time_again": time_again, "keep_going": keep_going}
-        at = stack.enter_context(places(measured, machines, worker, plugin or (), reporter, **of_campaigns))
-        found = measure(measured, output, at, chosen_part, keep_going)
-    _print(found, output, printed)
-    raise typer.Exit(_exit_code(found, asked, known))
-
-
-def _print(found: "StudyResult", output: Path, printed: Printed) -> None:
+            worker.limits = study.limits
+        measured = timed_on(study, machines, measuring.rounds, reporter)
+        of_campaigns = {"reporter": reporter, "time_again": time_again, "keep_going": keep_going}
+        at = stack.enter_context(places(measured, machines, worker, asked.plugin, **of_campaigns))
+        found = measure(measured, asked.output, at, chosen_part, keep_going)
     if found.run.earlier and not printed.quiet:
-        console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
-    if not printed.json:
-        print_study(found, output, printed.quiet)
-        return
-    from shadowbench.results.configurations import sections
+        console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
+    if printed.json:
+        from shadowbench.results.configurations import sections
 
-    made = [section for parts in sections([found.run.last]).values() for section in parts]
-    console.print_json({section.scene: list(map(dataclasses.asdict, section.configurations)) for section in made})
-
-
-def _exit_code(found: "StudyResult", asked: "Study", known: "Techniques") -> int:
-    """3 if a cell failed or something was left out, else 0; what it was, and why nothing was drawn, is printed."""
+        made = [section for parts in sections([found.run.last]).values() for section in parts]
+        console.print_json({section.scene: [asdict(one) for one in section.configurations] for section in made})
+    else:
+        print_study(found, asked.output, printed.quiet)
     results = found.run.last.results
     statuses = [one.status for one in results]
     if "ok" not in statuses and not found.failures:
-        console.print_unsupported(statuses, _others(asked, known))
-    failed = [
-        ("cell", f"{one.score['scene']} {one.score['spec']}", one.status.removeprefix("failed: "))
-        for one in results
-        if one.status.startswith("failed")
-    ]
-    if found.failures or len({reason for _, _, reason in failed}) > 1:
-        console.print_failures([*((one.what, one.where, one.reason) for one in found.failures), *failed])
-    if failed:
-        console.print_error(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {failed[0][2]}")
-    return 3 if failed or found.failures else 0
+        console.print_unsupported(statuses, _others(study, known))
+    return console.exit_code_of(results, found.failures)
+
+
+def _earlier_cells(run: "Run") -> str:
+    from shadowbench.reports.words import counted
+
+    rows = [row for row in run.rows if row["key"] in run.earlier]
+    named = ", ".join(counted(len({row[what] for row in rows}), what) for what in ("scene", "spec"))
+    return f"the folder also holds {counted(len(rows), 'cell')} of earlier commands ({named})"
 
 
 def _others(study: "Study", known: "Techniques") -> list[str]:
     """The real-time techniques that support all lights of a study, if one of its own does not."""
     lights = [block.view.light for block in study.blocks()]
     kinds, soft = {light.hard_kind for light in lights}, all(light.soft for light in lights)
-    able = [
-        name
-        for name, technique in known.items()
-        if kinds <= technique.lights and (soft or not technique.catalogue.soft_only)
-    ]
-    if all(spec.technique.name in able for spec in study.specs):
+    able = [one for one in known.values() if kinds <= one.lights and (soft or not one.catalogue.soft_only)]
+    if all(spec.technique in able for spec in study.specs):
         return []
-    return [name for name in able if not known[name].catalogue.never_recommended]
-
-
-def _earlier_cells_note(run: "Run") -> str:
-    """A note on the cells of earlier commands in the folder."""
-    from shadowbench.reports.words import counted
-
-    rows = [row for row in run.rows if row["key"] in run.earlier]
-    named = [counted(len({row[what] for row in rows}), what) for what in ("scene", "spec")]
-    found = f"the folder also holds {counted(len(rows), 'cell')} of earlier commands ({', '.join(named)})"
-    return f"{found}; they are in table.csv and in reports"
+    return [one.name for one in able if not one.catalogue.never_recommended]

@@ -370,7 +370,7 @@ def test_a_full_disk_is_one_line(shadowbench: Callable[..., Any], monkeypatch: p
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/masks")
 
-    monkeypatch.setattr("shadowbench.catalogue.catalogue", full)
+    monkeypatch.setattr("shadowbench.commands.listing.catalogue", full)
     answer = shadowbench("list")
     assert (answer.code, answer.out) == (2, "")
     assert answer.err == "shadowbench: out/masks: cannot be written (no space left on device)\n"
@@ -380,7 +380,7 @@ def test_an_internal_error_is_exit_3(shadowbench: Callable[..., Any], monkeypatc
     def broken(*_: object) -> None:
         raise LookupError("a bug")
 
-    monkeypatch.setattr("shadowbench.catalogue.catalogue", broken)
+    monkeypatch.setattr("shadowbench.commands.listing.catalogue", broken)
     answer = shadowbench("list")
     assert answer.code == 3
     assert answer.err.splitlines()[-1].startswith("shadowbench: an internal error")
