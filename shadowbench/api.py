@@ -31,7 +31,7 @@ from shadowbench.advice.recommend import has_penumbra, target_of
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.recommendation import Recommendation
 from shadowbench.advice.space import technique_names
-from shadowbench.arguments import as_list, as_visibility, instance_of, number, whole_number, whole_numbers
+from shadowbench.engines.external_mask import mask_from_array
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.extremes.ranges import ranges_frame
@@ -41,13 +41,27 @@ from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
-from shadowbench.options import MAP_SIZE, PHASES, PIXEL_SAMPLES, ROUNDS, VIEW_SIZE, Measuring, SceneOptions, ViewOptions
+from shadowbench.options import (
+    MAP_SIZE,
+    PHASES,
+    PIXEL_SAMPLES,
+    ROUNDS,
+    VIEW_SIZE,
+    Bounds,
+    Measuring,
+    SceneOptions,
+    ViewOptions,
+    as_list,
+    instance_of,
+    number,
+    whole_number,
+    whole_numbers,
+)
 from shadowbench.plugin.base import Technique as Technique
 from shadowbench.plugin.params import param as param
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import chosen_view, opened
-from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
 from shadowbench.shared_worker import campaign, shared_worker
 from shadowbench.shared_worker import close as close
@@ -145,12 +159,10 @@ def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
     lit. It is quantised to 16 bits first, as stored masks are. Raises InputError.
     """
     instance_of(truth, "truth", "what truth returns", Truth)
-    mask = as_visibility(visibility, "visibility", truth.visibility.shape)
-    try:
-        prepared = prepare_truth(truth)
-        return score_mask(quantise(mask), prepared) | truth_record(prepared)
-    except ValueError as error:
-        raise InputError(f"visibility: {error}") from None
+    mask, prepared = mask_from_array(visibility, "visibility").visibility, prepare_truth(truth)
+    if mask.shape != truth.visibility.shape:
+        raise InputError(f"visibility: found shape {mask.shape}; allowed: {truth.visibility.shape}, that of the truth")
+    return score_mask(mask, prepared) | truth_record(prepared)
 
 
 def run(
@@ -185,9 +197,9 @@ def run(
         study=None if study is None else str(instance_of(study, "study", "a name or a file", str, Path)),
         map_size=None if map_size is None else whole_numbers(map_size, "map_size", MAP_SIZE),
         measuring=Measuring(
-            None if view_size is None else whole_number(view_size, "view_size", VIEW_SIZE),
-            None if rounds is None else whole_number(rounds, "rounds", ROUNDS),
-            None if phases is None else whole_number(phases, "phases", PHASES),
+            _whole_or_none(view_size, "view_size", VIEW_SIZE),
+            _whole_or_none(rounds, "rounds", ROUNDS),
+            _whole_or_none(phases, "phases", PHASES),
             step,
         ),
         view=ViewOptions(view=view, light=light),
@@ -267,6 +279,10 @@ def stress(
 def _view(scene: SceneLike, size: int, camera: str | None, light: str | None) -> View:
     size = whole_number(size, "view_size", VIEW_SIZE)
     return chosen_view(load(scene), size, ViewOptions(view=camera, light=light), _log.info)
+
+
+def _whole_or_none(value: int | None, name: str, bounds: Bounds) -> int | None:
+    return None if value is None else whole_number(value, name, bounds)
 
 
 def _specs(value: SpecLike | Iterable[SpecLike], known: Techniques) -> list[Spec]:

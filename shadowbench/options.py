@@ -1,9 +1,15 @@
-"""Groups of options that the command line, the Python functions and study files share, and the values they allow."""
+"""Groups of options that the command line, the Python functions and study files share, and the values they allow.
 
-from collections.abc import Callable
+The checks at the end are of arguments of Python functions; each raises InputError.
+"""
+
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from shadowbench.errors import InputError
 
 
 class Bounds(NamedTuple):
@@ -88,3 +94,43 @@ class Measuring:
 
 
 AS_STUDIED = Measuring()
+
+
+def as_list(value: Any, name: str, allowed: str, *types: type) -> list[Any]:
+    """The values of a list, array or Series as a list, or a single value of the given types as a list of one."""
+    several = isinstance(value, Iterable) and not isinstance(value, (str, bytes, *types))
+    return [instance_of(entry, name, allowed, *types) for entry in (value if several else [value])]
+
+
+def whole_number(value: Any, name: str, bounds: Bounds) -> int:
+    """The value, a whole number of any numeric library, as an int within bounds."""
+    allowed = f"whole numbers from {bounds.least} to {bounds.most}"
+    whole = int(instance_of(value, name, allowed, Integral))
+    if isinstance(value, bool) or not bounds.least <= whole <= bounds.most:
+        raise _wrong(value, name, allowed)
+    return whole
+
+
+def whole_numbers(value: Any, name: str, bounds: Bounds) -> list[int]:
+    """One or several whole numbers, as a list of ints; at least one."""
+    entries = as_list(value, name, "whole numbers", Integral)
+    if not entries:
+        raise InputError(f"{name}: found none; allowed: one or several, or None for the study's")
+    return [whole_number(entry, name, bounds) for entry in entries]
+
+
+def number(value: Any, name: str) -> float:
+    """The value, a real number of any numeric library, as a float."""
+    return float(instance_of(value, name, "a number", Real))
+
+
+def instance_of(value: Any, name: str, allowed: str, *types: type) -> Any:
+    """The value unchanged, checked to be of one of the types."""
+    if not isinstance(value, types):
+        raise _wrong(value, name, allowed)
+    return value
+
+
+def _wrong(value: Any, name: str, allowed: str) -> InputError:
+    shown = f"{value!r:.60}".splitlines() or [""]
+    return InputError(f"{name}: found {shown[0]} ({type(value).__name__}); allowed: {allowed}")

@@ -8,7 +8,6 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
@@ -107,47 +106,44 @@ def main() -> None:
 
 
 def _exit_code() -> int:
-    """Exit code of the command line; errors are printed."""
+    """Exit code of the command line; an error is printed."""
+    line = ""
     try:
         code = int(app(standalone_mode=False) or 0)
-    except _UsageError as error:
-        message = error.format_message().rstrip(".").replace("Input should be", "allowed is")  # type: ignore[attr-defined]
-        _complain(_misplaced(error) or f"{message}; --help lists what is allowed")
-        code = 2
-    except ShadowbenchError as error:
-        _complain(str(error))
-        code = error.exit_code
     except (KeyboardInterrupt, typer.Abort):
         code = _STOPPED
     except Exception as error:
-        code = 3
-        if isinstance(error, OSError) and error.errno in FULL:
-            _complain(f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})")
-            code = 2
-        elif any(map(_lacks_process, _chain(error))):
-            _complain(NO_PROCESS)
-        elif isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
-            _complain(NOT_INSTALLED.format(error.name))
-        else:
-            traceback.print_exc()
-            _complain("an internal error; please report it with the lines above")
-    if code == _STOPPED and not _can_start_threads():
-        _complain(NO_PROCESS)
-        return 3
+        code, line = _answer(error)
     if code == _STOPPED:  # Typer answers Ctrl-C with this code, and prints nothing
-        _complain("stopped; repeat the command to resume")
+        code, line = (code, "stopped; repeat the command to resume") if _can_start_threads() else (3, NO_PROCESS)
+    if line:
+        _complain(line)
     return code
 
 
-def _chain(error: BaseException | None) -> Iterator[BaseException]:
-    """An exception, and those that led to it."""
-    while error is not None:
-        yield error
-        error = error.__cause__ or error.__context__
+def _answer(error: Exception) -> tuple[int, str]:
+    """Exit code and line for an error; the traceback of an internal one is printed."""
+    if isinstance(error, _UsageError):
+        message = error.format_message().rstrip(".").replace("Input should be", "allowed is")  # type: ignore[attr-defined]
+        return 2, _misplaced(error) or f"{message}; --help lists what is allowed"
+    if isinstance(error, ShadowbenchError):
+        return error.exit_code, str(error)
+    if isinstance(error, OSError) and error.errno in FULL:
+        return 2, f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})"
+    if _lacks_process(error):
+        return 3, NO_PROCESS
+    if isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
+        return 3, NOT_INSTALLED.format(error.name)
+    traceback.print_exc()
+    return 3, "an internal error; please report it with the lines above"
 
 
-def _lacks_process(error: BaseException) -> bool:
-    return str(error) == _NO_THREAD or (isinstance(error, OSError) and error.errno == errno.EAGAIN)
+def _lacks_process(error: BaseException | None) -> bool:
+    """Whether an error, or what led to it, is that no process or thread could be started."""
+    if error is None:
+        return False
+    lacks = str(error) == _NO_THREAD or (isinstance(error, OSError) and error.errno == errno.EAGAIN)
+    return lacks or _lacks_process(error.__cause__ or error.__context__)
 
 
 def _can_start_threads() -> bool:
