@@ -35,17 +35,21 @@ def option(
     words: tuple[str, ...] = (),
     names: tuple[str, ...] = (),
     complete: Callable[..., Any] | None = None,
+    heading: str | None = None,
 ) -> Any:
     """A field of a group: on the command line an option with this help, of which `metavar` stands for the value.
 
-    bounds, words: what it allows; names: on the command line, by default that of the field; complete: completes it.
+    bounds, words: what it allows; names: on the command line, by default that of the field; complete: completes it;
+    heading: of its help, if not that of the group.
     """
-    shown = metavar or "|".join(words) or None
-    completed = complete or ((lambda: words) if words else None)
-    return field(
-        default=default,
-        metadata={"help": help, "metavar": shown, "bounds": bounds, "names": names, "autocompletion": completed},
-    )
+    metadata = {
+        "help": help,
+        "metavar": metavar or "|".join(words) or None,
+        "bounds": bounds,
+        "names": names,
+        "autocompletion": complete or ((lambda: words) if words else None),
+    }
+    return field(default=default, metadata=metadata | ({"rich_help_panel": heading} if heading else {}))
 
 
 @dataclass(frozen=True)

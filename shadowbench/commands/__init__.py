@@ -16,11 +16,9 @@ from typer.core import TyperGroup
 from shadowbench.commands import (
     check,
     doctor,
-    export,
+    extend,
     listing,
     merge,
-    needs,
-    new_technique,
     recommend,
     render,
     report,
@@ -71,10 +69,10 @@ app = typer.Typer(
 )
 _PANELS = {  # as --help lists them
     "Measure techniques": (run.run, stress.stress, score.score, truth.truth),
-    "Decide what a scene needs": (recommend.recommend, needs.needs, tune.tune),
+    "Decide what a scene needs": (recommend.recommend, recommend.needs, tune.tune),
     "Check results and the machine": (check.check, merge.merge, doctor.doctor),
     "Look": (report.report, render.render, view.view, listing.list_things),
-    "Extend with a technique or an engine": (new_technique.new_technique, export.export),
+    "Extend with a technique or an engine": (extend.new_technique, extend.export),
 }
 for _panel, _commands in _PANELS.items():
     for _one in _commands:

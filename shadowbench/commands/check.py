@@ -6,8 +6,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from shadowbench.commands import console, options
 from shadowbench.errors import InputError, alternatives
 from shadowbench.options import option
@@ -45,7 +43,7 @@ class CheckOptions:
     "  shadowbench run -s demo --time-again && shadowbench check results/latest --repeat"
 )
 def check(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The run folder to check.")],
+    folder: Annotated[Path, options.argument("DIR", "The run folder to check.")],
     asked: CheckOptions,
     json: options.Json = False,
     quiet: options.Quiet = False,

@@ -58,20 +58,11 @@ def print_error(line: str) -> None:
 class Reporter(logging.Handler):
     """Notes, and a progress bar for each stage of a run, or a line now and then where stderr is no terminal.
 
-    Silent if `quiet`.
-
-    A context manager, within which warnings that the package logs are printed as notes.
+    A context manager, within which warnings that the package logs are printed as notes. Silent if `quiet`.
     """
 
     def __init__(self, quiet: bool) -> None:
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
+        from rich import progress
         from rich.table import Column
 
         super().__init__(logging.WARNING)
@@ -79,16 +70,14 @@ class Reporter(logging.Handler):
         self._noted: set[str] = set()
         self._task: TaskID | None = None
         self._printed = monotonic()
-        columns = (
-            TextColumn("{task.description:<24.24}"),
-            BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what the numbers leave
-            MofNCompleteColumn(table_column=Column(no_wrap=True)),
-            TimeElapsedColumn(table_column=Column(no_wrap=True)),
-            TimeRemainingColumn(table_column=Column(no_wrap=True)),
-            TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
-        )
-        self._progress = Progress(
-            *columns,
+        text = Column(ratio=2, no_wrap=True, overflow="ellipsis")
+        self._progress = progress.Progress(
+            progress.TextColumn("{task.description:<24.24}"),
+            progress.BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what numbers leave
+            progress.MofNCompleteColumn(table_column=Column(no_wrap=True)),
+            progress.TimeElapsedColumn(table_column=Column(no_wrap=True)),
+            progress.TimeRemainingColumn(table_column=Column(no_wrap=True)),
+            progress.TextColumn("{task.fields[what]}", table_column=text),
             console=err(),
             disable=quiet or not err().is_terminal,
             transient=True,
@@ -147,29 +136,20 @@ class Reporter(logging.Handler):
 
 def exit_code_of(results: "Sequence[Result]", left_out: "Sequence[Failure]") -> int:
     """3 if a cell failed or something was left out, which is told on stderr; else 0."""
-    failed = [
-        ("cell", f"{one.score['scene']} {one.score['spec']}", one.status.removeprefix("failed: "))
-        for one in results
-        if one.status.startswith("failed")
-    ]
-    if left_out or len({reason for _, _, reason in failed}) > 1:
-        print_failures([*((one.what, one.where, one.reason) for one in left_out), *failed])
+    failed = [one for one in results if one.status.startswith("failed")]
+    reasons = [one.status.removeprefix("failed: ") for one in failed]
+    places: dict[tuple[str, str], list[str]] = {}  # of each kind and reason
+    for one in left_out:
+        places.setdefault((one.what, one.reason), []).append(one.where)
+    for result, reason in zip(failed, reasons, strict=True):
+        places.setdefault(("cell", reason), []).append(f"{result.score['scene']} {result.score['spec']}")
+    if left_out or len(places) > 1:
+        for (what, reason), where in sorted(places.items(), key=lambda item: -len(item[1])):
+            others = "" if len(where) == 1 else f" and {len(where) - 1} more"
+            print_error(f"failed: {len(where)} × {what}: {printable(where[0])}{others}: {printable(reason)}")
     if failed:
-        print_error(f"shadowbench: {len(failed)} of {len(results)} cells failed; the first: {failed[0][2]}")
+        print_error(f"shadowbench: {len(failed)} of {len(results)} cells failed; the first: {reasons[0]}")
     return 3 if failed or left_out else 0
-
-
-def print_failures(failed: Iterable[tuple[str, str, str]]) -> None:
-    """Print what failed on stderr, a line for each reason, the most frequent first.
-
-    failed: of each failure its kind (`scene`, `cell`, …), its name, and its reason.
-    """
-    kinds: dict[tuple[str, str], list[str]] = {}
-    for what, where, reason in failed:
-        kinds.setdefault((what, reason), []).append(where)
-    for (what, reason), places in sorted(kinds.items(), key=lambda item: -len(item[1])):
-        others = "" if len(places) == 1 else f" and {len(places) - 1} more"
-        print_error(f"failed: {len(places)} × {what}: {printable(places[0])}{others}: {printable(reason)}")
 
 
 def print_unsupported(statuses: Sequence[str], others: Sequence[str] = ()) -> None:

@@ -4,8 +4,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from shadowbench.commands import console, options
 from shadowbench.errors import InputError, alternatives
 
@@ -22,13 +20,9 @@ TOGETHER = "bias=polygon-offset(2,4)+normal-offset"
 def list_things(
     what: Annotated[
         str,
-        typer.Argument(
-            metavar="WHAT",
-            autocompletion=lambda: KINDS,
-            help=f"{', '.join(KINDS)}  [all].",
-        ),
+        options.argument("WHAT", f"{', '.join(KINDS)}  [all].", lambda: KINDS),
     ] = "",
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Show only this entry  [all].")] = "",
+    name: Annotated[str, options.argument("NAME", "Show only this entry  [all].")] = "",
     plugin: options.Plugins = None,
     json: options.Json = False,
     quiet: options.Quiet = False,

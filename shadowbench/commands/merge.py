@@ -19,7 +19,7 @@ _LINES = 40  # of the table of what differs
 )
 def merge(
     folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Folders written by `run`, or by `stress`, on one renderer.")
+        list[Path], options.argument("DIR...", "Folders written by `run`, or by `stress`, on one renderer.")
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the result, new or empty.")],
     json: options.Json = False,

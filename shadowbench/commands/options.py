@@ -104,10 +104,10 @@ REQUIRED: Any = ...
 
 def _option_of(field: "Field[Any]", heading: str | None = None) -> Any:
     """Typer's option of a field of a group."""
-    metadata = dict(field.metadata)
+    metadata = {"rich_help_panel": heading, **field.metadata}
     names = metadata.pop("names") or [f"--{field.name.replace('_', '-')}"]
     least, most = metadata.pop("bounds") or (None, None)
-    return typer.Option(*names, min=least, max=most, rich_help_panel=heading, **metadata)
+    return typer.Option(*names, min=least, max=most, **metadata)
 
 
 def technique(help: str, metavar: str = "SPEC", **others: Any) -> Any:
@@ -135,9 +135,34 @@ def flag(help: str) -> Any:
     return option(help, default=False)
 
 
+def argument(metavar: str, help: str, complete: Callable[..., Any] | None = None) -> Any:
+    """An argument of a command; complete: lists its values."""
+    return typer.Argument(metavar=metavar, autocompletion=complete, help=help, show_default=False)
+
+
+def part() -> Any:
+    """The option --part of a group of options."""
+    return option(
+        "Measure only part K of N, such as 3/16, for machines that share nothing, or array jobs; each needs a folder "
+        "of its own, and `merge` joins them.",
+        "K/N",
+        heading="Machines",
+    )
+
+
+def keep_going() -> Any:
+    """The option --keep-going of a group of options."""
+    return option(
+        "Leave out scenes that cannot be read, and what else would stop the command, and measure the rest; a summary "
+        "names them, and the exit code is 3. A cell that fails never stops it.",
+        default=False,
+        heading="Measurement",
+    )
+
+
 def scene(help: str) -> Any:
-    """The argument SCENE with this help."""
-    return typer.Argument(metavar="SCENE", autocompletion=scenes, help=help)
+    """The argument SCENE of a command."""
+    return argument("SCENE", help, scenes)
 
 
 Scene = Annotated[str, scene(f"The scene: {SCENE}.")]
@@ -148,25 +173,6 @@ Plugins = Annotated[
 ViewSize = Annotated[int | None, _option_of(fields(Measuring)[0])]
 Json = Annotated[bool, _option_of(fields(Printed)[0])]
 Quiet = Annotated[bool, _option_of(fields(Printed)[1])]
-Part = Annotated[
-    str | None,
-    typer.Option(
-        "--part",
-        metavar="K/N",
-        rich_help_panel="Machines",
-        help="Measure only part K of N, such as 3/16, for machines that share nothing, or array jobs; each needs a "
-        "folder of its own, and `merge` joins them.",
-    ),
-]
-KeepGoing = Annotated[
-    bool,
-    typer.Option(
-        "--keep-going",
-        rich_help_panel="Measurement",
-        help="Leave out scenes that cannot be read, and what else would stop the command, and measure the rest; a "
-        "summary names them, and the exit code is 3. A cell that fails never stops it.",
-    ),
-]
 
 
 class Command(NamedTuple):

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from shadowbench.commands import console, options
 from shadowbench.options import option
 
@@ -43,7 +41,7 @@ class ReportOptions:
 def report(
     folders: Annotated[
         list[Path],
-        typer.Argument(metavar="DIR...", help="Folders written by `run` or `stress`, on one machine or several."),
+        options.argument("DIR...", "Folders written by `run` or `stress`, on one machine or several."),
     ],
     asked: ReportOptions,
     quiet: options.Quiet = False,

@@ -5,8 +5,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from shadowbench.commands import console, options
 from shadowbench.commands.executors import places, timed_on
 from shadowbench.commands.study_tables import print_study
@@ -40,6 +38,13 @@ class RunOptions:
     )
     output: Path = options.output("Folder for the table, masks and pictures.", default=Path("results/latest"))
     plugin: list[Path] = options.plugins()
+    time_again: bool = option(
+        "Time cells again that have been timed before; `check DIR --repeat` compares the two times.",
+        default=False,
+        heading="Measurement",
+    )
+    part: str | None = options.part()
+    keep_going: bool = options.keep_going()
 
 
 @options.command(
@@ -65,21 +70,11 @@ class RunOptions:
 def run(
     scenes: Annotated[list[str] | None, options.scene(f"Each is {options.SCENE}  [the study's].")] = None,
     *,
-    asked: RunOptions,
     measuring: Measuring,
-    time_again: Annotated[
-        bool,
-        typer.Option(
-            "--time-again",
-            rich_help_panel="Measurement",
-            help="Time cells again that have been timed before; `check DIR --repeat` compares the two times.",
-        ),
-    ] = False,
     view: ViewOptions,
     machines: options.StudyMachines,
-    part: options.Part = None,
     printed: options.Printed,
-    keep_going: options.KeepGoing = False,
+    asked: RunOptions,
 ) -> int:
     """Measure techniques: accuracy against ray tracing, and time.
 
@@ -108,7 +103,7 @@ def run(
         from shadowbench.studies.measure import estimate, measure, study_from_options
         from shadowbench.studies.part import part_of
 
-        chosen_part = part_of(part)
+        chosen_part = part_of(asked.part)
         known = techniques_with(asked.plugin)
         specs = [parse_spec(text, known) for text in asked.techniques]
         sizes = options.map_sizes(asked.map_size)
@@ -116,16 +111,16 @@ def run(
             known, scenes or (), specs, study=asked.study, map_size=sizes, measuring=measuring, view=view
         )
         reporter = stack.enter_context(console.Reporter(printed.quiet))
-        if not scenes and not asked.study and part is None:
+        if not scenes and not asked.study and asked.part is None:
             cells, seconds = estimate(study)
             on = f"{len(study.scenes)} scenes"
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         if worker is not None:
             worker.limits = study.limits
         measured = timed_on(study, machines, measuring.rounds, reporter)
-        of_campaigns = {"reporter": reporter, "time_again": time_again, "keep_going": keep_going}
+        of_campaigns = {"reporter": reporter, "time_again": asked.time_again, "keep_going": asked.keep_going}
         at = stack.enter_context(places(measured, machines, worker, asked.plugin, **of_campaigns))
-        found = measure(measured, asked.output, at, chosen_part, keep_going)
+        found = measure(measured, asked.output, at, chosen_part, asked.keep_going)
     if found.run.earlier and not printed.quiet:
         console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
     if printed.json:

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from shadowbench.commands import console, options
 from shadowbench.errors import InputError
 from shadowbench.options import ViewOptions, option
@@ -35,9 +33,8 @@ def score(
     scene: Annotated[str, options.scene(f"The scene: {options.SCENE}; or its truth, a file of `shadowbench truth`.")],
     mask: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="MASK.png",
-            help="Shadow mask: linear grey, 8 or 16 bit, square, white is lit; its size is the view size.",
+        options.argument(
+            "MASK.png", "Shadow mask: linear grey, 8 or 16 bit, square, white is lit; its size is the view size."
         ),
     ] = None,
     *,

@@ -29,6 +29,8 @@ class StressOptions:
     output: Path = options.output(
         "Folder for the tables, and the masks of failed cells.", default=Path("results/stress")
     )
+    part: str | None = options.part()
+    keep_going: bool = options.keep_going()
 
 
 @options.command(
@@ -36,14 +38,7 @@ class StressOptions:
     "  shadowbench stress --quick\n"
     "  shadowbench stress -t shadow-map -t 'shadow-map:bias=slope' --axis elevation"
 )
-def stress(
-    asked: StressOptions,
-    *,
-    part: options.Part = None,
-    keep_going: options.KeepGoing = False,
-    machines: options.Machines,
-    printed: options.Printed,
-) -> int:
+def stress(machines: options.Machines, asked: StressOptions, printed: options.Printed) -> int:
     """Find where each technique breaks.
 
     Varies one property of a scene at a time, along an axis: elevation of the light, distance from the origin, gap
@@ -68,13 +63,15 @@ def stress(
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.studies.part import part_of
 
-    chosen_part = part_of(part)
+    chosen_part = part_of(asked.part)
     axes = select_axes(asked.axis)
     known = techniques_with(asked.plugin)
     specs = tuple(dict.fromkeys(parse_spec(text, known) for text in asked.techniques)) or default_specs(known.values())
     with (
         console.Reporter(printed.quiet) as reporter,
-        opening(machines, asked.plugin, LIMITS, reporter=reporter, keep_going=keep_going, **SWEEPING) as campaign_in,
+        opening(
+            machines, asked.plugin, LIMITS, reporter=reporter, keep_going=asked.keep_going, **SWEEPING
+        ) as campaign_in,
     ):
         found = walk(specs, axes, campaign_in(asked.output), quick=asked.quick, part=chosen_part)
     if printed.json:

@@ -39,6 +39,7 @@ class TuneOptions:
     phases: int = option("Sub-texel offsets of the map to average over.", "N", default=2, bounds=PHASES)
     plugin: list[Path] = options.plugins()
     output: Path = options.output("Folder for the measured cells.", default=Path("results/tune"))
+    keep_going: bool = options.keep_going()
 
 
 @options.command(
@@ -46,14 +47,7 @@ class TuneOptions:
     "  shadowbench tune -t shadow-map --scenes stairs,statue,street,my.glb --held-out statue,my\n"
     "  shadowbench tune -t cube-map --params bias --trials 50"
 )
-def tune(
-    asked: TuneOptions,
-    *,
-    keep_going: options.KeepGoing = False,
-    view: SceneOptions,
-    machines: options.Machines,
-    printed: options.Printed,
-) -> int:
+def tune(asked: TuneOptions, view: SceneOptions, machines: options.Machines, printed: options.Printed) -> int:
     """Search a technique's parameters for the best accuracy.
 
     Finds the most accurate setting at each cost on some scenes, and scores it beside the default on others, held out
@@ -76,7 +70,7 @@ def tune(
 
     known = techniques_with(asked.plugin)
     spec = parse_spec(asked.technique, known)
-    of_campaigns = {"keep_going": keep_going, "keeps_images": no_image}
+    of_campaigns = {"keep_going": asked.keep_going, "keeps_images": no_image}
     with (
         console.Reporter(printed.quiet) as reporter,
         opening(machines, asked.plugin, None, reporter=reporter, **of_campaigns) as campaign_in,

@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from shadowbench.commands import console, options
 from shadowbench.errors import NOT_EVERYWHERE, InputError, how_to_install
 from shadowbench.options import FIRST, ViewOptions, option
@@ -38,12 +36,7 @@ class WindowOptions:
 def view(
     scene: Annotated[
         str | None,
-        typer.Argument(
-            metavar="[SCENE]",
-            autocompletion=options.scenes,
-            help=f"The scene: {options.SCENE}; with --cell the folder of a run.",
-            show_default=False,
-        ),
+        options.argument("[SCENE]", f"The scene: {options.SCENE}; with --cell the folder of a run.", options.scenes),
     ] = None,
     *,
     asked: WindowOptions,

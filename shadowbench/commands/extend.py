@@ -1,4 +1,4 @@
-"""`export`: write a view for another renderer."""
+"""`new-technique` and `export`: what a technique or an engine of your own begins with."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,10 +9,33 @@ from shadowbench.commands import console, options
 from shadowbench.options import ViewOptions
 
 
+@options.command(
+    "\b\nFor example\n"
+    "  shadowbench new-technique my-shadows\n"
+    "  shadowbench run cube-on-plane -t my-shadows -t shadow-map --plugin my-shadows.py"
+)
+def new_technique(
+    name: Annotated[str, options.argument("NAME", "Name of the technique in specs and tables.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder for NAME.py  [the current one].")
+    ] = None,
+) -> None:
+    """Write NAME.py, a minimal technique to start from.
+
+    It is a shadow map with its shader, and runs unmodified. An existing file is not overwritten.
+    """
+    from shadowbench.plugin.template import write_technique
+
+    file = write_technique(name, output or Path())
+    console.print_line(f"{file}: try it with")
+    for command in ("run", "view"):
+        console.print_line(f"  shadowbench {command} cube-on-plane -t {name} -t shadow-map --plugin {file}")
+
+
 @options.command("For example  shadowbench export stairs for-my-engine/ --view-size 1024")
 def export(
     scene: options.Scene,
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files.")],
+    folder: Annotated[Path, options.argument("DIR", "Folder for the files.")],
     view_size: options.ViewSize = None,
     quiet: options.Quiet = False,
     *,
