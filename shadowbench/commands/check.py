@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from shadowbench.commands import console, options
-from shadowbench.errors import InputError, alternatives
+from shadowbench.errors import InputError, alternatives, counted
 from shadowbench.options import option
 
 if TYPE_CHECKING:
-    from shadowbench.results.baseline import Change, Findings
+    from shadowbench.results.baseline import Change, Findings, Verdict
 
 _LINES = 40  # of a table, one per cell
 _LONGEST = 40  # characters of a status
@@ -72,10 +72,11 @@ def check(
       τ               Kendall's tau over these pairs; 1 is the same order
       τ of all pairs  Kendall's tau over all pairs, noise included
     """
-    from shadowbench.check.check import check as compared
-    from shadowbench.check.check import make_baseline, values, write_pictures
     from shadowbench.measure.plugin_output import techniques_with
-    from shadowbench.reports.words import counted
+    from shadowbench.reports.check_pictures import write_pictures
+    from shadowbench.results.baseline import check as compared
+    from shadowbench.results.baseline import write_baseline
+    from shadowbench.studies.study_copy import copy_study
 
     techniques_with(asked.plugin)  # whose metrics are compared too
     if asked.repeat:
@@ -84,17 +85,18 @@ def check(
         return _check_repeat(folder, asked.baseline, json, quiet)
     if asked.baseline is None:
         raise InputError("check: found no --baseline; allowed: --baseline DIR, or --repeat")
-    tolerances = _tolerances(asked.tolerance)
-    found = compared(folder, asked.baseline, tolerances=tolerances, time=asked.time, update=asked.update)
+    found = compared(folder, asked.baseline, _tolerances(asked.tolerance), asked.time, asked.update)
+    findings = found.findings
     pictures = [] if asked.update else write_pictures(found)
     if json:
         files = [file for file, _ in pictures]
-        console.print_json({**values(found.findings), "notes": found.notes, "pictures": files})
+        console.print_json({**findings.json, "notes": findings.notes, "pictures": files})
     else:
-        _print(found.findings, asked.baseline, asked.time)
+        _print(findings, asked.baseline, asked.time)
     last = None
     if asked.update:
-        study = make_baseline(found.run, asked.baseline)
+        write_baseline(found.run.results, asked.baseline)
+        study = copy_study(found.run, asked.baseline, techniques_with(()))
         cells = counted(len(found.run.results), "cell")
         copied = f"; study.toml is a copy of {study}" if study else ""
         last = f"{asked.baseline / 'rows.jsonl'}: {cells}, the baseline from now on{copied}"
@@ -103,11 +105,12 @@ def check(
         many = f"{counted(len(pictures), 'picture')}, {what}"
         last = f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue"
     if not quiet:
-        for note in found.notes:
+        for note in findings.notes:
             console.print_error(f"note: {note}")
         if last and not json:
             console.print_line(last)
-    return 1 if found.failing and not asked.update else 0
+    failed = findings.of("regressed") or (asked.time and findings.of("slower"))
+    return 1 if failed and not asked.update else 0
 
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:
@@ -160,20 +163,19 @@ def _check_repeat(folder: Path, other: Path | None, json: bool, quiet: bool) -> 
 
 def _print(findings: "Findings", baseline: Path, time: bool) -> None:
     """A table of changes of each kind, and a summary."""
-    from shadowbench.reports.words import counted
     from shadowbench.results.baseline import MISSING
 
-    kinds = {
-        "regressed": (findings.with_verdict("regressed", times=False), "regressed, worst first"),
-        "slower": (findings.with_verdict("regressed", times=True), "slower"),
-        "improved": (findings.with_verdict("improved", times=False), "improved, largest change first"),
-        "faster": (findings.with_verdict("improved", times=True), "faster"),
+    times = "; ratios to the reference" + ("" if time else "; a warning only (--time makes it fail)")
+    titles: dict[Verdict, str] = {
+        "regressed": "regressed, worst first",
+        "slower": f"slower{times}",
+        "improved": "improved, largest change first",
+        "faster": f"faster{times}",
     }
-    of_times = "; ratios to the reference" + ("" if time else "; a warning only (--time makes it fail)")
-    cells = {kind: _by_cell(changes) for kind, (changes, _) in kinds.items()}
-    for kind, (changes, title) in kinds.items():
-        if changes:
-            _print_changes(title + (of_times if changes[0].what == "time" else ""), cells[kind])
+    cells = {kind: _by_cell(findings.of(kind)) for kind in titles}
+    for kind, title in titles.items():
+        if cells[kind]:
+            _print_changes(title, cells[kind])
     missing = sum(change.after == MISSING for change in findings.changes)
     if findings.compared or findings.changes:
         counts = {

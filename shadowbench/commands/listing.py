@@ -60,7 +60,8 @@ def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> d
     plugins: Python files that add techniques and metrics; what: only this kind; name: only this entry. Raises
     InputError for an unknown kind or name.
     """
-    from shadowbench.extremes.axes import AXES, value_label
+    from shadowbench.extremes.axes import AXES
+    from shadowbench.extremes.model import value_label
     from shadowbench.measure.flips import ROW_METRICS
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from shadowbench.commands import console, options
+from shadowbench.errors import counted
 
 _LINES = 40  # of the table of what differs
 
@@ -33,8 +34,7 @@ def merge(
     pixels are not those of its row. Times are kept by machine; table and report show those of the machine with the
     most. Nothing is measured.
     """
-    from shadowbench.check.merge import merge as merged
-    from shadowbench.reports.words import counted
+    from shadowbench.results.merge import merge as merged
 
     found = merged(folders, output)
     of_folders = counted(len(folders), "folder")

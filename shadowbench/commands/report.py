@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 from shadowbench.commands import console, options
+from shadowbench.errors import counted
 from shadowbench.options import option
 
 _LARGE = 20e6  # bytes of a page
@@ -59,7 +60,6 @@ def report(
     from shadowbench.commands.study_tables import print_verdict
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.reports.report import report_target, write_report
-    from shadowbench.reports.words import counted
     from shadowbench.results.configurations import sections
     from shadowbench.results.folder import read_folders
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from shadowbench.commands import console, options
 from shadowbench.commands.executors import places, timed_on
 from shadowbench.commands.study_tables import print_study
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, counted
 from shadowbench.options import Measuring, ViewOptions, option
 
 if TYPE_CHECKING:
@@ -138,7 +138,6 @@ def run(
 
 
 def _earlier_cells(run: "Run") -> str:
-    from shadowbench.reports.words import counted
 
     rows = [row for row in run.rows if row["key"] in run.earlier]
     named = ", ".join(counted(len({row[what] for row in rows}), what) for what in ("scene", "spec"))

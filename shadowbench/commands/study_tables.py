@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console
+from shadowbench.errors import counted
 
 if TYPE_CHECKING:
-    from shadowbench.results.bias_sweeps import SweepPositions
     from shadowbench.results.configurations import Configuration, Section
     from shadowbench.results.curves import Curve
+    from shadowbench.results.tables import SweepPositions
     from shadowbench.studies.measure import StudyResult
 
 
@@ -48,7 +49,6 @@ _OPTIONAL = ("bleed", "false_dark", "width", "hardening", "flips", *_COSTS.value
 
 def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     """One table per scene, one over all scenes, and the path of table.csv."""
-    from shadowbench.reports.words import counted
     from shadowbench.results.configurations import by_kind, sections
     from shadowbench.results.ranking import mean_section
 
@@ -169,7 +169,6 @@ def _cell(one: "Configuration", key: str) -> str:
 def print_verdict(sections: "Sequence[Section]") -> None:
     """The cheapest setting for each accuracy in each scene of one run, then each technique's cost over its scenes."""
     from shadowbench.reports.verdict import cell_texts, real_time, target_name, verdict
-    from shadowbench.reports.words import counted
     from shadowbench.results.configurations import by_kind
     from shadowbench.results.ranking import candidates, cost_row, targets_of
 
@@ -202,7 +201,6 @@ def print_verdict(sections: "Sequence[Section]") -> None:
 def _print_costs(sections: "Sequence[Section]", kind: str) -> None:
     """What each technique costs, and in how many scenes if not in all; – if no setting reaches the target."""
     from shadowbench.reports.verdict import cost_note, cost_text, target_name
-    from shadowbench.reports.words import counted
     from shadowbench.results.ranking import candidates, cost_matrix, targets_of
 
     found, targets, scenes = candidates(sections), targets_of(sections[0].ranked_by), len(sections)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
 from shadowbench.commands.executors import opening
+from shadowbench.errors import counted
 from shadowbench.options import PHASES, Bounds, SceneOptions, option
 
 if TYPE_CHECKING:
@@ -66,7 +67,6 @@ def tune(asked: TuneOptions, view: SceneOptions, machines: options.Machines, pri
     from shadowbench.advice.tune import no_image, tune_parameters, values
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.plugin.spec import parse_spec
-    from shadowbench.reports.words import counted
 
     known = techniques_with(asked.plugin)
     spec = parse_spec(asked.technique, known)

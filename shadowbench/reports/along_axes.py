@@ -4,9 +4,7 @@ import json
 import math
 from collections.abc import Sequence
 
-from shadowbench.extremes.axes import Axis, Value, value_label
-from shadowbench.extremes.axes.model import NAMES
-from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, failure, tolerances_of, value_text
+from shadowbench.extremes.model import NAMES, Axis, Value, value_label
 from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
 from shadowbench.reports.axes import Chart, mark, quantity
@@ -14,6 +12,7 @@ from shadowbench.reports.charts import BASE_CHART, INK_SIGNAL, PARAMS, SHOWN_ONL
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import Styles
 from shadowbench.reports.words import digits
+from shadowbench.results.ranges import TOLERANCES, OperatingRange, failure, tolerances_of, value_text
 from shadowbench.scenes.model import LightKind
 
 ERROR = "1 − IoU"

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from shadowbench.errors import InputError
-from shadowbench.extremes.ranges import value_text
 from shadowbench.measure.rows import Record
 from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits, fault_lines, median_text, value_of
 from shadowbench.results.configurations import Section
 from shadowbench.results.folder import Folder
+from shadowbench.results.ranges import value_text
 from shadowbench.scores.difference import difference_over, weight
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS, is_soft, ranking

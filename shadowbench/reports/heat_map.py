@@ -6,13 +6,12 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
-from shadowbench.extremes.axes import Axis, value_label
-from shadowbench.extremes.axes.model import NAMES
-from shadowbench.extremes.ranges import Failure, OperatingRange
+from shadowbench.extremes.model import NAMES, Axis, value_label
 from shadowbench.reports.axes import Chart, mark, quantity
 from shadowbench.reports.charts import chart_of
 from shadowbench.reports.stability import Series, Stability
 from shadowbench.reports.words import digits
+from shadowbench.results.ranges import Failure, OperatingRange
 
 SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
 """Colours of shares 0, ½ and 1; distinguishable in greyscale and by the colour-blind."""

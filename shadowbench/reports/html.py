@@ -12,8 +12,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from shadowbench.extremes.axes.model import NAMES
-from shadowbench.extremes.ranges import OperatingRange
+from shadowbench.extremes.model import NAMES
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports.along_axes import LIMITS, axis_chart, metrics_along
@@ -35,6 +34,7 @@ from shadowbench.reports.words import (
 )
 from shadowbench.results.configurations import Section, specs_of
 from shadowbench.results.folder import Run, Sweep
+from shadowbench.results.ranges import OperatingRange
 from shadowbench.versions import VERSION
 
 _PAGE = Path(__file__).parent / "page"

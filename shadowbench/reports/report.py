@@ -10,7 +10,6 @@ import pandas as pd
 from PIL import Image
 
 from shadowbench.errors import InputError
-from shadowbench.extremes.ranges import points_frame
 from shadowbench.files import check_outputs, replace_file
 from shadowbench.reports.along_axes import axis_figure
 from shadowbench.reports.axes import Chart
@@ -32,6 +31,7 @@ from shadowbench.reports.styles import styles_of
 from shadowbench.reports.words import tolerances
 from shadowbench.results.configurations import Section, specs_of
 from shadowbench.results.folder import Run, Sweep
+from shadowbench.results.ranges import points_frame
 
 _SCALE = 2.5  # 760 units of width become 1900 pixels: 16 cm at 300 dots an inch
 _CELL = 64  # width of a heat map's cell in units, enough for its text

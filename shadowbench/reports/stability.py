@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from statistics import fmean
 
-from shadowbench.extremes.axes import AXES, Axis, Value
-from shadowbench.extremes.axes.model import NAMES
-from shadowbench.extremes.ranges import Break, OperatingRange, operating_ranges
+from shadowbench.extremes.axes import AXES
+from shadowbench.extremes.model import NAMES, Axis, Value
 from shadowbench.measure.rows import Record
 from shadowbench.results.folder import Sweep
+from shadowbench.results.ranges import Break, OperatingRange, operating_ranges
 from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.unshadowed import Unshadowed
 

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
+from shadowbench.errors import counted
 from shadowbench.plugin.registry import own_techniques
-from shadowbench.reports.words import EDGE_NAMES, counted, digits, median_text, sentence, time_source, value_of
+from shadowbench.reports.words import EDGE_NAMES, digits, median_text, sentence, time_source, value_of
 from shadowbench.results.configurations import Section
 from shadowbench.results.ranking import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
 from shadowbench.scores.metrics import METRICS

@@ -3,12 +3,13 @@
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from shadowbench.extremes.axes.model import NAMES, Axis, value_label
-from shadowbench.extremes.ranges import HARD, SOFT, OperatingRange, value_text
+from shadowbench.errors import counted
+from shadowbench.extremes.model import NAMES, Axis, value_label
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports.stability import Stability, complete_count
 from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, Section
 from shadowbench.results.folder import Run, Sweep
+from shadowbench.results.ranges import HARD, SOFT, OperatingRange, value_text
 from shadowbench.results.times import time_notes
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
@@ -28,11 +29,6 @@ def digits(value: float) -> str:
     if abs(value) >= 1000:
         return f"{float(f'{value:.3g}'):.0f}"
     return f"{value:#.3g}".rstrip(".") if value and abs(value) >= 1e-4 else f"{value:.2g}"
-
-
-def counted(count: int, what: str) -> str:
-    """A count with its noun: `1 cell`, `2 cells`."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def sentence(text: str) -> str:

@@ -8,9 +8,9 @@ from pathlib import Path
 from imgui_bundle import imgui
 
 from shadowbench.gl.picture import Shading
+from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
-from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.lights import Path as LightPath

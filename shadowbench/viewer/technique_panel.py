@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.grammar import parse_value
 from shadowbench.plugin.spec import Spec, spec_of
-from shadowbench.scenes.triangles import LARGEST
+from shadowbench.scenes.geometry import LARGEST
 from shadowbench.viewer.widgets import (
     BEYOND,
     CUSTOM,

@@ -23,9 +23,8 @@ from shadowbench.plugin import stage
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Coordinates, View, view_of
+from shadowbench.scenes.model import Coordinates, View, view_digest, view_of
 from shadowbench.techniques.shadow_map import ShadowMap
 
 DRAWER = {"renderer": "r", "embree": "e"}

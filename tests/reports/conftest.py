@@ -15,8 +15,8 @@ import pytest
 import vl_convert
 from PIL import Image
 
-from shadowbench.extremes.axes import AXES, Value, value_label
-from shadowbench.extremes.axes.model import NAMES
+from shadowbench.extremes.axes import AXES
+from shadowbench.extremes.model import NAMES, Value, value_label
 from shadowbench.reports.stability import Stability, analyse
 from shadowbench.results.configurations import Section, sections
 from shadowbench.results.folder import read_folders, read_runs

@@ -10,9 +10,8 @@ from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.verdict import cost_note, verdict
 from shadowbench.reports.words import mask_warnings, section_notes, time_source, unscored, value_of
-from shadowbench.results.configurations import Section, sections
+from shadowbench.results.configurations import Interval, Section, sections
 from shadowbench.results.folder import read_runs
-from shadowbench.results.intervals import Interval
 from shadowbench.results.ranking import Target
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
 

@@ -11,9 +11,8 @@ from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.panels import panels_of
 from shadowbench.reports.verdict import cell_texts, cost_note, verdict
 from shadowbench.reports.words import faults_of, run_facts
-from shadowbench.results.configurations import Section, by_kind, sections
+from shadowbench.results.configurations import Interval, Section, by_kind, sections
 from shadowbench.results.folder import read_runs
-from shadowbench.results.intervals import Interval
 from shadowbench.results.ranking import (
     Target,
     candidates,

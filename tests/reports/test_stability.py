@@ -13,8 +13,7 @@ import pytest
 from PIL import Image
 
 from shadowbench.extremes.axes import AXES
-from shadowbench.extremes.axes.model import NAMES
-from shadowbench.extremes.ranges import TOLERANCES, value_text
+from shadowbench.extremes.model import NAMES
 from shadowbench.reports import gallery
 from shadowbench.reports.along_axes import LIMITS, axis_chart, axis_figure, metrics_along
 from shadowbench.reports.gallery import GalleryCell, size_limit
@@ -22,6 +21,7 @@ from shadowbench.reports.heat_map import UNSUPPORTED_COLOR, heat_map, is_dark, s
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import styles_of
 from shadowbench.reports.words import range_text, stability_headline
+from shadowbench.results.ranges import TOLERANCES, value_text
 from shadowbench.scores.masks import read_mask
 from tests.reports.conftest import CELLS, POINTS, Point, color_of, galleries, image_of, scripts, swept, texts
 

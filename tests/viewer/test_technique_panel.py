@@ -11,8 +11,8 @@ from shadowbench.errors import InputError
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import Light
-from shadowbench.scenes.triangles import LARGEST
 from shadowbench.viewer.scene_panels import _edited
 from shadowbench.viewer.technique_panel import edited_spec
 
