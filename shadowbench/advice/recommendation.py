@@ -24,7 +24,7 @@ from shadowbench.plugin.spec import Spec
 from shadowbench.results.tables import cells_frame
 from shadowbench.results.times import ReferenceTime, normalise_times
 from shadowbench.scenes.model import View
-from shadowbench.scores.thresholded import ThresholdedMask
+from shadowbench.scores.masks import ThresholdedMask
 from shadowbench.survey.survey import Needs, needs
 from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.trace import Truth

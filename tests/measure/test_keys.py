@@ -13,7 +13,7 @@ import pytest
 
 from shadowbench import files, versions
 from shadowbench.gl.device import Device
-from shadowbench.gl.shaders import compose, places
+from shadowbench.gl.shaders import compose
 from shadowbench.measure import keys
 from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key, shader_names, view_key
@@ -258,8 +258,9 @@ def test_every_shader_that_a_technique_composes_is_in_its_key(
     composed: set[str] = set()
 
     def watched(source: Path | str, roots: Any, defines: Any, slots: Mapping[str, str], **others: Any) -> str:
-        composed.update(name for _, name in places(compose(source, roots, defines, slots, traced=True)) if name)
-        return compose(source, roots, defines, slots, **others)
+        text = compose(source, roots, defines, slots)
+        composed.update(name for name, _ in text.places if name)
+        return text
 
     monkeypatch.setattr(stage, "compose", watched)
     parsed, loaded = parse_spec(spec, KNOWN), LoadedScene(device, cube.scene, "relative")
