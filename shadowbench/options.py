@@ -4,7 +4,7 @@ The checks at the end are of arguments of Python functions; each raises InputErr
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -79,7 +79,7 @@ FIRST = ViewOptions()
 
 @dataclass(frozen=True)
 class Measuring:
-    """How a study is measured; None for its own value."""
+    """How a study is measured; None for its own value. Raises InputError."""
 
     view_size: int | None = option("Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
     rounds: int | None = option("Number of times that each cell is timed; 0 for no timing  [9].", "N", bounds=ROUNDS)
@@ -95,6 +95,12 @@ class Measuring:
         " [the study's; none].",
         words=("camera", "light"),
     )
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value, bounds = getattr(self, one.name), one.metadata["bounds"]
+            if bounds and value is not None:
+                object.__setattr__(self, one.name, whole_number(value, one.name, bounds))
 
 
 AS_STUDIED = Measuring()

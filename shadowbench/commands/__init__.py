@@ -123,7 +123,7 @@ def _answer(error: Exception) -> tuple[int, str]:
     """Exit code and line for an error; the traceback of an internal one is printed."""
     if isinstance(error, _UsageError):
         message = error.format_message().rstrip(".").replace("Input should be", "allowed is")  # type: ignore[attr-defined]
-        return 2, _misplaced(error) or f"{message}; --help lists what is allowed"
+        return 2, f"{message}; --help lists what is allowed"
     if isinstance(error, ShadowbenchError):
         return error.exit_code, str(error)
     if isinstance(error, OSError) and error.errno in FULL:
@@ -155,15 +155,6 @@ def _can_start_threads() -> bool:
     finally:
         ended.set()
     return True
-
-
-def _misplaced(error: Exception) -> str | None:
-    """Message for an option that precedes the command; None for any other error."""
-    context, name = getattr(error, "ctx", None), getattr(error, "option_name", None)
-    if context is None or context.parent is not None or name is None:
-        return None
-    taken = {option for command in context.command.commands.values() for one in command.params for option in one.opts}
-    return f"{name} goes after the command: shadowbench COMMAND … {name}" if name in taken else None
 
 
 def _complain(text: str) -> None:

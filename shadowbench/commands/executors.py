@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     Opener = Callable[[Path], Campaign]
 
-HERE = "here"
-
 
 def _here(worker: "Worker", **options: Any) -> "Opener":
     from shadowbench.measure.campaign import Campaign
@@ -41,7 +39,7 @@ def opening(machines: Machines, plugins: Sequence[Path], limits: "Limits | None"
     from shadowbench.measure.dask_cluster import Cluster
 
     time_on = machines.time_on if isinstance(machines, TimingMachines) else None
-    if time_on == HERE:
+    if time_on == "here":
         raise InputError(f"--time-on {time_on}: allowed: one worker, by its address or machine")
     with Cluster(machines.dask, options["reporter"], plugins, limits, machines.renderer) as cluster:
         one = cluster.named(time_on) if time_on is not None else None
@@ -71,7 +69,7 @@ def places(
             )
             for one in cluster.renderers()
         ]
-        if machines.time_on == HERE:
+        if machines.time_on == "here":
             with Worker(plugins, study.limits) as here:
                 if here.info.renderer not in cluster.renderers():
                     measured = " and ".join(cluster.renderers())

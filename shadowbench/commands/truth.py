@@ -2,13 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
 from shadowbench.options import PIXEL_SAMPLES, ViewOptions, option
-
-if TYPE_CHECKING:
-    from shadowbench.truths.trace import Truth
 
 
 @dataclass(frozen=True)
@@ -55,23 +51,4 @@ def truth(scene: options.Scene, asked: TruthOptions, quiet: options.Quiet = Fals
         receivers, shadowed = int(found.receivers.sum()), int((found.visibility < 0.5).sum())
         undecided = int((found.receivers & found.undecided).sum())
         pixels = f"{receivers} of {found.receivers.size} pixels show a receiver"
-        console.print_line(f"{asked.output}: {pixels}, {shadowed} in shadow, {undecided} undecided{_penumbra(found)}")
-
-
-def _penumbra(truth: "Truth") -> str:
-    """The size of the penumbra and the standard errors there; nothing without a penumbra."""
-    if not truth.sampled:
-        return ""
-    import numpy as np
-
-    from shadowbench.measure.scoring import prepare_truth
-
-    prepared = prepare_truth(truth)
-    penumbra = prepared.penumbra
-    if not penumbra.any():
-        return ""
-    variance = prepared.variance[penumbra]
-    median, high = np.sqrt(np.percentile(variance[variance > 0], [50, 95]))  # 0 where all points of the light agree
-    share = penumbra.sum() / truth.receivers.sum()
-    errors = f"{median:.2g} (median), {high:.2g} (95%)"
-    return f", {penumbra.sum()} ({share:.0%}) in penumbra, where the standard error is {errors}"
+        console.print_line(f"{asked.output}: {pixels}, {shadowed} in shadow, {undecided} undecided")

@@ -66,6 +66,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "map size 0": ([*RUN, "--map-size", "0"], ["--map-size", "'0'", "from 1"]),
     "a map beyond the driver": ([*RUN, "-t", "shadow-map", "--map-size", "65536"], ["map size 65536", "allows 1 to"]),
     "view size 0": ([*RUN, "--view-size", "0"], ["--view-size", "1"]),
+    "an option before the command": (["-q", "run"], ["-q", "--help lists what is allowed"]),
     "an unknown option": ([*RUN, "--fast"], ["--fast"]),
     "an unknown command": (["rum"], ["rum"]),
     "no scene": (["truth", "-o", "{out}.npz"], ["SCENE"]),
@@ -230,16 +231,3 @@ def test_a_full_disk_is_one_line_and_an_internal_error_shows_what_raised_it(
     *before, line = answer.err.splitlines()
     assert (answer.code, answer.out, line) == (code, "", f"shadowbench: {last}")
     assert ("LookupError: a bug" in before) == (code == 3) and (before == []) == (code == 2)
-
-
-@pytest.mark.parametrize("option", ["-q", "--map-size"])
-def test_an_option_before_the_command_is_an_error_with_the_right_place(
-    shadowbench: Callable[..., Any], option: str
-) -> None:
-    answer = shadowbench(option, "run", "cube-on-plane")
-    assert (answer.code, answer.out) == (2, "")
-    assert answer.err == f"shadowbench: {option} goes after the command: shadowbench COMMAND … {option}\n"
-
-
-def test_an_unknown_option_has_no_such_hint(shadowbench: Callable[..., Any]) -> None:
-    assert "after the command" not in shadowbench("--no-such", "run").err
