@@ -1,7 +1,7 @@
 """Where a command measures: with a worker process here, or on the workers of a Dask cluster."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,76 +10,61 @@ from shadowbench.commands.options import Machines, StudyMachines, TimingMachines
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
-    from shadowbench.measure.campaign import Campaign, Reporter
+    from shadowbench.measure.campaign import Reporter
     from shadowbench.measure.failures import Limits
     from shadowbench.measure.worker import Worker
     from shadowbench.studies.measure import Place
     from shadowbench.studies.study import Study
 
-    Opener = Callable[[Path], Campaign]
-
-
-def _here(worker: "Worker", **options: Any) -> "Opener":
-    from shadowbench.measure.campaign import Campaign
-    from shadowbench.measure.gl_drawer import GLDrawer
-
-    return partial(Campaign, drawer=GLDrawer(worker), **options)
-
 
 @contextmanager
-def opening(machines: Machines, plugins: Sequence[Path], limits: "Limits | None", **options: Any) -> "Iterator[Opener]":
-    """What opens the campaign of a command in a folder; options: of the campaign."""
-    if machines.dask is None:
-        from shadowbench.measure.worker import Worker
+def places(
+    machines: Machines,
+    plugins: Sequence[Path],
+    limits: "Limits | None",
+    worker: "Worker | None" = None,
+    **options: Any,
+) -> "Iterator[list[Place]]":
+    """Where a command measures: one place, but for a study each renderer of a cluster, and where it is timed.
 
-        with Worker(plugins, limits) as worker:
-            yield _here(worker, **options)
+    worker: one that was started here; options: of the campaigns. Raises InputError.
+    """
+    from shadowbench.measure.campaign import Campaign
+    from shadowbench.measure.gl_drawer import GLDrawer
+    from shadowbench.measure.worker import Worker
+    from shadowbench.studies.measure import Place
+
+    if machines.dask is None:
+        with nullcontext(worker) if worker else Worker(plugins, limits) as here:
+            yield [Place(partial(Campaign, drawer=GLDrawer(here), **options))]
         return
     from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
     from shadowbench.measure.dask_cluster import Cluster
 
     time_on = machines.time_on if isinstance(machines, TimingMachines) else None
-    if time_on == "here":
+    several = isinstance(machines, StudyMachines)
+    if time_on == "here" and not several:
         raise InputError(f"--time-on {time_on}: allowed: one worker, by its address or machine")
-    with Cluster(machines.dask, options["reporter"], plugins, limits, machines.renderer) as cluster:
-        one = cluster.named(time_on) if time_on is not None else None
-        yield partial(ClusterCampaign, drawer=ClusterDrawer(cluster, cluster.renderers()[0], one), **options)
-
-
-@contextmanager
-def places(
-    study: "Study", machines: StudyMachines, worker: "Worker | None", plugins: Sequence[Path], **options: Any
-) -> "Iterator[list[Place]]":
-    """Where a study is measured; worker: the one here, without --dask; options: of the campaigns."""
-    from shadowbench.measure.worker import Worker
-    from shadowbench.studies.measure import Place
-
-    if machines.dask is None:
-        assert worker is not None
-        yield [Place(_here(worker, **options))]
-        return
-    from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
-    from shadowbench.measure.dask_cluster import Cluster
-
-    setup = (plugins, study.limits, machines.renderer, machines.any_renderer)
-    with Cluster(machines.dask, options["reporter"], *setup) as cluster:
+    setup = (plugins, limits, machines.renderer, isinstance(machines, StudyMachines) and machines.any_renderer)
+    with ExitStack() as stack:
+        cluster = stack.enter_context(Cluster(machines.dask, options["reporter"], *setup))
+        only = cluster.named(time_on) if time_on not in (None, "here") else None
+        on_dask = partial(ClusterCampaign, **options)
+        if not several:
+            yield [Place(partial(on_dask, drawer=ClusterDrawer(cluster, cluster.renderers()[0], only)))]
+            return
         found = [
-            Place(
-                partial(ClusterCampaign, drawer=ClusterDrawer(cluster, one), **options | {"time_again": False}), False
-            )
+            Place(partial(on_dask, drawer=ClusterDrawer(cluster, one), time_again=False), times=False)
             for one in cluster.renderers()
         ]
-        if machines.time_on == "here":
-            with Worker(plugins, study.limits) as here:
-                if here.info.renderer not in cluster.renderers():
-                    measured = " and ".join(cluster.renderers())
-                    raise InputError(f"--time-on here: the renderer here is {here.info.renderer}; allowed: {measured}")
-                yield [*found, Place(_here(here, **options))]
-            return
-        if machines.time_on is not None:
-            one = cluster.named(machines.time_on)
-            drawer = ClusterDrawer(cluster, str(one.renderer), one)
-            found.append(Place(partial(ClusterCampaign, drawer=drawer, **options)))
+        if only is not None:
+            found.append(Place(partial(on_dask, drawer=ClusterDrawer(cluster, str(only.renderer), only))))
+        if time_on == "here":
+            here = stack.enter_context(Worker(plugins, limits))
+            if here.info.renderer not in cluster.renderers():
+                measured = " and ".join(cluster.renderers())
+                raise InputError(f"--time-on here: the renderer here is {here.info.renderer}; allowed: {measured}")
+            found.append(Place(partial(Campaign, drawer=GLDrawer(here), **options)))
         yield found
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import opening
+from shadowbench.commands.executors import places
 from shadowbench.options import ViewOptions, option
 
 if TYPE_CHECKING:
@@ -133,10 +133,10 @@ def recommend(
         make_folder(asked.export, "--export ")
     with (
         console.Reporter(printed.quiet) as reporter,
-        opening(machines, asked.plugin, None, reporter=reporter) as campaign_in,
+        places(machines, asked.plugin, None, reporter=reporter) as (place,),
     ):
         chosen = reporter.view(scene, asked.view_size, view)
-        campaign = campaign_in(asked.output)
+        campaign = place.campaign(asked.output)
         found, info = measure_recommendation(
             chosen,
             target_of(*wanted, soft=has_penumbra(chosen)),

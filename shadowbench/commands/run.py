@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 from shadowbench.commands import console, options
 from shadowbench.commands.executors import places, timed_on
 from shadowbench.commands.study_tables import print_study
-from shadowbench.errors import InputError, counted
+from shadowbench.errors import counted
 from shadowbench.options import Measuring, ViewOptions, option
 
 if TYPE_CHECKING:
     from shadowbench.results.folder import Run
-    from shadowbench.studies.crossing import Techniques
-    from shadowbench.studies.study import Study
 
 
 @dataclass(frozen=True)
@@ -90,11 +88,6 @@ def run(
     """
     from shadowbench.measure.worker import Worker
 
-    stray = [scene for scene in scenes or () if scene.isdecimal()]
-    if asked.map_size is not None and stray:
-        together = ",".join([asked.map_size, *stray])
-        both = f"{asked.map_size!r:.60} and {stray[0]!r:.60} as separate arguments"
-        raise InputError(f"--map-size: found {both}; allowed: {together}")
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
         worker = None if machines.dask is not None else stack.enter_context(Worker(asked.plugin))
@@ -119,7 +112,7 @@ def run(
             worker.limits = study.limits
         measured = timed_on(study, machines, measuring.rounds, reporter)
         of_campaigns = {"reporter": reporter, "time_again": asked.time_again, "keep_going": asked.keep_going}
-        at = stack.enter_context(places(measured, machines, worker, asked.plugin, **of_campaigns))
+        at = stack.enter_context(places(machines, asked.plugin, measured.limits, worker, **of_campaigns))
         found = measure(measured, asked.output, at, chosen_part, asked.keep_going)
     if found.run.earlier and not printed.quiet:
         console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
@@ -133,7 +126,7 @@ def run(
     results = found.run.last.results
     statuses = [one.status for one in results]
     if "ok" not in statuses and not found.failures:
-        console.print_unsupported(statuses, _others(study, known))
+        console.print_unsupported(statuses)
     return console.exit_code_of(results, found.failures)
 
 
@@ -142,13 +135,3 @@ def _earlier_cells(run: "Run") -> str:
     rows = [row for row in run.rows if row["key"] in run.earlier]
     named = ", ".join(counted(len({row[what] for row in rows}), what) for what in ("scene", "spec"))
     return f"the folder also holds {counted(len(rows), 'cell')} of earlier commands ({named})"
-
-
-def _others(study: "Study", known: "Techniques") -> list[str]:
-    """The real-time techniques that support all lights of a study, if one of its own does not."""
-    lights = [block.view.light for block in study.blocks()]
-    kinds, soft = {light.hard_kind for light in lights}, all(light.soft for light in lights)
-    able = [one for one in known.values() if kinds <= one.lights and (soft or not one.catalogue.soft_only)]
-    if all(spec.technique in able for spec in study.specs):
-        return []
-    return [one.name for one in able if not one.catalogue.never_recommended]

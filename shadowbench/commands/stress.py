@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import opening
+from shadowbench.commands.executors import places
 from shadowbench.options import option
 
 if TYPE_CHECKING:
@@ -69,11 +69,9 @@ def stress(machines: options.Machines, asked: StressOptions, printed: options.Pr
     specs = tuple(dict.fromkeys(parse_spec(text, known) for text in asked.techniques)) or default_specs(known.values())
     with (
         console.Reporter(printed.quiet) as reporter,
-        opening(
-            machines, asked.plugin, LIMITS, reporter=reporter, keep_going=asked.keep_going, **SWEEPING
-        ) as campaign_in,
+        places(machines, asked.plugin, LIMITS, reporter=reporter, keep_going=asked.keep_going, **SWEEPING) as (place,),
     ):
-        found = walk(specs, axes, campaign_in(asked.output), quick=asked.quick, part=chosen_part)
+        found = walk(specs, axes, place.campaign(asked.output), quick=asked.quick, part=chosen_part)
     if printed.json:
         frame = ranges_frame(found.ranges).astype(object)
         console.print_json(frame.where(frame.notna(), None).to_dict("records"))

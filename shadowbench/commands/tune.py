@@ -2,10 +2,10 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import opening
+from shadowbench.commands.executors import places
 from shadowbench.errors import counted
 from shadowbench.options import PHASES, Bounds, SceneOptions, option
 
@@ -70,14 +70,14 @@ def tune(asked: TuneOptions, view: SceneOptions, machines: options.Machines, pri
 
     known = techniques_with(asked.plugin)
     spec = parse_spec(asked.technique, known)
-    of_campaigns = {"keep_going": asked.keep_going, "keeps_images": no_image}
+    of_campaigns: dict[str, Any] = {"keep_going": asked.keep_going, "keeps_images": no_image}
     with (
         console.Reporter(printed.quiet) as reporter,
-        opening(machines, asked.plugin, None, reporter=reporter, **of_campaigns) as campaign_in,
+        places(machines, asked.plugin, None, reporter=reporter, **of_campaigns) as (place,),
     ):
         found = tune_parameters(
             spec,
-            campaign_in(asked.output),
+            place.campaign(asked.output),
             scenes=options.listed(asked.scenes),
             held_out=options.listed(asked.held_out),
             params=asked.params,

@@ -125,10 +125,6 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["render", "room-with-lamp", "-t", "shadow-map", "--view-size", "16", "-o", "{out}.png"],
         ["shadow-map", "room-with-lamp", "point light"],
     ),
-    "map sizes by spaces": (
-        ["run", "cube-on-plane", "--map-size", "512", "1024", "2048", "-o", "{out}"],
-        ["--map-size", "'512' and '1024' as separate arguments", "allowed: 512,1024,2048"],
-    ),
     "a run into somebody's folder": ([*RUN[:-1], "{in}"], ["/in: found other files, such as away.toml", "rows.jsonl"]),
     "an export into somebody's folder": (
         ["export", "cube-on-plane", "{in}"],

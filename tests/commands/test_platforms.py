@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from shadowbench.measure import machine
-from shadowbench.versions import installed
 
 LIBRARIES = ("moderngl", "glcontext", "embreex", "numba", "llvmlite")
 Elsewhere = Callable[..., subprocess.CompletedProcess[str]]
@@ -93,7 +92,3 @@ def test_doctor_says_what_works_without_gl(
     assert answer.code == 3
     assert f"  embreex: {embreex}" in answer.out.splitlines()
     assert answer.out.splitlines()[-1] == f"no technique can be drawn here; {works} work"
-
-
-def test_a_distribution_without_a_wheel_here_is_reported_as_not_installed() -> None:
-    assert installed("a-distribution-that-nobody-has-made") == "not installed"
