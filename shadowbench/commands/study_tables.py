@@ -14,37 +14,22 @@ if TYPE_CHECKING:
     from shadowbench.results.tables import SweepPositions
     from shadowbench.studies.measure import StudyResult
 
-
-_COSTS = {"ms": "frame_ms", "× ref": "ratio", "MiB": "gpu_bytes"}  # five cascades need more than one map of their size
-_COLUMNS = {  # of hard shadows; heading: value, or "error" for that by which they are ranked
-    "1 − IoU": "error",
-    "IoU soft": "iou_soft",
-    "SSIM": "ssim",
-    "edge px": "edge_px",
-    "acne": "acne",
-    "leak": "leak",
-    "contact": "contact",
-    "flips": "flips",
-    **_COSTS,
-}
-_SOFT_COLUMNS = {
-    "RMSE": "error",
-    "RMSE pen": "rmse_pen",
-    "1 − IoU": "iou",
-    "SSIM": "ssim",
-    "bias pen": "bias_pen",
-    "bleed": "bleed",
-    "false dark": "false_dark",
-    "noise": "noise",
-    "banding": "banding",
-    "width": "width",
-    "hardening": "hardening",
-    "flips": "flips",
-    **_COSTS,
+_COSTS = ("frame_ms", "ratio", "gpu_bytes")  # memory: five cascades need more than one map of their size
+_PENUMBRA = ("bias_pen", "bleed", "false_dark", "noise", "banding", "width", "hardening")
+_OF_HARD = ("error", "iou_soft", "ssim", "edge_px", "acne", "leak", "contact", "flips", *_COSTS)  # as they are shown
+_OF_SOFT = ("error", "rmse_pen", "iou", "ssim", *_PENUMBRA, "flips", *_COSTS)
+_HEADINGS = {  # of others it is the name
+    "iou": "1 − IoU",
+    "iou_soft": "IoU soft",
+    "ssim": "SSIM",
+    "rmse_pen": "RMSE pen",
+    "frame_ms": "ms",
+    "ratio": "× ref",
+    "gpu_bytes": "MiB",
 }
 _WIDE = 110  # characters; a narrower terminal gets the columns that matter most
 _NARROW = ("error", "rmse_pen", "iou", "ssim", "frame_ms", "ratio")
-_OPTIONAL = ("bleed", "false_dark", "width", "hardening", "flips", *_COSTS.values())  # shown where a row has them
+_OPTIONAL = ("bleed", "false_dark", "width", "hardening", "flips", *_COSTS)  # shown where a row has them
 
 
 def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
@@ -128,12 +113,13 @@ def _columns(found: "Sequence[Configuration]", narrow: bool) -> dict[str, str]:
     from shadowbench.scores.metrics import plugged_in
 
     soft = any(one.soft for one in found)
-    added = {one.label or one.name: one.name for one in plugged_in() if one.suits(soft)}
+    added = {one.name: one.label or one.name for one in plugged_in() if one.suits(soft)}
+    headings = {"error": "RMSE" if soft else "1 − IoU"} | _HEADINGS | added
     lacking = {key for key in _OPTIONAL if all(one.values.get(key) is None for one in found)}
     return {
-        heading: key
-        for heading, key in ((_SOFT_COLUMNS if soft else _COLUMNS) | added).items()
-        if key not in lacking and (not narrow or key in (*_NARROW, *added.values()))
+        headings.get(key, key.replace("_", " ")): key
+        for key in (*(_OF_SOFT if soft else _OF_HARD), *added)
+        if key not in lacking and (not narrow or key in (*_NARROW, *added))
     }
 
 
