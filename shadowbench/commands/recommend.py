@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import places
+from shadowbench.commands.executors import campaigns
 from shadowbench.options import ViewOptions, option
 
 if TYPE_CHECKING:
     from shadowbench.advice.recommendation import Recommendation
     from shadowbench.advice.search import Trial
-    from shadowbench.measure.session import DeviceInfo
+    from shadowbench.measure.drawer import DeviceInfo
 
 WORK = (
     "ranked by work, not by time; where a GPU's clock disagrees, as on shadow volumes: "
@@ -133,10 +133,9 @@ def recommend(
         make_folder(asked.export, "--export ")
     with (
         console.Reporter(printed.quiet) as reporter,
-        places(machines, asked.plugin, None, reporter=reporter) as (place,),
+        campaigns(asked.output, machines, asked.plugin, None, reporter) as (*_, campaign),
     ):
         chosen = reporter.view(scene, asked.view_size, view)
-        campaign = place.campaign(asked.output)
         found, info = measure_recommendation(
             chosen,
             target_of(*wanted, soft=has_penumbra(chosen)),

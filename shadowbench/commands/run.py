@@ -1,14 +1,14 @@
 """`run`: measure a study and print its tables."""
 
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import places, timed_on
+from shadowbench.commands.executors import campaigns
 from shadowbench.commands.study_tables import print_study
-from shadowbench.errors import counted
+from shadowbench.errors import InputError, counted
 from shadowbench.options import Measuring, ViewOptions, option
 
 if TYPE_CHECKING:
@@ -93,27 +93,34 @@ def run(
         worker = None if machines.dask is not None else stack.enter_context(Worker(asked.plugin))
         from shadowbench.measure.plugin_output import techniques_with
         from shadowbench.plugin.spec import parse_spec
-        from shadowbench.studies.measure import estimate, measure, study_from_options
-        from shadowbench.studies.part import part_of
+        from shadowbench.studies.run import Part, estimate, measure
+        from shadowbench.studies.study import study_from_options
 
-        chosen_part = part_of(asked.part)
+        chosen_part = Part.named(asked.part)
         known = techniques_with(asked.plugin)
         specs = [parse_spec(text, known) for text in asked.techniques]
         sizes = options.map_sizes(asked.map_size)
+        reporter = stack.enter_context(console.Reporter(printed.quiet))
+        if machines.dask is not None and machines.time_on is None and measuring.rounds != 0:
+            if measuring.rounds:
+                given = f"--rounds {measuring.rounds} with --dask: times belong to one machine"
+                raise InputError(f"{given}; allowed: --rounds 0, or --time-on here or a worker")
+            reporter.note("nothing is timed: --time-on says on which machine")
+            measuring = replace(measuring, rounds=0)
         study = study_from_options(
             known, scenes or (), specs, study=asked.study, map_size=sizes, measuring=measuring, view=view
         )
-        reporter = stack.enter_context(console.Reporter(printed.quiet))
+        if machines.time_on is not None and study.rounds == 0:
+            raise InputError(f"--time-on {machines.time_on}: found 0 rounds; allowed: 1 or more")
         if not scenes and not asked.study and asked.part is None:
             cells, seconds = estimate(study)
             on = f"{len(study.scenes)} scenes"
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         if worker is not None:
             worker.limits = study.limits
-        measured = timed_on(study, machines, measuring.rounds, reporter)
-        of_campaigns = {"reporter": reporter, "time_again": asked.time_again, "keep_going": asked.keep_going}
-        at = stack.enter_context(places(machines, asked.plugin, measured.limits, worker, **of_campaigns))
-        found = measure(measured, asked.output, at, chosen_part, asked.keep_going)
+        where = (asked.output, machines, asked.plugin, study.limits, reporter, worker)
+        at = stack.enter_context(campaigns(*where, time_again=asked.time_again, keep_going=asked.keep_going))
+        found = measure(study, at, chosen_part)
     if found.run.earlier and not printed.quiet:
         console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
     if printed.json:

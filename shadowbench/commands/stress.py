@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import places
+from shadowbench.commands.executors import campaigns
 from shadowbench.options import option
 
 if TYPE_CHECKING:
@@ -59,19 +59,21 @@ def stress(machines: options.Machines, asked: StressOptions, printed: options.Pr
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.results.ranges import ranges_frame
-    from shadowbench.studies.part import part_of
+    from shadowbench.studies.run import Part
     from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
     from shadowbench.studies.stress import stress as walk
 
-    chosen_part = part_of(asked.part)
+    chosen_part = Part.named(asked.part)
     axes = select_axes(asked.axis)
     known = techniques_with(asked.plugin)
     specs = tuple(dict.fromkeys(parse_spec(text, known) for text in asked.techniques)) or default_specs(known.values())
     with (
         console.Reporter(printed.quiet) as reporter,
-        places(machines, asked.plugin, LIMITS, reporter=reporter, keep_going=asked.keep_going, **SWEEPING) as (place,),
+        campaigns(asked.output, machines, asked.plugin, LIMITS, reporter, keep_going=asked.keep_going, **SWEEPING) as (
+            campaign,
+        ),
     ):
-        found = walk(specs, axes, place.campaign(asked.output), quick=asked.quick, part=chosen_part)
+        found = walk(specs, axes, campaign, quick=asked.quick, part=chosen_part)
     if printed.json:
         frame = ranges_frame(found.ranges).astype(object)
         console.print_json(frame.where(frame.notna(), None).to_dict("records"))

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from shadowbench.results.configurations import Configuration, Section
     from shadowbench.results.curves import Curve
     from shadowbench.results.tables import SweepPositions
-    from shadowbench.studies.measure import StudyResult
+    from shadowbench.studies.run import StudyResult
 
 _COSTS = ("frame_ms", "ratio", "gpu_bytes")  # memory: five cascades need more than one map of their size
 _PENUMBRA = ("bias_pen", "bleed", "false_dark", "noise", "banding", "width", "hardening")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import places
+from shadowbench.commands.executors import campaigns
 from shadowbench.errors import counted
 from shadowbench.options import PHASES, Bounds, SceneOptions, option
 
@@ -73,11 +73,11 @@ def tune(asked: TuneOptions, view: SceneOptions, machines: options.Machines, pri
     of_campaigns: dict[str, Any] = {"keep_going": asked.keep_going, "keeps_images": no_image}
     with (
         console.Reporter(printed.quiet) as reporter,
-        places(machines, asked.plugin, None, reporter=reporter, **of_campaigns) as (place,),
+        campaigns(asked.output, machines, asked.plugin, None, reporter, **of_campaigns) as (campaign,),
     ):
         found = tune_parameters(
             spec,
-            place.campaign(asked.output),
+            campaign,
             scenes=options.listed(asked.scenes),
             held_out=options.listed(asked.held_out),
             params=asked.params,
