@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import TaskID
 
+    from shadowbench.measure.drawer import Failure
     from shadowbench.measure.rows import Result
     from shadowbench.options import ViewOptions
-    from shadowbench.results.ranges import Failure
     from shadowbench.scenes.model import View
 
 _LONGEST_WORD = 24  # characters
