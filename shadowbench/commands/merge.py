@@ -40,16 +40,13 @@ def merge(
     of_folders = counted(len(folders), "folder")
     if json:
         values = asdict(found)
-        console.print_json(values | {"differing": values.pop("conflicts")})
+        values["differing"] = values.pop("conflicts")
+        console.print_json(values)
     elif found.conflicts:
-        rows = [
-            (
-                one.cell,
-                one.what,
-                *(f"{value} in {folder.name}" for value, folder in zip(one.values, one.folders, strict=True)),
-            )
-            for one in found.conflicts[:_LINES]
-        ]
+        rows = []
+        for one in found.conflicts[:_LINES]:
+            values_in = (f"{value} in {folder.name}" for value, folder in zip(one.values, one.folders, strict=True))
+            rows.append((one.cell, one.what, *values_in))
         console.print_table("unequal scores", ("cell", "what", "", " "), rows, whole=("what",))
         if len(found.conflicts) > _LINES:
             console.print_line(f"  and {len(found.conflicts) - _LINES} more; --json lists all")

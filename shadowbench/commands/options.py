@@ -166,10 +166,7 @@ def scene(help: str) -> Any:
 
 
 Scene = Annotated[str, scene(f"The scene: {SCENE}.")]
-Plugins = Annotated[
-    list[Path] | None,
-    typer.Option("--plugin", metavar="FILE.py", help=_PLUGIN),
-]
+Plugins = Annotated[list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help=_PLUGIN)]
 ViewSize = Annotated[int | None, _option_of(fields(Measuring)[0])]
 Json = Annotated[bool, _option_of(fields(Printed)[0])]
 Quiet = Annotated[bool, _option_of(fields(Printed)[1])]
