@@ -151,6 +151,15 @@ def test_close_waits_for_the_calls_of_other_threads() -> None:
     assert _Shared.worker is None
 
 
+def test_threads_with_other_plug_ins_do_not_end_each_other_s_worker(half: Path) -> None:
+    def mean(spec: str) -> float:
+        plugins = [half] if spec == "half" else []
+        return float(sb.render("cube-on-plane", spec, view_size=16, plugins=plugins).visibility.mean())
+
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(mean, ["half", "unshadowed"] * 2)) == pytest.approx([0.5, 1.0] * 2, abs=1e-4)
+
+
 INTERRUPTED = """
 import os, signal
 import shadowbench as sb
