@@ -78,7 +78,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     ),
     "a number for a view in a study": (
         ["run", "-s", "{in}/views.toml", "-o", "{out}"],
-        ["views.toml: views 1: found 3; allowed: text or a table"],
+        ["views.toml: views 1: found 3; allowed: a table or text"],
     ),
     "the second of two sizes in a study": (
         ["run", "-s", "{in}/sizes.toml", "-o", "{out}"],
