@@ -106,8 +106,9 @@ WRONG = {
 
 @pytest.mark.parametrize("said", WRONG)
 def test_an_error_is_an_exception_of_one_line_that_names_parameters(said: str) -> None:
-    with pytest.raises(sb.InputError, match=rf"^[^-\n]*{re.escape(said)}[^\n]*$"):
+    with pytest.raises(sb.InputError, match=re.escape(said)) as caught:
         WRONG[said]()
+    assert "--" not in str(caught.value) and "\n" not in str(caught.value)
     assert issubclass(sb.InputError, sb.ShadowbenchError)
 
 
