@@ -213,13 +213,11 @@ def find_cheapest(
 
     def try_spec(spec: Spec) -> Trial | None:
         result = measure(spec)
-        status = result.status
-        if status == "ok" and unit == "ms" and (result.time is None or result.time["ratio"] is None):
-            status = f"failed: no ratio to the reference: {result.time and result.time['no_ratio']}"
-        if status != "ok":
-            unsuccessful[spec.text] = status
-            return None
-        return trial_of(spec, result, target, unit)
+        status = _status(result, unit)
+        if status == "ok":
+            return trial_of(spec, result, target, unit)
+        unsuccessful[spec.text] = status
+        return None
 
     search = Search(
         space=left,
@@ -249,6 +247,14 @@ def find_cheapest(
         reference=reference,
         among=tuple(among),
     )
+
+
+def _status(result: Result, unit: Unit) -> str:
+    """`ok`, or why a cell is no trial."""
+    time = result.time
+    if result.status == "ok" and unit == "ms" and (time is None or time["ratio"] is None):
+        return f"failed: no ratio to the reference: {time and time['no_ratio']}"
+    return result.status
 
 
 def _to_search(
