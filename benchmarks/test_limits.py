@@ -32,7 +32,7 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
 from shadowbench.scores import loops
-from shadowbench.scores.ssim import ssim_map
+from shadowbench.scores.comparison import C1, C2, WEIGHTS
 from shadowbench.survey.survey import needs
 from shadowbench.truths.cache import cached_truth
 
@@ -121,7 +121,7 @@ def the_edges_of(image: Any) -> Any:
             0.3,
         ),
         (
-            lambda image: ssim_map(image, image[::-1].copy(), image >= 0),
+            lambda image: loops.ssim_map(image, image[::-1].copy(), image >= 0, WEIGHTS, C1, C2),
             lambda image: structural_similarity(
                 image.astype(float),
                 image[::-1].astype(float),

@@ -34,9 +34,6 @@ from shadowbench.advice.target import target_of
 from shadowbench.arguments import as_list, as_visibility, instance_of, number, whole_number, whole_numbers
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
-from shadowbench.extremes.ranges import ranges_frame
-from shadowbench.extremes.stress import LIMITS, SWEEPING, default_specs, select_axes
-from shadowbench.extremes.stress import stress as sweep
 from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
@@ -45,6 +42,7 @@ from shadowbench.options import MAP_SIZE, PHASES, PIXEL_SAMPLES, ROUNDS, VIEW_SI
 from shadowbench.plugin.base import Technique as Technique
 from shadowbench.plugin.params import param as param
 from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.results.ranges import ranges_frame
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import chosen_view, opened
 from shadowbench.scores.masks import quantise
@@ -53,6 +51,8 @@ from shadowbench.shared_worker import campaign, shared_worker
 from shadowbench.shared_worker import close as close
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.measure import Place, measure, study_from_options
+from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
+from shadowbench.studies.stress import stress as sweep
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as survey_view
 from shadowbench.truths.cache import cached_truth

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.extremes.axes import AXES, value_label
+from shadowbench.extremes.axes import AXES
+from shadowbench.extremes.model import value_label
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.plugin.params import Component, TechniqueParams, allowed

@@ -5,7 +5,6 @@ Where Numba finds no folder to cache in, as in a read-only installation of a use
 
 import logging
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numba
@@ -13,6 +12,7 @@ from numba.core import event
 from numba.core.caching import NullCache
 
 _log = logging.getLogger(__name__)
+_own: list[Any] = []  # what `compiled` has returned
 
 COMPILING = "compiling loops: about 10 s in all, once on a machine"
 UNCACHED = (
@@ -25,29 +25,27 @@ def compiled(**options: Any) -> Callable[[Any], Any]:
 
     def compile_cached(function: Any) -> Any:
         try:
-            return numba.njit(nogil=True, cache=True, **options)(function)
+            _own.append(numba.njit(nogil=True, cache=True, **options)(function))
         except RuntimeError:  # no folder that can be written
-            return numba.njit(nogil=True, **options)(function)
+            _own.append(numba.njit(nogil=True, **options)(function))
+        return _own[-1]
 
     return compile_cached
 
 
-@cache
-def compile_once(call: Callable[[], None]) -> None:
-    """Make a call that compiles, the first time in this process only; a message if it does, and not from the cache."""
-    with event.install_listener("numba:compile", _Announcer()):
-        call()
-
-
 class _Announcer(event.Listener):
-    """Announces the first compilation in this process, of which Numba tells where its cache has nothing."""
+    """Announces the first compilation in this process; of what its cache has, Numba tells nothing."""
 
     announced = False
 
     def on_start(self, event: Any) -> None:
-        if not _Announcer.announced:
+        dispatcher = event.data["dispatcher"]
+        if not _Announcer.announced and any(dispatcher is one for one in _own):
             _Announcer.announced = True
-            _log.warning(UNCACHED if isinstance(event.data["dispatcher"]._cache, NullCache) else COMPILING)
+            _log.warning(UNCACHED if isinstance(dispatcher._cache, NullCache) else COMPILING)
 
     def on_end(self, event: Any) -> None:
         pass
+
+
+event.register("numba:compile", _Announcer())  # type: ignore[no-untyped-call]

@@ -59,6 +59,11 @@ def alternatives(found: object, names: Iterable[str], heading: str = "allowed", 
     return f"{question} {heading}: {', '.join(known) or none}"
 
 
+def counted(count: int, what: str) -> str:
+    """A count with its noun: `1 cell`, `2 cells`."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
 def message(error: BaseException) -> str:
     """Message of an exception of foreign code, whose `__str__` may raise."""
     try:

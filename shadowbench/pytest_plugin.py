@@ -73,7 +73,7 @@ class ShadowAccuracy:
 
     def save(self) -> Path:
         """Write the difference picture (false shadow orange, false light blue) and return its path."""
-        from shadowbench.engines.difference import write_difference
+        from shadowbench.scores.difference import write_difference
 
         self.file.parent.mkdir(parents=True, exist_ok=True)
         write_difference(self.file, self.accuracy.difference())

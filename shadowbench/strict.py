@@ -2,12 +2,14 @@
 
 import tomllib
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
 from pydantic_core import ErrorDetails
 
 from shadowbench.errors import InputError, alternatives
+
+Model = TypeVar("Model", bound=BaseModel)
 
 LONGEST = 2_000_000
 """Most bytes of a TOML file, which is written by hand, or by a script for some thousand meshes."""
@@ -103,6 +105,14 @@ _ALLOWED = {
     "string_pattern_mismatch": "text that matches {pattern}",
 }
 """What is allowed, by pydantic's error type, for errors that pydantic explains in terms of Python."""
+
+
+def validated(model: type[Model], values: object, where: str, context: object = None) -> Model:
+    """The values as a model. Raises InputError that begins with `where`."""
+    try:
+        return model.model_validate(values, context=context)
+    except ValidationError as error:
+        raise explain(where, error) from error
 
 
 def explain(where: str, error: ValidationError) -> InputError:

@@ -8,17 +8,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import settings
 
+from shadowbench.api import score
 from shadowbench.commands import main
-from shadowbench.geometry.facing import cap_weights
-from shadowbench.geometry.tree import build_tree
-from shadowbench.geometry.vertex_order import in_reuse_order
+from shadowbench.geometry.facing import cap_weights, wall_weights
+from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order
 from shadowbench.gl.device import Device, Releasable, open_device
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
@@ -27,10 +26,10 @@ from shadowbench.measure.failures import Limits
 from shadowbench.measure.worker import Worker
 from shadowbench.plugin.registry import forget_components
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Light, Mesh, Placement, Scene, View, view_of
+from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
+from shadowbench.scenes.views import chosen_view
 from shadowbench.truths import packets
-from shadowbench.truths.light_samples import LightSampler
 from shadowbench.truths.trace import Truth, trace
 
 pytest_plugins = ["tests.runs"]
@@ -46,12 +45,14 @@ if settings.get_current_profile_name() == "default":  # neither CI's nor that of
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile loops after a change: neither the note of it nor the cache's folder is in what tests look at."""
     if not hasattr(session.config, "workerinput"):
-        import_module("shadowbench.scores.loops")
-        packets.load_library()
-        LightSampler(Light("sun", "directional", radius=0.01))
-        build_tree(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
-        in_reuse_order(np.zeros((0, 3), np.int32))
-        cap_weights(np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(4), 0, 0)
+        for scene in ("sphere-and-torus", "post"):  # a hard truth, grazing light among it, and a soft one
+            truth = trace(chosen_view(scene, 16), 1)
+            score(truth.visibility, truth)
+        geometry = truth.view.scene.geometry
+        by_first_use(geometry.faces[in_reuse_order(geometry.faces)])
+        edges, light = np.zeros((0, 4), np.int64), np.zeros(4)
+        cap_weights(geometry.vertices, edges[:, :3].copy(), light, 0, 0)
+        wall_weights(geometry.vertices, edges, light, 0, 0)
 
 
 @pytest.fixture(scope="session")

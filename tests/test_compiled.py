@@ -26,7 +26,7 @@ def announced(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture)
     def announce(function: Any) -> list[str]:
         monkeypatch.setattr(compiled._Announcer, "announced", False)
         caplog.clear()
-        compiled.compile_once(lambda: function(1))
+        function(1)
         return caplog.messages
 
     return announce
@@ -48,4 +48,7 @@ def test_what_the_cache_has_is_not_announced_however_long_it_takes(announced: An
 
 
 def test_only_what_cannot_be_cached_is_said_to_be_compiled_in_every_process(announced: Any) -> None:
-    assert announced(numba.njit(lambda number: number + 2)) == [compiled.UNCACHED]
+    scope: dict[str, Any] = {}
+    exec(MODULE, scope)  # a source without a file
+    assert announced(scope["successor"]) == [compiled.UNCACHED]
+    assert announced(numba.njit(lambda number: number + 2)) == [], "another's function"

@@ -37,7 +37,7 @@ TESTS = {
     "shadowbench/geometry/lights.py": FITS,
     "shadowbench/geometry/convex.py": FITS,
     "shadowbench/scores/*.py": ["tests/scores"],
-    "shadowbench/results/baseline.py": ["tests/check/test_baseline.py"],
+    "shadowbench/results/baseline.py": ["tests/results/test_baseline.py"],
     "shadowbench/studies/t*s.py": ["tests/studies/test_tables.py", "tests/studies/test_times.py"],
 }
 # Modules imported once before children are forked, for the third-party packages that they import.

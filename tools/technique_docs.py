@@ -14,7 +14,7 @@ from pathlib import Path
 import pandas as pd
 from pages import compare, png
 
-from shadowbench.extremes.axes.model import NAMES
+from shadowbench.extremes.model import NAMES
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import CellRequest, Session

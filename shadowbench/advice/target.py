@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from shadowbench.errors import InputError
+from shadowbench.scores.masks import ThresholdedMask
 from shadowbench.scores.metrics import METRICS, ranking
-from shadowbench.scores.thresholded import ThresholdedMask
 from shadowbench.truths.trace import Truth
 
 Measure = Literal["iou", "edge_px", "rmse"]

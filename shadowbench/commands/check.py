@@ -10,7 +10,7 @@ import typer
 
 from shadowbench.commands import completion, console
 from shadowbench.commands.options import Json, Plugins, Quiet
-from shadowbench.errors import InputError, alternatives
+from shadowbench.errors import InputError, alternatives, counted
 
 if TYPE_CHECKING:
     from shadowbench.results.baseline import Change, Findings
@@ -92,37 +92,39 @@ def check(
         raise typer.Exit(_repeated(folder, baseline, json, quiet))
     if baseline is None:
         raise InputError("check: found no --baseline; allowed: --baseline DIR, or --repeat")
-    from shadowbench.check.check import check as compared
-    from shadowbench.check.check import values, write_pictures
+    from shadowbench.reports.check_pictures import write_pictures
+    from shadowbench.results.baseline import check as compared
 
-    found = compared(folder, baseline, tolerances=_tolerances(tolerance or ()), time=time, update=update)
+    found = compared(folder, baseline, _tolerances(tolerance or ()), time, update)
+    findings = found.findings
     pictures = [] if update else write_pictures(found)
     if json:
         files = [str(file) for file, _ in pictures]
-        console.print_json({**values(found.findings), "notes": list(found.notes), "pictures": files})
+        console.print_json({**findings.json, "notes": list(findings.notes), "pictures": files})
     else:
-        _print(found.findings, baseline, time)
-    for note in () if quiet else found.notes:
+        _print(findings, baseline, time)
+    for note in () if quiet else findings.notes:
         console.print_error(f"note: {note}")
     last = _update(found.run, baseline) if update else _pictures_line(pictures)
     if last and not json and not quiet:
         console.print_line(last)
-    raise typer.Exit(1 if found.failing and not update else 0)
+    failed = findings.of("regressed") or (time and findings.of("slower"))
+    raise typer.Exit(1 if failed and not update else 0)
 
 
 def _update(run: "Run", baseline: Path) -> str:
     """Make a run the baseline; returns the line that says so."""
-    from shadowbench.check.check import make_baseline
-    from shadowbench.reports.words import counted
+    from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.results.baseline import write_baseline
+    from shadowbench.studies.study_copy import copy_study
 
-    study = make_baseline(run, baseline)
+    write_baseline(run.results, baseline)
+    study = copy_study(run, baseline, techniques_with(()))
     line = f"{baseline / 'rows.jsonl'}: {counted(len(run.results), 'cell')}, the baseline from now on"
     return f"{line}; study.toml is a copy of {study}" if study else line
 
 
 def _pictures_line(pictures: Sequence[tuple[Path, bool]]) -> str | None:
-    from shadowbench.reports.words import counted
-
     if not pictures:
         return None
     what = "before and after" if any(before for _, before in pictures) else "after"
@@ -187,10 +189,10 @@ def _tolerances(texts: Sequence[str]) -> dict[str, float]:
 def _print(findings: "Findings", baseline: Path, time: bool) -> None:
     times = "; ratios to the reference" + ("" if time else "; a warning only (--time makes it fail)")
     for title, changes in (
-        ("regressed, worst first", findings.with_verdict("regressed", times=False)),
-        (f"slower{times}", findings.with_verdict("regressed", times=True)),
-        ("improved, largest change first", findings.with_verdict("improved", times=False)),
-        (f"faster{times}", findings.with_verdict("improved", times=True)),
+        ("regressed, worst first", findings.of("regressed")),
+        (f"slower{times}", findings.of("slower")),
+        ("improved, largest change first", findings.of("improved")),
+        (f"faster{times}", findings.of("faster")),
     ):
         if changes:
             _print_changes(title, changes)
@@ -199,15 +201,14 @@ def _print(findings: "Findings", baseline: Path, time: bool) -> None:
 
 
 def _summary(findings: "Findings", baseline: Path) -> str:
-    from shadowbench.reports.words import counted
     from shadowbench.results.baseline import MISSING
 
     missing = [change for change in findings.changes if change.after == MISSING]
     counts = {
-        "regressed": len(_by_cell(findings.with_verdict("regressed", times=False))) - len(missing),
+        "regressed": len(_by_cell(findings.of("regressed"))) - len(missing),
         "missing": len(missing),
-        "improved": len(_by_cell(findings.with_verdict("improved", times=False))),
-        "slower": len(_by_cell(findings.with_verdict("regressed", times=True))),
+        "improved": len(_by_cell(findings.of("improved"))),
+        "slower": len(_by_cell(findings.of("slower"))),
     }
     parts = [f"{count} {what}" for what, count in counts.items() if count or what in ("regressed", "improved")]
     same = f", {findings.equal} of them identical" if findings.equal else ""

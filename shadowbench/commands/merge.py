@@ -7,9 +7,10 @@ import typer
 
 from shadowbench.commands import console
 from shadowbench.commands.options import Json, Quiet
+from shadowbench.errors import counted
 
 if TYPE_CHECKING:
-    from shadowbench.results.joining import Conflict
+    from shadowbench.results.merge import Conflict
 
 _LINES = 40  # of the table of what differs
 
@@ -38,8 +39,7 @@ def merge(
     pixels are not those of its row. Times are kept by machine; table and report show those of the machine with the
     most. Nothing is measured.
     """
-    from shadowbench.check.merge import merge as merged
-    from shadowbench.reports.words import counted
+    from shadowbench.results.merge import merge as merged
 
     found = merged(folders, output)
     if json:

@@ -65,9 +65,9 @@ def report(
     shadows (lights with a size) an RMSE.
     """
     from shadowbench.commands.study_tables import print_verdict
+    from shadowbench.errors import counted
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.reports.report import report_target, write_report
-    from shadowbench.reports.words import counted
     from shadowbench.results.configurations import sections
     from shadowbench.results.folder import read_folders
 

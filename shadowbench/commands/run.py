@@ -203,7 +203,7 @@ def _others(study: "Study", known: "Techniques") -> list[str]:
 
 def _earlier_cells_note(run: "Run") -> str:
     """A note on the cells of earlier commands in the folder."""
-    from shadowbench.reports.words import counted
+    from shadowbench.errors import counted
 
     rows = [row for row in run.rows if row["key"] in run.earlier]
     named = [counted(len({row[what] for row in rows}), what) for what in ("scene", "spec")]

@@ -77,11 +77,11 @@ def score(
     both.
     """
     from shadowbench.engines.accuracy import accuracy_of
-    from shadowbench.engines.difference import write_difference
     from shadowbench.engines.export import size_mismatch
     from shadowbench.engines.external_mask import external_mask
     from shadowbench.engines.store import append_row
     from shadowbench.engines.stored_truth import stored_truth_of
+    from shadowbench.scores.difference import write_difference
 
     _check_outputs(output, name, diff, [mask, lit, shadowed, ambient])
     handed = external_mask(scene, mask, lit, shadowed, ambient)

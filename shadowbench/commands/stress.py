@@ -11,8 +11,8 @@ from shadowbench.commands.executors import opening
 from shadowbench.commands.options import SPEC, KeepGoing, Machines, PartOption, Plugins, Printed, grouped
 
 if TYPE_CHECKING:
-    from shadowbench.extremes.ranges import OperatingRange
     from shadowbench.measure.rows import Record
+    from shadowbench.results.ranges import OperatingRange
 
 app = typer.Typer()
 
@@ -72,12 +72,12 @@ def stress(
       refused: 1e5              values that the technique does not support
       3 of 20 values            number of values measured, with --quick
     """
-    from shadowbench.extremes.ranges import ranges_frame
-    from shadowbench.extremes.stress import LIMITS, SWEEPING, default_specs, select_axes
-    from shadowbench.extremes.stress import stress as walk
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.plugin.spec import parse_spec
+    from shadowbench.results.ranges import ranges_frame
     from shadowbench.studies.part import part_of
+    from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
+    from shadowbench.studies.stress import stress as walk
 
     chosen_part = part_of(part)
     axes = select_axes(axis or ())
@@ -106,7 +106,7 @@ def stress(
 
 def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
     """Print a line for each axis and a column for each kind of light; one line for a spec never in tolerance."""
-    from shadowbench.extremes.axes.model import NAMES
+    from shadowbench.extremes.model import NAMES
 
     if not any(one.in_tolerance for one in ranges):
         if ranges:
@@ -123,7 +123,7 @@ def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
 
 def _exit_code(rows: "Sequence[Record]") -> int:
     """1 or 3 for cells that failed, 0 for none; on stderr one line for each kind of failure."""
-    from shadowbench.extremes.ranges import BROKEN, DEAD, failure
+    from shadowbench.results.ranges import BROKEN, DEAD, failure
 
     code = 0
     for kinds, verdict, what in ((BROKEN, 1, "NaN, infinity or an OpenGL error"), (DEAD, 3, "a crash, hang or error")):

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from shadowbench.commands import console
 
 if TYPE_CHECKING:
-    from shadowbench.results.bias_sweeps import SweepPositions
     from shadowbench.results.configurations import Configuration, Section
     from shadowbench.results.curves import Curve
     from shadowbench.results.ranking import CostCell
+    from shadowbench.results.tables import SweepPositions
     from shadowbench.studies.measure import StudyResult
 
 
@@ -49,7 +49,7 @@ _OPTIONAL = ("bleed", "false_dark", "width", "hardening", "flips", *_COSTS.value
 
 def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     """One table per scene, one over all scenes, and the path of table.csv."""
-    from shadowbench.reports.words import counted
+    from shadowbench.errors import counted
     from shadowbench.results.configurations import by_kind, sections
 
     made = [section for parts in sections([found.run.last]).values() for section in parts]
@@ -200,8 +200,8 @@ def print_verdict(sections: "Sequence[Section]") -> None:
 
 
 def _print_costs(sections: "Sequence[Section]", kind: str) -> None:
+    from shadowbench.errors import counted
     from shadowbench.reports.verdict import cost_note, target_name
-    from shadowbench.reports.words import counted
     from shadowbench.results.ranking import candidates, cost_matrix, targets_of
 
     found, targets = candidates(sections), targets_of(sections[0].ranked_by)
@@ -215,8 +215,8 @@ def _print_costs(sections: "Sequence[Section]", kind: str) -> None:
 
 def _cheapest(cell: "CostCell") -> tuple[str, str]:
     """The cost and the setting in one scene, and the number of others whose times do not tell them apart."""
+    from shadowbench.errors import counted
     from shadowbench.reports.verdict import cell_texts
-    from shadowbench.reports.words import counted
 
     cost, label, note = cell_texts(cell, 1)
     if cell.cheapest is None:

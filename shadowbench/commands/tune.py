@@ -107,9 +107,9 @@ def tune(
       acne, leak, contact means over the held-out scenes (shadowbench list metrics)
     """
     from shadowbench.advice.tune import no_image, tune_parameters, values
+    from shadowbench.errors import counted
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.plugin.spec import parse_spec
-    from shadowbench.reports.words import counted
 
     known = techniques_with(plugin or ())
     with (

@@ -19,7 +19,6 @@ from shadowbench.engines.detection import (
     shift_image,
     shift_text,
 )
-from shadowbench.engines.difference import difference_picture
 from shadowbench.engines.error_kinds import (
     ErrorKind,
     edge_widths,
@@ -32,9 +31,9 @@ from shadowbench.engines.external_mask import ExternalMask, decode_srgb
 from shadowbench.engines.stored_truth import TruthOfView
 from shadowbench.errors import InputError
 from shadowbench.measure.scoring import mask_record
-from shadowbench.scenes.digest import view_digest
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import View, view_digest
 from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.difference import difference_picture
 from shadowbench.scores.masks import LEVELS
 from shadowbench.scores.metrics import METRICS, values_of
 from shadowbench.scores.prepared import PENUMBRA

@@ -155,8 +155,7 @@ def soft_error_kinds(
     symptoms = []
     for fault in soft_faults(metrics, comparison.width_bias):
         pixels = int(np.count_nonzero(getattr(truth, fault.region)))
-        squares = np.inf if fault.error is None else pixels * fault.error**2
-        symptoms.append((squares, ErrorKind(fault.name, pixels, fault.line)))
+        symptoms.append((pixels * fault.error**2, ErrorKind(fault.name, pixels, fault.line)))
     return [kind for found in (causes, symptoms) for _, kind in sorted(found, key=lambda pair: -pair[0])]
 
 

@@ -1,12 +1,10 @@
 """Triangles that face a light, and the edges between them, in compiled code: what shadow volumes are extruded from."""
 
-from typing import Any
-
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.compiled import compile_once, compiled
+from shadowbench.compiled import compiled
 from shadowbench.geometry.topology import Indices
 from shadowbench.scenes.vectors import Floats
 
@@ -22,7 +20,6 @@ def cap_weights(vertices: Floats, faces: Indices, light: Floats, both_from: int,
     lamp on a face is in shadow. Other such triangles are edge-on and have no cap. vertices: (V, 3); faces: (F, 3)
     corners; light: unit vector towards it and w = 0, or its position and w = 1.
     """
-    compile_once(_compile)
     weights: Weights = _cap_weights(vertices, faces, light, both_from, closed)
     return weights
 
@@ -34,7 +31,6 @@ def wall_weights(vertices: Floats, edges: Indices, light: Floats, both_from: int
     `both_from` only the facing one of two triangles counts, which halves the sum. `closed` as in `cap_weights`, of
     edges. edges: (E, 4), as in `Surface`.
     """
-    compile_once(_compile)
     weights: Weights = _wall_weights(vertices, edges, light, both_from, closed)
     return weights
 
@@ -91,10 +87,3 @@ def _wall_weights(vertices, edges, light, both_from, closed):  # type: ignore[no
         other = 0 if d == a else _facing(vertices, light, a, b, d, -behind)
         weights[i] = one + other if i >= both_from else max(other, 0) + min(one, 0)
     return weights
-
-
-def _compile() -> None:
-    vertices, light = np.zeros((1, 3)), np.zeros(4)
-    nothing: Any = np.zeros((0, 4), dtype=np.int64)
-    _cap_weights(vertices, nothing[:, :3].copy(), light, 0, 0)
-    _wall_weights(vertices, nothing, light, 0, 0)

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.compiled import compile_once, compiled
+from shadowbench.compiled import compiled
 from shadowbench.scenes.geometry import Floats
 
 BINS = 16
@@ -38,7 +38,6 @@ class Tree:
 
 def build_tree(vertices: Floats, faces: NDArray[np.int32]) -> Tree:
     """The tree of (F, 3) faces of (V, 3) vertices, in about linear time."""
-    compile_once(_compile)
     count = len(faces)
     order, boxes = np.arange(count, dtype=np.int32), np.empty((count, 6), dtype=np.float32)
     _bound(vertices, faces, boxes)
@@ -163,11 +162,3 @@ def _pack(nodes, links, low, step, words):  # type: ignore[no-untyped-def]
             highest = np.ceil((nodes[i, 3 + k] - low[k]) / step[k] + margin)
             words[i, k] = np.uint32(max(lowest, 0.0)) | np.uint32(min(highest, 65535.0)) << np.uint32(16)
         words[i, 3] = np.uint32(links[i, 0]) if links[i, 1] < 0 else np.uint32(LEAF | links[i, 1])
-
-
-def _compile() -> None:
-    nothing, faces, boxes = np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros((0, 6), np.float32)
-    nodes, links, order = np.zeros((1, 6), np.float32), np.zeros((1, 2), np.int64), np.zeros(0, np.int32)
-    _bound(nothing, faces, boxes)
-    _build(boxes, order, nodes, links)
-    _pack(nodes, links, np.zeros(3), np.ones(3), np.zeros((0, 4), np.uint32))

@@ -8,21 +8,19 @@ afterwards; at a dead end with the last vertex seen that has triangles left, els
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.compiled import compile_once, compiled
+from shadowbench.compiled import compiled
 
 CACHE = 16  # vertices: the fewest that devices keep; a larger cache still gains more from this order than from others
 
 
 def in_reuse_order(faces: NDArray[np.int32]) -> NDArray[np.int32]:
     """(F,) int32 order of (F, 3) faces. Parts of other vertices stay in the order of their lowest vertices."""
-    compile_once(_compile)
     order: NDArray[np.int32] = _tipsify(faces, int(faces.max(initial=-1)) + 1)
     return order
 
 
 def by_first_use(faces: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """(F, 3) faces whose vertices are numbered by their first use, and (N,) the former numbers of these vertices."""
-    compile_once(_compile)
     renumbered: tuple[NDArray[np.int32], NDArray[np.int32]] = _renumber(faces, int(faces.max(initial=-1)) + 1)
     return renumbered
 
@@ -96,9 +94,3 @@ def _renumber(faces, vertices):  # type: ignore[no-untyped-def]
                 count += 1
             renumbered[i, k] = numbers[v]
     return renumbered, former[:count]
-
-
-def _compile() -> None:
-    nothing = np.zeros((0, 3), np.int32)
-    _tipsify(nothing, 0)
-    _renumber(nothing, 0)

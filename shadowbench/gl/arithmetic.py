@@ -2,18 +2,16 @@
 
 import hashlib
 
-from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, State, link
-from shadowbench.gl.shaders import compose
+from shadowbench.gl.shaders import SHADERS, compose
 
 _SIDE = 16  # pixels
 
 
 def arithmetic(device: Device) -> str:
     """Digest of the bits of a small image: equal where a driver rounds and approximates equally."""
-    folder = data_folder("shaders")
-    vertex, fragment = (compose(f"arithmetic/probe.{stage}", [folder]) for stage in ("vert", "frag"))
+    vertex, fragment = (compose(f"arithmetic/probe.{stage}", SHADERS) for stage in ("vert", "frag"))
     program = link(device, vertex, fragment)
     image = device.context.texture((_SIDE, _SIDE), 4, dtype="f4")
     target = device.context.framebuffer([image])

@@ -1,8 +1,8 @@
 """Timing of draws by the clock suited to the device, and counts of their work.
 
 Software renderers: wall clock between two calls of `finish`, as their timer queries are wrong. Hardware:
-GL_TIME_ELAPSED queries, checked against the wall clock; the wall clock for what the CPU draws. Queries cannot nest,
-so whole frames and single passes are timed in different draws.
+GL_TIME_ELAPSED queries, checked against the wall clock. Queries cannot nest, so whole frames and single passes are
+timed in different draws.
 """
 
 import ctypes
@@ -48,12 +48,6 @@ class PassTimes:
     changes: dict[str, Changes] = field(default_factory=dict)
     clocks: set[str] = field(default_factory=set)
 
-    def add(self, name: str, changes: Changes, sample: Sample) -> None:
-        """Add a time to a pass; the times of a pass drawn several times per frame add up."""
-        self.ms[name] = self.ms.get(name, 0.0) + sample.ms
-        self.changes[name] = changes
-        self.clocks.add(sample.clock)
-
 
 class Clock:
     """Times whole frames or their passes. Techniques call `timed` for each pass; it does nothing outside `passes`."""
@@ -78,8 +72,7 @@ class Clock:
 
     def passes(self, draw: Callable[[], object], on_cpu: bool = False) -> PassTimes:
         """Milliseconds of the passes of one draw, by the clock of `frame`."""
-        self._on_cpu = on_cpu
-        self._passes = times = PassTimes()
+        self._on_cpu, self._passes = on_cpu, (times := PassTimes())
         try:
             draw()
         finally:
@@ -93,12 +86,14 @@ class Clock:
             raise ValueError(f"pass {name!r:.60}… has a name of {len(name)} characters; allowed: {LONGEST_NAME}")
         if changes not in get_args(Changes):
             raise ValueError(f"pass {name!r}: changes is {changes!r}; allowed: {', '.join(get_args(Changes))}")
-        if self._passes is None:
+        if (passes := self._passes) is None:
             yield
             return
         with self._span() as samples:
             yield
-        self._passes.add(name, changes, samples[0])
+        passes.ms[name] = passes.ms.get(name, 0.0) + samples[0].ms  # of all its draws in a frame
+        passes.changes[name] = changes
+        passes.clocks.add(samples[0].clock)
 
     @contextmanager
     def _span(self) -> Iterator[list[Sample]]:
@@ -112,14 +107,10 @@ class Clock:
             yield samples
         context.finish()
         wall = (self._seconds() - start) * 1e3
-        samples.append(Sample(wall, wall, WALL) if query is None else self._plausible(query.elapsed / 1e6, wall))
-
-    def _plausible(self, elapsed: float, wall: float) -> Sample:
-        """The queried time, or the wall time if the query exceeds it; then queries are not used again."""
-        if 0.0 <= elapsed <= wall:  # 0 for a pass that draws nothing
-            return Sample(elapsed, wall, QUERIES)
-        self._queries = False
-        return Sample(wall, wall, WALL)
+        elapsed = None if query is None else query.elapsed / 1e6
+        if elapsed is not None and not 0.0 <= elapsed <= wall:  # 0 for a pass that draws nothing
+            self._queries, elapsed = False, None  # the wall clock refutes the query: never again
+        samples.append(Sample(wall, wall, WALL) if elapsed is None else Sample(elapsed, wall, QUERIES))
 
 
 def work_of(device: Device, draw: Callable[[], object]) -> dict[str, int]:
@@ -128,26 +119,22 @@ def work_of(device: Device, draw: Callable[[], object]) -> dict[str, int]:
     if not device.pipeline_statistics:
         draw()
         return {"draws": device.draws - draws}
-    raw = device.raw
+    raw, counts = device.raw, {}
     names = (ctypes.c_uint * len(_STATISTICS))()
     raw("glGenQueries", len(names), names)
     for name, target in zip(names, _STATISTICS.values(), strict=True):
         raw("glBeginQuery", target, name)
-    counts = {}
     try:
-        try:
-            draw()
-        finally:
-            for target in _STATISTICS.values():
-                raw("glEndQuery", target)
-        counts["draws"] = device.draws - draws
+        draw()
+    finally:
+        for target in _STATISTICS.values():
+            raw("glEndQuery", target)
         for name, counter in zip(names, _STATISTICS, strict=True):
             value = ctypes.c_uint64()
             raw("glGetQueryObjectui64v", name, _QUERY_RESULT, ctypes.byref(value))
             counts[counter] = value.value
-    finally:
         raw("glDeleteQueries", len(names), names)
-    return counts
+    return {"draws": device.draws - draws, **counts}
 
 
 def with_cost(work: dict[str, int]) -> dict[str, int]:

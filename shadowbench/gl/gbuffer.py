@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from pyglm import glm
 
-from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Program, Sampling, State, link
-from shadowbench.gl.shaders import compose
+from shadowbench.gl.shaders import SHADERS, compose
 from shadowbench.scenes.model import View
+from shadowbench.scenes.vectors import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,16 +53,33 @@ def download(texture: moderngl.Texture, dtype: str = "f4") -> NDArray[np.generic
     return values[::-1]
 
 
+def view_projection(view: View) -> Floats:
+    """(4, 4) float64 world-to-clip matrix of a view's camera, for column vectors."""
+    camera = view.camera
+    _, up, back = camera.basis()
+    eye = glm.dvec3(*camera.position)  # glm rounds a tuple to float32
+    world_to_camera = np.array(glm.lookAt(eye, eye - glm.dvec3(*back), glm.dvec3(*up)))
+    near, far = view.near_far
+    slope = float(np.tan(camera.fov_y / 2))
+    projection = np.array(
+        [
+            [1 / slope, 0, 0, 0],
+            [0, 1 / slope, 0, 0],
+            [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)],
+            [0, 0, -1, 0],
+        ]
+    )
+    world_to_clip: Floats = projection @ world_to_camera
+    return world_to_clip
+
+
 class GBufferPass:
     """Draws G-buffers of any view of one geometry."""
 
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
-        roots = [data_folder("shaders")]
-        self.device = device
-        self.geometry = geometry
-        self.program: Program = link(
-            device, compose("gbuffer/gbuffer.vert", roots), compose("gbuffer/gbuffer.frag", roots, TRIANGLE_DEFINES)
-        )
+        self.device, self.geometry = device, geometry
+        stages = (compose(f"gbuffer/gbuffer.{stage}", SHADERS, TRIANGLE_DEFINES) for stage in ("vert", "frag"))
+        self.program: Program = link(device, *stages)
         self.drawable = geometry.all_faces(self.program)
 
     def draw(self, view: View) -> GBuffer:

@@ -16,14 +16,14 @@ TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(TRIANGLE_ROW)}  # defines of `triangle.g
 
 
 def triangle_texels(values: NDArray[_Value]) -> NDArray[_Value]:
-    """(height, width, …) texels of (F, …) per-triangle values for `triangle.glsl`, padded with zeros."""
+    """(height, TRIANGLE_ROW, …) texels of (F, …) per-triangle values for `triangle.glsl`, padded with zeros."""
     texels = np.zeros((-(-len(values) // TRIANGLE_ROW) * TRIANGLE_ROW, *values.shape[1:]), dtype=values.dtype)
     texels[: len(values)] = values
     return texels.reshape(-1, TRIANGLE_ROW, *values.shape[1:])
 
 
-def _with_alpha(colors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.column_stack([colors, np.ones(len(colors))])
+def _rgba(xyz: NDArray[np.float64], w: NDArray[np.bool_] | float) -> NDArray[np.float32]:
+    return triangle_texels(np.column_stack([xyz, np.broadcast_to(w, len(xyz))]).astype(np.float32))
 
 
 class DeviceGeometry:
@@ -41,17 +41,14 @@ class DeviceGeometry:
         self.caster_count = len(casters)
         whole = self.caster_count in (0, len(geometry.faces))
         self._casters = self._faces if whole else context.buffer(casters.astype(np.uint32).tobytes())
-        self.normals = self._texture(device, np.column_stack([geometry.normals, geometry.receives]))
-        self.colors = self._texture(device, _with_alpha(geometry.colors))
-
-    @staticmethod
-    def _texture(device: Device, rows: NDArray[np.float64]) -> moderngl.Texture:
-        texels = triangle_texels(rows.astype(np.float32))
-        return device.context.texture((TRIANGLE_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
+        self.normals, self.colors = (
+            context.texture((TRIANGLE_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
+            for texels in (_rgba(geometry.normals, geometry.receives), _rgba(geometry.colors, 1.0))
+        )
 
     def recolor(self, colors: NDArray[np.float64]) -> None:
         """Give the triangles other colours, (F, 3) linear RGB."""
-        self.colors.write(triangle_texels(_with_alpha(colors).astype(np.float32)))
+        self.colors.write(_rgba(colors, 1.0))
 
     def all_faces(self, program: Program) -> Drawable:
         """All triangles; `gl_PrimitiveID` is the triangle's index."""

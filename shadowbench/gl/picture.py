@@ -5,13 +5,12 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer, download
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Sampling, link
-from shadowbench.gl.shaders import compose
+from shadowbench.gl.shaders import SHADERS, compose
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Vec3, unit, vec3
 
@@ -20,8 +19,7 @@ from shadowbench.scenes.vectors import Vec3, unit, vec3
 class Shading:
     """Coefficients of Blinn-Phong, the exponent of its highlight, and linear RGB colours.
 
-    light_color: of the light; sky, ground: of ambient light from above and from below; horizon, zenith: behind the
-    scene.
+    sky, ground: of ambient light from above and from below; horizon, zenith: behind the scene.
     """
 
     ambient: float = 1.0
@@ -42,16 +40,17 @@ class PicturePass:
     """Shades any view of one geometry with any visibility."""
 
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
-        roots = [data_folder("shaders")]
         self._device, self._geometry = device, geometry
         self._white = device.context.texture((1, 1), 4, b"\xff" * 4)
-        self._shade, self._antialias = (
-            Drawable(program, device.context.vertex_array(program.linked, []), count=3)
-            for fragment, defines in (("shade", TRIANGLE_DEFINES), ("antialias", {}))
-            for program in [
-                link(device, compose("fullscreen.vert", roots), compose(f"picture/{fragment}.frag", roots, defines))
-            ]
+        self._shade, self._antialias = (self._fullscreen(name) for name in ("shade", "antialias"))
+
+    def _fullscreen(self, fragment: str) -> Drawable:
+        vertex, text = (
+            compose("fullscreen.vert", SHADERS),
+            compose(f"picture/{fragment}.frag", SHADERS, TRIANGLE_DEFINES),
         )
+        program = link(self._device, vertex, text)
+        return Drawable(program, self._device.context.vertex_array(program.linked, []), count=3)
 
     def draw(
         self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None

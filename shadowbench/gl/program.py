@@ -8,11 +8,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from pyglm import glm
 
-from shadowbench.gl.device import Device
+from shadowbench.gl.device import Device, RawGL
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.shaders import FILE_LINES, places
+from shadowbench.gl.shaders import Composed
 
 Comparison = Literal["", "<", "<=", ">", ">=", "=="]
 Wrap = Literal["border", "edge", "repeat"]
@@ -120,8 +119,10 @@ class Program:
             if isinstance(value, np.ndarray):
                 uniform = self.linked[name]
                 assert isinstance(uniform, moderngl.Uniform)
+                columns = value.swapaxes(-1, -2) if self._types[name] == "mat4" else value
                 # Compilers shorten arrays whose last elements are unused.
-                uniform.write(_bytes(value, self._types[name])[: uniform.array_length * uniform.dimension * 4])
+                size = uniform.array_length * uniform.dimension * 4
+                uniform.write(columns.astype(np.float32).tobytes()[:size])
             else:
                 self.linked[name].value = value  # type: ignore[union-attr]
 
@@ -147,22 +148,12 @@ def _uniforms(text: str) -> dict[str, str]:
     return types
 
 
-def _bytes(value: NDArray[np.float64], kind: str) -> bytes:
-    """Bytes of an array for a uniform of a GLSL type: float32, matrices column-major."""
-    if kind != "mat4":
-        return value.astype(np.float32).tobytes()
-    return b"".join(glm.mat4(*rows.T.ravel().tolist()).to_bytes() for rows in value.reshape(-1, 4, 4))
-
-
 def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
     """The sampler object of a sampler state, cached by context."""
     if sampling not in device.samplers:
-        mode = moderngl.LINEAR if sampling.linear else moderngl.NEAREST
-        sampler = device.context.sampler(
-            filter=(moderngl.LINEAR_MIPMAP_NEAREST if sampling.mips else mode, mode),
-            repeat_x=sampling.wrap == "repeat",
-            repeat_y=sampling.wrap == "repeat",
-        )
+        mode, repeat = moderngl.LINEAR if sampling.linear else moderngl.NEAREST, sampling.wrap == "repeat"
+        smaller = moderngl.LINEAR_MIPMAP_NEAREST if sampling.mips else mode
+        sampler = device.context.sampler(filter=(smaller, mode), repeat_x=repeat, repeat_y=repeat)
         if sampling.wrap == "border":
             border = sampling.border
             sampler.border_color = border if isinstance(border, tuple) else (border,) * 4
@@ -173,38 +164,23 @@ def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
 
 
 class ShaderError(ValueError):
-    """A shader that does not compile or link. The first line has the first error, its place and its source line.
-
-    Further errors follow, and the lines around the first.
-    """
+    """A shader that does not compile or link: a line for each of the first errors, with its place and source line."""
 
 
 def _explained(log: str, stage: str, text: str) -> str:
-    """The errors in a driver's log, with the places in files that the text's #line directives say."""
-    lines = [line.strip() for line in log.splitlines()]
-    errors = [line for line in lines if "error" in line.lower() and "failed" not in line.lower()]
-    errors = [line for line in errors if _CANDIDATE not in line][:_MOST_ERRORS] or lines[:1]
-    source, known = text.splitlines(), places(text)
-    index_at = {number: index for index, (number, _) in enumerate(known)}
-    told, first = [], None
-    for error in errors:
+    """The errors in a driver's log, with their places in files if the text is composed."""
+    logged = [line.strip() for line in log.splitlines()]
+    errors = [line for line in logged if "error" in line.lower() and not re.search(f"(?i)failed|{_CANDIDATE}", line)]
+    source, told = text.split("\n"), []
+    for error in errors[:_MOST_ERRORS] or logged[:1]:
         place = _PLACE.search(error)
-        index = index_at.get(int(place[1] or place[2])) if place else None
-        if place is None or index is None:
-            told.append(error)
-            continue
-        number, name = known[index]
-        where = f"{name}:{number % FILE_LINES}" if name else f"line {number}"
-        told.append(error.replace(place[0], where))
-        if first is None:
-            first, told[-1] = index, f"{told[-1]}: {source[index].strip()!r}"
-    around = range(max(first - 2, 0), min(first + 3, len(source))) if first is not None else ()
-    excerpt = [
-        f"{known[index][0] % FILE_LINES:4d}  {source[index]}"
-        for index in around
-        if not source[index].startswith("#line")
-    ]
-    return "\n".join([f"{stage} shader: {told[0]}", *told[1:], *excerpt])
+        index = int(place[1] or place[2]) - 1 if place else -1
+        if place and 0 <= index < len(source):
+            name, number = text.places[index] if isinstance(text, Composed) else ("", 0)
+            where = f"{name}:{number}" if name else f"line {index + 1}"
+            error = f"{error.replace(place[0], where)}: {source[index].strip()!r}"
+        told.append(error)
+    return f"{stage} shader: " + "\n".join(told)
 
 
 def link(device: Device, vertex: str, fragment: str, geometry: str | None = None) -> Program:
@@ -257,23 +233,18 @@ def _render_state(device: Device, state: State) -> Iterator[None]:
     context.cull_face = state.cull or "back"
     context.polygon_offset = state.polygon_offset
     context.depth_clamp_range = (0.0, 1.0) if state.depth_clamp else None
-    direct = [_CLIP_DISTANCE + plane for plane in range(state.clip_distances)]
     if state.blend:
         context.blend_func = (moderngl.ONE, moderngl.ONE)
         context.blend_equation = (_BLENDS[state.blend],) * 2
-    if state.zero_to_one:
-        raw("glClipControl", _LOWER_LEFT, _ZERO_TO_ONE)
+    direct = [_CLIP_DISTANCE + plane for plane in range(state.clip_distances)]
     if state.stencil is not None:
+        _set_stencil(raw, state.stencil)
         direct.append(_STENCIL_TEST)
-        raw("glStencilFunc", _STENCIL_TESTS[state.stencil.test], state.stencil.reference, 0xFF)
-        for side, operations in ((_FRONT, state.stencil.front), (_BACK, state.stencil.back)):
-            raw("glStencilOpSeparate", side, *(_STENCIL_OPS[operation] for operation in operations))
-    if not state.depth_write:
-        raw("glDepthMask", False)
-    if not state.color_write:
-        raw("glColorMask", False, False, False, False)
     for flag in direct:
         context.enable_direct(flag)
+    calls = _calls(state)
+    for name, inside, _ in calls:
+        raw(name, *inside)
     try:
         yield
     finally:
@@ -282,9 +253,21 @@ def _render_state(device: Device, state: State) -> Iterator[None]:
         context.enable_only(moderngl.NOTHING)
         context.polygon_offset = (0.0, 0.0)
         context.depth_clamp_range = None
-        if not state.depth_write:
-            raw("glDepthMask", True)
-        if not state.color_write:
-            raw("glColorMask", True, True, True, True)
-        if state.zero_to_one:
-            raw("glClipControl", _LOWER_LEFT, _NEGATIVE_ONE_TO_ONE)
+        for name, _, after in calls:
+            raw(name, *after)
+
+
+def _set_stencil(raw: RawGL, stencil: Stencil) -> None:
+    raw("glStencilFunc", _STENCIL_TESTS[stencil.test], stencil.reference, 0xFF)
+    for side, operations in ((_FRONT, stencil.front), (_BACK, stencil.back)):
+        raw("glStencilOpSeparate", side, *(_STENCIL_OPS[operation] for operation in operations))
+
+
+def _calls(state: State) -> list[tuple[str, tuple[int, ...], tuple[int, ...]]]:
+    """Entry points with their arguments for a draw, and those that undo them."""
+    calls = [
+        (state.zero_to_one, "glClipControl", (_LOWER_LEFT, _ZERO_TO_ONE), (_LOWER_LEFT, _NEGATIVE_ONE_TO_ONE)),
+        (not state.depth_write, "glDepthMask", (False,), (True,)),
+        (not state.color_write, "glColorMask", (False,) * 4, (True,) * 4),
+    ]
+    return [(name, inside, after) for changed, name, inside, after in calls if changed]

@@ -1,11 +1,10 @@
 """Depth and stencil render targets of a chosen format, whose precision is verified with the driver.
 
-moderngl supports neither these formats nor depth arrays, so depth textures are created by raw calls. Respecifying one
-of moderngl's textures instead would allocate large maps twice.
+moderngl supports neither these formats nor depth arrays, so depth textures are created by raw calls.
 """
 
 import ctypes
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -55,8 +54,7 @@ class DepthTexture:
         """(layers, size, size) stored depths; row 0 is at the bottom (OpenGL order), for a cube's faces at the top."""
         depths = np.empty((self.layers, self.size, self.size), dtype=np.float32)
         self.use()
-        images = [*depths] if self.kind == "cube" else [depths]
-        for target, image in zip(self._image_targets(), images, strict=True):
+        for target, image in zip(_image_targets(self.kind), depths if self.kind == "cube" else [depths], strict=True):
             self.device.raw("glGetTexImage", target, 0, _DEPTH_COMPONENT, _FLOAT, image.ctypes.data)
         return depths
 
@@ -67,13 +65,6 @@ class DepthTexture:
     def release(self) -> None:
         """Free the texture."""
         self.device.raw("glDeleteTextures", 1, ctypes.byref(ctypes.c_uint(self.glo)))
-
-    def _image_targets(self) -> Iterator[int]:
-        """The texture targets by which OpenGL addresses the texture's images."""
-        if self.kind == "cube":
-            yield from range(_FIRST_FACE, _FIRST_FACE + FACES)
-        else:
-            yield _BINDINGS[self.kind]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +88,11 @@ class DepthTarget:
         self.texture.release()
 
 
+def _image_targets(kind: Kind) -> Sequence[int]:
+    """The texture targets by which OpenGL addresses the images of a texture."""
+    return range(_FIRST_FACE, _FIRST_FACE + FACES) if kind == "cube" else [_BINDINGS[kind]]
+
+
 def framebuffer_of(depth: DepthTexture, colors: Sequence[Color] = (), layer: int | None = None) -> moderngl.Framebuffer:
     """A framebuffer of a depth texture, or of one of its layers, and of colour textures of its kind and size."""
     device, side = depth.device, depth.size
@@ -117,16 +113,10 @@ def color_framebuffer(device: Device, color: Color, layer: int) -> moderngl.Fram
 
 
 def _with_colors(
-    device: Device,
-    colors: Sequence[Color],
-    kind: Kind,
-    layer: int | None,
-    depth: moderngl.Renderbuffer | None = None,
+    device: Device, colors: Sequence[Color], kind: Kind, layer: int | None, depth: moderngl.Renderbuffer | None = None
 ) -> moderngl.Framebuffer:
     """A framebuffer of colour textures; moderngl attaches neither cubes nor single layers itself."""
-    placeholders = [
-        device.context.renderbuffer(color.size[:2], color.components, dtype=color.dtype) for color in colors
-    ]
+    placeholders = [device.context.renderbuffer(one.size[:2], one.components, dtype=one.dtype) for one in colors]
     framebuffer = device.context.framebuffer(placeholders, depth)
     for number, (color, placeholder) in enumerate(zip(colors, placeholders, strict=True)):
         _attach(device, framebuffer, _FIRST_COLOR_ATTACHMENT + number, color.glo, kind, layer)
@@ -150,18 +140,17 @@ def _attach(
 
 def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> DepthTarget:
     """A depth target of size × size layers, six for a cube. Raises RuntimeError if the driver's precision differs."""
-    internal, data, bits, step = _FORMATS[depth]
+    _, _, bits, step = _FORMATS[depth]
     layers = FACES if kind == "cube" else layers
     name = ctypes.c_uint()
     device.raw("glGenTextures", 1, ctypes.byref(name))
     texture = DepthTexture(device, name.value, kind, size, layers)
     texture.use()
-    image_targets = list(texture._image_targets())
-    for image_target in image_targets:
-        _specify(device, image_target, kind, internal, size, layers, data)
+    for image_target in _image_targets(kind):
+        _specify(device, image_target, kind, size, layers, depth)
     what = f"a {depth} target of {size}²" if kind == "2d" else f"{layers} layers of {size}² in {depth}"
     try:
-        _check(device, image_targets[0], _DEPTH_SIZE, bits, what)
+        _check(device, _image_targets(kind)[0], _DEPTH_SIZE, bits, what)
     except RuntimeError:
         texture.release()
         raise
@@ -179,20 +168,18 @@ def map_bytes(size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1)
 
 def unsupported_map(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:
     """Why the driver does not support such a map; None if it does. Uses proxy textures, which allocate nothing."""
-    internal, data, _, _ = _FORMATS[depth]
-    _specify(device, _PROXIES[kind], kind, internal, size, layers, data)
+    _specify(device, _PROXIES[kind], kind, size, layers, depth)
     width = ctypes.c_int()
     device.raw("glGetTexLevelParameteriv", _PROXIES[kind], 0, _TEXTURE_WIDTH, ctypes.byref(width))
     what = {"2d": "a map", "array": f"{layers} maps", "cube": "a cube"}[kind]
     return None if width.value == size else f"the driver refuses {what} of {size}² texels in {depth}"
 
 
-def _specify(device: Device, target: int, kind: Kind, internal: int, size: int, layers: int, data: int) -> None:
+def _specify(device: Device, target: int, kind: Kind, size: int, layers: int, depth: DepthFormat) -> None:
     """Specify an uninitialised image of the bound texture, or of a proxy."""
-    if kind == "array":
-        device.raw("glTexImage3D", target, 0, internal, size, size, layers, 0, _DEPTH_COMPONENT, data, None)
-    else:
-        device.raw("glTexImage2D", target, 0, internal, size, size, 0, _DEPTH_COMPONENT, data, None)
+    internal, data, _, _ = _FORMATS[depth]
+    call, sides = ("glTexImage3D", (size, size, layers)) if kind == "array" else ("glTexImage2D", (size, size))
+    device.raw(call, target, 0, internal, *sides, 0, _DEPTH_COMPONENT, data, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,16 +206,14 @@ class StencilTarget:
 
 def stencil_target(device: Device, size: tuple[int, int], *colors: moderngl.Texture) -> StencilTarget:
     """A target with 24 bits of depth and 8 of stencil. Raises RuntimeError if the driver's precision differs."""
-    depth, raw = device.context.depth_texture(size), device.raw
+    depth, raw, (width, height) = device.context.depth_texture(size), device.raw, size
     raw("glBindTexture", _TEXTURE_2D, depth.glo)
-    width, height = size
-    image = (_TEXTURE_2D, 0, _DEPTH24_STENCIL8, width, height, 0, _DEPTH_STENCIL, _UNSIGNED_INT_24_8, None)
-    raw("glTexImage2D", *image)
+    texels = (_DEPTH_STENCIL, _UNSIGNED_INT_24_8, None)
+    raw("glTexImage2D", _TEXTURE_2D, 0, _DEPTH24_STENCIL8, width, height, 0, *texels)
     for query, bits in ((_DEPTH_SIZE, 24), (_STENCIL_SIZE, StencilTarget.bits)):
         _check(device, _TEXTURE_2D, query, bits, f"depth and stencil of {width}×{height}")
     target = device.context.framebuffer(list(colors), depth)
-    target.use()
-    raw("glFramebufferTexture2D", _FRAMEBUFFER, _DEPTH_STENCIL_ATTACHMENT, _TEXTURE_2D, depth.glo, 0)
+    _attach(device, target, _DEPTH_STENCIL_ATTACHMENT, depth.glo, "2d", None)
     device.check("a stencil attachment")
     return StencilTarget(device, depth, target, width * height * 4)
 

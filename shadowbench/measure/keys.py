@@ -19,8 +19,7 @@ from shadowbench.plugin.base import Technique
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import own_techniques, source_file
 from shadowbench.plugin.spec import Spec
-from shadowbench.scenes.digest import view_digest
-from shadowbench.scenes.model import Coordinates, View
+from shadowbench.scenes.model import Coordinates, View, view_digest
 from shadowbench.scores.metrics import plugged_in
 
 SOURCES = {".py", ".glsl", ".vert", ".geom", ".frag"}

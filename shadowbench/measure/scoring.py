@@ -20,15 +20,7 @@ from shadowbench.truths.trace import Truth
 def prepare_truth(truth: Truth, points: Callable[[], Floats] | None = None) -> PreparedTruth:
     """Truth as the input of metrics. points: as `positions`, for a truth without a view."""
     return PreparedTruth(
-        visibility=truth.visibility,
-        receivers=truth.receivers,
-        undecided=truth.undecided,
-        area=truth.area,
-        blocker=truth.blocker,
-        cosine=truth.cosine,
-        diagonal=truth.diagonal,
-        standard_error=truth.standard_error,
-        positions=points if truth.view is None else partial(positions, truth.view, truth.triangle),
+        truth.arrays(), points if truth.view is None else partial(positions, truth.view, truth.triangle)
     )
 
 

@@ -13,7 +13,7 @@ from shadowbench.files import data_folder
 from shadowbench.gl.device import Device, Releasable
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Drawable, Program, ShaderError, link
+from shadowbench.gl.program import Drawable, Program, link
 from shadowbench.gl.shaders import compose
 from shadowbench.gl.targets import (
     FACES,
@@ -97,18 +97,14 @@ class Stage:
         uniforms |= {"metre": self.placement.length(1.0), "subpixel": 2.0**-self.device.subpixel_bits}
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
         texts = {stage: compose(source, roots, names, slots) for stage, source in stages.items()}
-        try:
-            program = link(self.device, *texts.values())
-        except ShaderError:  # again, for the places of its errors in files
-            link(self.device, *(compose(one, roots, names, slots, traced=True) for one in stages.values()))
-            raise
+        program = link(self.device, *texts.values())
         self._resources.append(program.linked)
         used = {name: value for name, value in uniforms.items() if program.has(name)}
         program.set(**used)
         self._programs += 1
         for stage, text in texts.items():
             stem = "inline" if "\n" in str(stages[stage]) else Path(stages[stage]).stem
-            self.texts.append(ShaderText(f"{self._programs}-{stem}.{stage}", text, used))
+            self.texts.append(ShaderText(f"{self._programs}-{stem}.{stage}", str(text), used))
         return program
 
     def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:

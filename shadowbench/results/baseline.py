@@ -3,31 +3,29 @@
 Scores are compared if both sides have them, work counts on the same renderer only, times on the same machine only.
 """
 
+import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, get_args
 
+from shadowbench.errors import InputError, counted
+from shadowbench.files import replace_file
 from shadowbench.measure.flips import FLIPS, ROW_METRICS, row_metrics
-from shadowbench.measure.rows import Record, Result, driver_of
-from shadowbench.results.folder import identity
+from shadowbench.measure.rows import SCHEMA, Record, Result, driver_of
+from shadowbench.results.folder import IDENTITY, Run, identity, read_runs
 
 EXACT = ("draws", "primitives", "gpu_bytes", "reads", "rays")  # work counts that are deterministic on a renderer
 INVOCATIONS = 0.02  # relative tolerance of other counts: drivers differ in helper invocations of quads
 TIME_FACTOR = 1.1  # smallest change of a time ratio that is reported
 SIGNIFICANT = 3.0  # standard errors
-
-COMPARED = frozenset(
-    {
-        *("technique", "flips", "step", "work", "gpu_bytes", "mask_sha256"),
-        *("clock", "reference", "ratio", "ratio_iqr", "n"),
-    }
-)
-"""Fields of score and time records that are compared or printed, besides those that any reader of a folder keeps."""
-
 MISSING = "missing"  # status of a cell that was not run
+# Fields that are compared or printed, besides those that any reader of a folder keeps.
+_COMPARED = {"technique", "flips", "step", "work", "gpu_bytes", "mask_sha256"}
+_COMPARED |= {"clock", "reference", "ratio", "ratio_iqr", "n"}
 
-Verdict = Literal["regressed", "improved"]
+Verdict = Literal["regressed", "improved", "slower", "faster"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +41,7 @@ class Change:
     before: Any
     after: Any
     verdict: Verdict
-    excess: float
+    excess: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -58,59 +56,129 @@ class Findings:
     compared: int
     equal: int
     timed: int
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
-    def with_verdict(self, verdict: Verdict, times: bool) -> list[Change]:
-        """Changes with a verdict, either in times or in anything else."""
-        return [change for change in self.changes if change.verdict == verdict and (change.what == "time") == times]
+    def of(self, verdict: Verdict) -> list[Change]:
+        """Changes with a verdict: `slower` or `faster` in times, `regressed` or `improved` in anything else."""
+        return [change for change in self.changes if change.verdict == verdict]
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """JSON object of `check --json`."""
+        named = ("scene", "view", "light", "phase", "technique", "spec", "full_spec", "map_size", "view_size")
+        counts = {"compared": self.compared, "equal_masks": self.equal, "timed": self.timed}
+        return counts | {
+            verdict: [
+                {
+                    **{name: change.score[name] for name in named},
+                    "what": change.what,
+                    "before": change.before,
+                    "after": change.after,
+                    "tolerances": None if math.isinf(change.excess) else change.excess,
+                }
+                for change in self.of(verdict)
+            ]
+            for verdict in get_args(Verdict)
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class CheckResult:
+    """Comparison of the cells of a folder's last command, `run`, with a baseline, None if there is none yet."""
+
+    run: Run
+    baseline: Run | None
+    findings: Findings
+
+
+def check(
+    folder: Path, baseline: Path, tolerances: Mapping[str, float] = {}, time: bool = False, update: bool = False
+) -> CheckResult:
+    """Compare the cells of a folder's last command with those of a baseline.
+
+    tolerances: overrides by metric name; time: whether times count; update: whether the run is to become the baseline,
+    which may then be missing but not be a run folder. Raises InputError for a folder that is no run or baseline, and if
+    they have no cell in common.
+    """
+    if update and (baseline / "run.json").exists():
+        allowed = "a folder of its own (rows.jsonl, study.toml), also a new one"
+        raise InputError(f"--update: {baseline} is a run folder, whose rows were measured; allowed: {allowed}")
+    (whole,) = read_runs([folder], None if update else _COMPARED)
+    first = update and not (baseline / "rows.jsonl").exists()
+    before = None if first else read_runs([baseline], _COMPARED)[0]
+    run = whole.last
+    findings = compare(run.results, before.results if before else (), tolerances)
+    if before and findings.compared == 0 and not update:
+        raise InputError(
+            f"{folder} and {baseline} have no cell in common: {_differing_fields(run, before)}; allowed: runs "
+            "of the same scenes, specs, map sizes and view size"
+        )
+    notes = list(findings.notes)
+    if time and not findings.timed:
+        notes.append("no time was compared: the baseline has none of this machine, clock and reference")
+    if whole.earlier:
+        older = counted(len(whole.earlier), "cell")
+        notes.append(f"{older} of earlier commands in {folder} left out; run.json lists those of the last")
+    notes += [
+        f"{one.folder / 'rows.jsonl'}: the last line is cut off and was ignored; its writer was stopped"
+        for one in (whole, before)
+        if one is not None and one.cut_off
+    ]
+    return CheckResult(run, before, replace(findings, notes=tuple(notes)))
+
+
+def _differing_fields(*runs: Run) -> str:
+    """Text on the identity fields in which no cell of a run agrees with any of the other."""
+    columns = [[*map(set, zip(*map(identity, run.rows), strict=True))] for run in runs]
+    fields = [
+        f"{name} is {_values_of(here)} against {_values_of(there)}"
+        for name, here, there in zip(("spec", *IDENTITY), *columns, strict=True)
+        if here.isdisjoint(there)
+    ]
+    return "; ".join(fields) or "each field has values in common, but no cell agrees in all of them"
+
+
+def _values_of(found: set[Any]) -> str:
+    texts = sorted(f"{one[0]}:{','.join(one[1:])}" if isinstance(one, tuple) else str(one) for one in found)
+    return ", ".join(f"{text:.60}" for text in texts[:3]) + (", …" if len(texts) > 3 else "")
 
 
 def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:
     """Compare every cell of the baseline with the cell of the same identity; tolerances: overrides by metric name."""
     now, then = ({identity(result.score): result for result in side} for side in (found, baseline))
-    metrics, notes = _compared_metrics(found, baseline)
-    allowed = {name: tolerances.get(name, ROW_METRICS[name].tolerance) for name in metrics}
+    left_out, notes = _not_compared(found, baseline)
+    allowed = {name: tolerances.get(name, one.tolerance) for name, one in ROW_METRICS.items() if name not in left_out}
     pairs = [(old, now[key]) for key, old in then.items() if key in now]
     drawn = [(old, new) for old, new in pairs if old.score["status"] == new.score["status"] == "ok"]
-    timed = [(old, new) for old, new in drawn if _comparable(old, new)]
     changes = [
-        Change(old.score, "status", old.status, MISSING, "regressed", math.inf)
-        for key, old in then.items()
-        if key not in now
+        Change(old.score, "status", old.status, MISSING, "regressed") for key, old in then.items() if key not in now
     ]
-    for old, new in pairs:
-        changes += _status(old, new)
+    changes += [change for old, new in pairs for change in _status(old.score, new.score)]
     for old, new in drawn:
-        changes += _metrics(old.score, new.score, allowed)
-        changes += _work(old, new)
-        changes += _lost_time(old, new)
-    for old, new in timed:
-        changes += _time(old, new)
-    equal = sum(_same_mask(old.score, new.score, allowed) for old, new in drawn)
-    extra = len(now.keys() - then.keys())
-    if extra:
-        notes.append("1 cell is not in the baseline" if extra == 1 else f"{extra} cells are not in the baseline")
+        changes += [*_metrics(old.score, new.score, allowed), *_work(old, new), *_time(old, new)]
     changes.sort(key=lambda change: -change.excess)
-    return Findings(tuple(changes), len(pairs), equal, len(timed), tuple(notes))
+    if extra := len(now.keys() - then.keys()):
+        notes.append(f"{counted(extra, 'cell')} {'is' if extra == 1 else 'are'} not in the baseline")
+    equal = sum(_same_mask(old.score, new.score, allowed) for old, new in drawn)
+    timed = sum(_comparable(old, new) for old, new in drawn)
+    return Findings(tuple(changes), len(pairs), equal, timed, tuple(notes))
 
 
-def _compared_metrics(found: Sequence[Result], baseline: Sequence[Result]) -> tuple[list[str], list[str]]:
-    """Names of the metrics that both sides have, and notes on what is not compared."""
-    sides = [{name for result in side for name in row_metrics(result.score)} for side in (found, baseline)]
-    lacking = [name for name in ROW_METRICS if all(sides) and sum(name in side for side in sides) == 1]
-    steps = [{result.score.get("step") for result in side if FLIPS.name in result.score} for side in (found, baseline)]
-    names, notes = [name for name in ROW_METRICS if name not in lacking], []
-    if all(steps) and steps[0] != steps[1]:
-        names.remove(FLIPS.name)
-        notes.append("flips are not compared: one side has them after a step of the camera, the other of the light")
-    drivers = {_driver(result) for result in (*found, *baseline)}
-    if len(drivers) > 1:
-        notes.append(f"work is not compared across renderers: {' · '.join(sorted(drivers))}")
-    if lacking:
-        notes.append(f"not compared, since one side lacks them: {', '.join(lacking)}")
-    if unknown := sorted(set().union(*sides) - set(ROW_METRICS)):
-        notes.append(f"not compared, since their plug-in is not loaded: {', '.join(unknown)}")
-    return names, notes
+def _not_compared(*sides: Sequence[Result]) -> tuple[set[str], list[str]]:
+    """Names of metrics that are not compared, and notes on them, and on work."""
+    metrics = [set().union(*(row_metrics(result.score) for result in side)) for side in sides]
+    lacking = [name for name in ROW_METRICS if name in metrics[0] ^ metrics[1]] if all(metrics) else []
+    unknown = sorted(set().union(*metrics).difference(ROW_METRICS))
+    steps = [{result.score.get("step") for result in side if FLIPS.name in result.score} for side in sides]
+    other_step = all(steps) and steps[0] != steps[1]
+    drivers = sorted({_driver(result) for side in sides for result in side})
+    told = (
+        (other_step, "flips are not compared: one side has them after a step of the camera, the other of the light"),
+        (len(drivers) > 1, f"work is not compared across renderers: {' · '.join(drivers)}"),
+        (lacking, f"not compared, since one side lacks them: {', '.join(lacking)}"),
+        (unknown, f"not compared, since their plug-in is not loaded: {', '.join(unknown)}"),
+    )
+    return {*lacking, *([FLIPS.name] if other_step else [])}, [note for holds, note in told if holds]
 
 
 def _driver(result: Result) -> str:
@@ -126,12 +194,11 @@ def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
     return before == after or all(before[name] == after.get(name) for name in names if name in before)
 
 
-def _status(old: Result, new: Result) -> Iterator[Change]:
+def _status(old: Record, new: Record) -> Iterator[Change]:
     """Change from success to failure or back; a different reason of failure is no change."""
-    before, after = old.score["status"], new.score["status"]
+    before, after = old["status"], new["status"]
     if (before == "ok") != (after == "ok"):
-        verdict: Verdict = "regressed" if before == "ok" else "improved"
-        yield Change(new.score, "status", before, after, verdict, math.inf)
+        yield Change(new, "status", before, after, "regressed" if before == "ok" else "improved")
 
 
 def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
@@ -139,18 +206,14 @@ def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator
     if then == now:
         return
     for name, tolerance in allowed.items():
-        if name not in then:  # a row of an older version beside newer ones
-            continue
-        before, after = then[name], now.get(name)
-        if before is None and after is None:
-            continue
-        if before is None or after is None:  # the truth changed, a mask lost all its edges, or a row is broken
-            yield Change(new, name, before, after, "regressed", math.inf)
-            continue
-        worse = ROW_METRICS[name].worse(before, after)
-        if abs(worse) > tolerance:
-            verdict: Verdict = "regressed" if worse > 0 else "improved"
-            yield Change(new, name, before, after, verdict, abs(worse) / max(tolerance, 1e-12))
+        before, after = then.get(name), now.get(name)
+        if before is not None and after is not None:
+            worse = ROW_METRICS[name].worse(before, after)
+            if abs(worse) > tolerance:
+                verdict: Verdict = "regressed" if worse > 0 else "improved"
+                yield Change(new, name, before, after, verdict, abs(worse) / max(tolerance, 1e-12))
+        elif name in then and before is not after:  # the truth changed, a mask lost all its edges, or a row is broken
+            yield Change(new, name, before, after, "regressed")
 
 
 def _work(old: Result, new: Result) -> Iterator[Change]:
@@ -168,11 +231,6 @@ def _work(old: Result, new: Result) -> Iterator[Change]:
             yield Change(new.score, name, one, other, verdict, abs(other - one) / max(INVOCATIONS * one, 1.0))
 
 
-def _lost_time(old: Result, new: Result) -> Iterator[Change]:
-    if old.time is not None and old.time.get("ratio") and new.status != "ok":
-        yield Change(new.score, "time", old.time["ratio"], new.status, "regressed", math.inf)
-
-
 def _comparable(old: Result, new: Result) -> bool:
     """Whether both have a ratio to the same reference on the same machine and clock."""
     before, after = old.time or {}, new.time or {}
@@ -181,13 +239,17 @@ def _comparable(old: Result, new: Result) -> bool:
 
 
 def _time(old: Result, new: Result) -> Iterator[Change]:
-    """Change of the ratio to the reference, if both large enough and significant."""
+    """Change of the ratio to the reference, if both large enough and significant; or that timing failed."""
     before, after = old.time or {}, new.time or {}
+    if before.get("ratio") and new.status != "ok":
+        yield Change(new.score, "time", before["ratio"], new.status, "slower")
+    if not _comparable(old, new):
+        return
     factor = after["ratio"] / before["ratio"]
     errors = [_standard_error(side) / side["ratio"] for side in (before, after)]
     z = abs(math.log(factor)) / max(math.hypot(*errors), 1e-12)
     if max(factor, 1 / factor) > TIME_FACTOR and z > SIGNIFICANT:
-        verdict: Verdict = "regressed" if factor > 1 else "improved"
+        verdict: Verdict = "slower" if factor > 1 else "faster"
         yield Change(new.score, "time", before["ratio"], after["ratio"], verdict, z / SIGNIFICANT)
 
 
@@ -195,3 +257,28 @@ def _standard_error(time: Record) -> float:
     """Standard error of the median ratio, √(π/2)·σ/√n with σ = IQR/1.349, for a normal distribution."""
     iqr, n = float(time["ratio_iqr"]), int(time["n"])
     return math.sqrt(math.pi / 2) * iqr / 1.349 / math.sqrt(n)
+
+
+def write_baseline(results: Sequence[Result], folder: Path) -> None:
+    """Write a baseline's `rows.jsonl` atomically: score records, then time records.
+
+    Raises InputError if there is no cell, if a cell failed, and if the folder cannot be written.
+    """
+    if not results:
+        raise InputError("--update: found no cell; allowed: a run whose last command measured one or more")
+    failed = [result for result in results if result.status.startswith("failed")]
+    if failed:
+        first = f"{failed[0].score['scene']} {failed[0].score['spec']}: {failed[0].status}"
+        raise InputError(
+            f"--update: found {len(failed)} cells that failed, the first {first}; allowed: a run without failed cells"
+        )
+    # The command line is left out: it may name local paths, and comparisons do not use it.
+    scores = [{name: value for name, value in result.score.items() if name != "command"} for result in results]
+    records = [*scores, *(result.time for result in results if result.time)]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from None
+    with replace_file(folder / "rows.jsonl") as temporary:
+        lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
+        temporary.write_text("".join(lines), encoding="utf-8")

@@ -1,19 +1,19 @@
 """Configurations, a spec at one map size each, summarised over the cells of a run in one scene."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.plugin.grammar import parameters_of
 from shadowbench.plugin.registry import preset_names
 from shadowbench.results.folder import Run
-from shadowbench.results.intervals import Interval, interval
 from shadowbench.results.tables import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
 from shadowbench.scores.metric import Metric
@@ -21,6 +21,43 @@ from shadowbench.scores.metrics import METRICS, is_soft, ranking
 
 BIAS_LENGTHS = ("fact_bias_m", "fact_bias_texels", "fact_normal_offset_m", "fact_normal_offset_texels")
 _VALUES = [*TRUTH_ERRORS, "width_bias", *TIMES[:4], *TOTALS, "gpu_bytes"]  # besides metrics
+_BOOTSTRAPS = 2000
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Median over views and phases, with its 95% bootstrap confidence interval and the range of the values.
+
+    low, high: ends of the confidence interval; least, most: of the range. None for one value.
+    """
+
+    median: float
+    low: float | None = None
+    high: float | None = None
+    least: float | None = None
+    most: float | None = None
+
+    def complement(self) -> "Interval":
+        """Interval of 1 − x, which turns a similarity into an error."""
+        ends = (None if end is None else 1 - end for end in (self.high, self.low, self.most, self.least))
+        return Interval(1 - self.median, *ends)
+
+    def text(self, digits: Callable[[float], str]) -> str:
+        """Text such as `0.0123 [0.0110, 0.0140]`; digits: formats a number."""
+        if self.low is None or self.high is None:
+            return digits(self.median)
+        return f"{digits(self.median)} [{digits(self.low)}, {digits(self.high)}]"
+
+
+def interval(values: Sequence[float] | NDArray[np.float64]) -> Interval | None:
+    """Median and bootstrap confidence interval (fixed seed) of the values that are not NaN; None if there are none."""
+    array = np.asarray(values, dtype=float)
+    array = array[~np.isnan(array)]
+    if len(array) < 2:
+        return Interval(float(array[0])) if len(array) else None
+    draws = np.random.default_rng(0).choice(array, (_BOOTSTRAPS, len(array)))
+    low, high = np.percentile(np.median(draws, axis=1), [2.5, 97.5])
+    return Interval(float(np.median(array)), float(low), float(high), float(array.min()), float(array.max()))
 
 
 @dataclass(frozen=True)
@@ -36,9 +73,9 @@ class PassTime:
 class Configuration:
     """A spec at one map size; spec: as written by the user, without the map size.
 
-    cells: number of successful cells; refused: statuses of the others; values: medians over the successful cells, with
-    times normalised to one reference time; phases: number of phases among the successful cells; unset: numbers at
-    their defaults that other specs of the technique set, such as `n=16`.
+    cells, phases: numbers of successful cells and of their phases; refused: statuses of the others; values: medians
+    over the successful ones, with times normalised to one reference time; unset: numbers at their defaults that other
+    specs of the technique set, such as `n=16`.
     """
 
     technique: str
@@ -55,10 +92,8 @@ class Configuration:
     @property
     def name(self) -> str:
         """The spec as tables print it: a preset by its name, or with the numbers by which it differs from others."""
-        short = preset_names().get(self.spec)
-        if short or not self.unset:
-            return short or self.spec
-        return f"{self.spec}{',' if ':' in self.spec else ':'}{','.join(self.unset)}"
+        spelt = f"{self.spec}{',' if ':' in self.spec else ':'}{','.join(self.unset)}" if self.unset else self.spec
+        return preset_names().get(self.spec, spelt)
 
     @property
     def label(self) -> str:
@@ -107,34 +142,22 @@ class Configuration:
             return "–"
         if name in METRICS:
             errors = {field: found for field in TRUTH_ERRORS if (found := self.value(field)) is not None}
-            return METRICS[name].text(value, digits, errors) + (self._way if name == "width" else "")
+            bias = self.value("width_bias") if name == "width" else None
+            way = "" if not bias or abs(bias) < value / 2 else " wide" if bias > 0 else " narrow"  # of most penumbrae
+            return METRICS[name].text(value, digits, errors) + way
         return f"{'~' if name.endswith('_ms') and self.rough else ''}{digits(value)}"
-
-    @property
-    def _way(self) -> str:
-        """Whether most penumbrae are drawn too wide or too narrow; empty if about as many are either."""
-        width, bias = self.value("width"), self.value("width_bias")
-        if width is None or not bias or abs(bias) < width / 2:
-            return ""
-        return " wide" if bias > 0 else " narrow"
 
     @property
     def single_phase(self) -> bool:
         """Whether a map was scored at a single phase."""
         return self.map_size is not None and self.phases == 1
 
-    @property
-    def order(self) -> tuple[float, str, int]:
-        """Sort key: the best first."""
-        return math.inf if self.error is None else self.error.median, self.spec, self.map_size or 0
-
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """Results of one run in one scene, under one light where there are several.
+    """Results of one run in one scene, under one light where there are several; configurations: best first.
 
-    frame: the run's cells, with times normalised to `reference`, which is None if no cell has a time ratio;
-    configurations: best first.
+    frame: the run's cells, with times normalised to `reference`, which is None if no cell has a time ratio.
     """
 
     run: Run
@@ -167,10 +190,9 @@ class Section:
     @cached_property
     def front(self) -> list[Configuration]:
         """The Pareto-optimal configurations in error and time, fastest and least accurate first."""
-        points = [(one.value("frame_ms"), one.error) for one in self.timed]
-        return [
-            self.timed[index] for index in pareto_front([(ms, error.median) for ms, error in points if ms and error])
-        ]
+        costs = [(one.value("frame_ms"), one.error) for one in self.timed]
+        points = [(ms, error.median) for ms, error in costs if ms and error]
+        return [self.timed[index] for index in pareto_front(points)]
 
     @cached_property
     def least_error(self) -> float:
@@ -184,8 +206,8 @@ class Section:
     def file_stem(self) -> str:
         """Start of the names of its chart files: scene, light, view size, and `absolute` for absolute coordinates."""
         first = self.frame.iloc[0]
-        stem = f"{self.scene.replace(', ', '.')}.{first['view_size']}"
-        return stem + (".absolute" if first["coordinates"] == "absolute" else "")
+        absolute = ".absolute" if first["coordinates"] == "absolute" else ""
+        return f"{self.scene.replace(', ', '.')}.{first['view_size']}{absolute}"
 
     @cached_property
     def max_cells(self) -> int:
@@ -208,11 +230,8 @@ def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
 
 
 def _scenes(frame: pd.DataFrame) -> pd.Series:
-    """The scene of each line, and its light and renderer where there are several.
-
-    One table for several lights would compare medians over different cells, since techniques differ in the kinds of
-    light that they support.
-    """
+    """The scene of each line, and its light and renderer where there are several."""
+    # One table for several lights would compare medians over different cells: techniques support different lights.
     several = frame.groupby("scene")["light"].transform("nunique") > 1
     found = frame["scene"].where(~several, frame["scene"] + ", " + frame["light"])
     return (found if frame["renderer"].nunique() < 2 else found + ", " + frame["renderer"]).astype(str)
@@ -221,7 +240,7 @@ def _scenes(frame: pd.DataFrame) -> pd.Series:
 def by_kind(sections: Sequence[Section]) -> list[list[Section]]:
     """The sections with hard shadows and those with soft ones, whose errors are not comparable; without empty lists.
 
-    A section without any score, such as one whose light nothing supports, is of neither kind.
+    A section without any score is of neither kind.
     """
     kinds = [[section for section in sections if section.scored and section.soft == soft] for soft in (False, True)]
     return [kind for kind in kinds if kind]
@@ -234,15 +253,20 @@ def specs_of(sections: Sequence[Section]) -> list[str]:
 
 def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
     """The configurations of a frame, best first; its times must be normalised to one reference time."""
-    numbers = _numbers_set(frame["spec"])
+    given = [parameters_of(spec) for spec in frame["spec"].unique()]
+    set_numbers = {
+        (technique, name)
+        for technique, values in given
+        for name, value in values.items()
+        if type(value) in (int, float)
+    }
     names = [*ROW_METRICS, *_VALUES, *(name for name in BIAS_LENGTHS if name in frame)]
-    columns = {name: frame[name].to_numpy(dtype=float, na_value=np.nan) for name in names}
-    position = pd.Series(range(len(frame)), index=frame.index)
+    numbers = frame[names].astype(float)
     found = []
     for key, group in frame.groupby(["spec", "map_size"], sort=False, dropna=False):
         spec, size = cast("tuple[str, float]", key)
         succeeded = group[group["status"] == "ok"]
-        lines = position[succeeded.index].to_numpy()
+        measured = numbers.loc[succeeded.index]
         full_spec = str(group["full_spec"].iloc[0])
         one = Configuration(
             technique=str(group["technique"].iloc[0]),
@@ -251,13 +275,13 @@ def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
             map_size=None if pd.isna(size) else int(size),
             cells=len(succeeded),
             refused=tuple(group.loc[group["status"] != "ok", "status"]),
-            values={name: interval(column[lines]) for name, column in columns.items()},
+            values={name: interval(measured[name].to_numpy()) for name in names},
             phases=succeeded["phase"].nunique(),
-            unset=_unset(spec, full_spec, numbers),
+            unset=_unset(spec, full_spec, set_numbers),
             passes=_pass_times(run, group),
         )
         found.append(one)
-    return sorted(found, key=lambda one: one.order)
+    return sorted(found, key=lambda one: (one.error.median if one.error else math.inf, one.spec, one.map_size or 0))
 
 
 def _pass_times(run: Run, group: pd.DataFrame) -> tuple[PassTime, ...]:
@@ -270,19 +294,9 @@ def _pass_times(run: Run, group: pd.DataFrame) -> tuple[PassTime, ...]:
     return tuple(PassTime(name, one.median, changes[name]) for name, one in medians.items() if one is not None)
 
 
-def _numbers_set(specs: Iterable[str]) -> dict[str, set[str]]:
-    """Names of the numbers that specs set, by technique."""
-    found: dict[str, set[str]] = {}
-    for spec in specs:
-        technique, values = parameters_of(spec)
-        found.setdefault(technique, set()).update(key for key, value in values.items() if type(value) in (int, float))
-    return found
-
-
-def _unset(spec: str, full_spec: str, numbers: Mapping[str, set[str]]) -> tuple[str, ...]:
-    """The numbers of a spec at their defaults that another spec of its technique sets."""
-    technique, values = parameters_of(spec)
-    if numbers[technique] <= set(values):
-        return ()
-    given = parameters_of(full_spec)[1].items()
-    return tuple(f"{key}={value}" for key, value in given if key in numbers[technique] and key not in values)
+def _unset(spec: str, full_spec: str, numbers: Set[tuple[str, str]]) -> tuple[str, ...]:
+    """The numbers of a spec at their defaults that another spec of its technique sets; numbers: by technique."""
+    technique, given = parameters_of(spec)
+    lacking = {name for other, name in numbers if other == technique} - set(given)
+    values = parameters_of(full_spec)[1] if lacking else {}
+    return tuple(f"{name}={value}" for name, value in values.items() if name in lacking)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shadowbench.results.bias_sweeps import SweepPositions, positions_of
-from shadowbench.results.configurations import Configuration, Section
-from shadowbench.results.intervals import Interval, interval
+from shadowbench.results.configurations import Configuration, Interval, Section, interval
+from shadowbench.results.tables import SweepPositions, positions_of
 
 
 @dataclass(frozen=True)
@@ -29,17 +28,18 @@ def slopes(section: Section) -> list[Slope]:
     metric, frame = section.ranked_by, section.frame
     value = frame[metric.name].astype(float)
     errors = 1 - value if metric.better == "higher" else value
-    sized = frame.assign(error=errors)[(frame["status"] == "ok") & frame["map_size"].notna() & (errors > 0)]
+    sized = frame[(frame["status"] == "ok") & frame["map_size"].notna() & (errors > 0)]
+    logs = sized.assign(log_size=np.log(sized["map_size"].astype(float)), log_error=np.log(errors[sized.index]))
     found = []
-    for spec, group in sized.groupby("spec", sort=False):
-        fits = []
-        for _, one in group.groupby(["view", "light", "phase"]):
-            sizes = one["map_size"].astype(float)
-            if sizes.nunique() > 1:
-                fits.append(float(np.polyfit(np.log(sizes), np.log(one["error"]), 1)[0]))
+    for spec, group in logs.groupby("spec", sort=False):
+        fits = [
+            float(np.polyfit(one["log_size"], one["log_error"], 1)[0])
+            for _, one in group.groupby(["view", "light", "phase"])
+            if one["map_size"].nunique() > 1
+        ]
         slope = interval(fits)
         if slope is not None:
-            drawn = tuple(sorted({int(size) for size in group["map_size"]}))
+            drawn = tuple(sorted(map(int, group["map_size"].unique())))
             found.append(Slope(str(spec), drawn, slope, group["phase"].nunique()))
     return found
 
@@ -62,18 +62,18 @@ def curves(scored: Sequence[Configuration], swept: SweepPositions) -> list[Curve
     """Curves of a scene's table, by base spec and map size; specs without a successful cell are left out."""
     points: dict[tuple[str, int | None], list[tuple[float, Configuration]]] = {}
     for one in scored:
-        if one.cells and _error(one) is not None:
+        if one.cells and one.error is not None and one.value("ssim") is not None:
             for base, factor in positions_of(swept, one.spec, one.map_size):
                 points.setdefault((base, one.map_size), []).append((factor, one))
     bases = list(dict.fromkeys(base for several in swept.values() for base, _ in several))
-    made = []
+    found = []
     for base, size in sorted(points, key=lambda key: (bases.index(key[0]), key[1] or 0)):
         at_size = sorted(points[base, size], key=lambda point: point[0])
-        best = min(at_size, key=lambda point: _error(point[1]) or 0.0)[0]
-        made.append(Curve(base, size, tuple(at_size), best))
-    return made
+        best, _ = min(at_size, key=lambda point: _product(point[1]))
+        found.append(Curve(base, size, tuple(at_size), best))
+    return found
 
 
-def _error(one: Configuration) -> float | None:
+def _product(one: Configuration) -> float:
     error, ssim = one.error, one.value("ssim")
-    return None if error is None or ssim is None else math.sqrt(error.median * (1 - ssim))
+    return math.inf if error is None or ssim is None else error.median * (1 - ssim)

@@ -2,10 +2,8 @@
 
 import gc
 import re
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence, Set
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import chain
 from operator import itemgetter
@@ -18,19 +16,25 @@ from shadowbench.errors import InputError
 from shadowbench.measure.row_files import read_run_file, stream_rows
 from shadowbench.measure.rows import Record, Result, RunFile
 from shadowbench.plugin.spec import without_retired
-from shadowbench.results.bias_sweeps import SweepPositions, add_factor_columns, read_sweep_positions
-from shadowbench.results.tables import cells_frame, cells_frames, write_table
+from shadowbench.results.tables import (
+    SweepPositions,
+    add_factor_columns,
+    cells_frame,
+    cells_frames,
+    read_sweep_positions,
+    write_table,
+)
 from shadowbench.scores.metrics import is_soft
 
 IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
 _identity_of = itemgetter(*IDENTITY)
 _view_of = itemgetter("scene", "view", "light", "view_size")
+_range_of = itemgetter("home_spec", "axis", "light_kind")
 _READ_HERE = {
     *("kind", "key", "status", "spec", "full_spec", *IDENTITY, "metrics", "renderer", "machine", "content"),
     *("axis", "axis_value", "light_kind", "home_spec"),
 }
 _COMMA = re.compile(r",(?![^()]*\))")  # outside parentheses
-_ALLOWED = "a folder that `shadowbench run` or `shadowbench stress` wrote"
 
 
 def identity(record: Record) -> tuple[Any, ...]:
@@ -134,11 +138,14 @@ def read_folders(folders: Sequence[Path], fields: Set[str] | None = None) -> tup
     paths = list(dict.fromkeys(folder.resolve() for folder in folders))
     names = [path.name for path in paths]
     labels = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
-    with _collector_off():
+    collecting = gc.isenabled()
+    gc.disable()  # rows have no cycles, and the search for them would take a third of the time
+    try:
         found = [_read(path, label, fields) for path, label in zip(paths, labels, strict=True)]
-    return [result for result in found if isinstance(result, Run)], [
-        result for result in found if isinstance(result, Sweep)
-    ]
+    finally:
+        if collecting:
+            gc.enable()
+    return [one for one in found if isinstance(one, Run)], [one for one in found if isinstance(one, Sweep)]
 
 
 def read_runs(folders: Sequence[Path], fields: Set[str] | None = None) -> list[Run]:
@@ -162,80 +169,47 @@ def write_cells(folder: Path, positions: SweepPositions) -> Run:
     return run
 
 
-@dataclass(eq=False)
-class _Rows:
-    """All records of a file: scores, the last two times of a key on each machine, and the last machine."""
-
-    scores: list[Record] = field(default_factory=list)
-    times: dict[str | None, dict[str, tuple[Record, Record | None]]] = field(default_factory=dict)
-    timed: Counter[str | None] = field(default_factory=Counter)
-    machine: str | None = None
-    cut_off: bool = False
-
-
-def _rows_of(file: Path, fields: Set[str] | None) -> _Rows:
-    if not file.parent.is_dir():
-        raise InputError(f"{file.parent}: no such folder; allowed: {_ALLOWED}")
+def _rows(folder: Path, fields: Set[str] | None) -> tuple[list[Record], list[Record], bool]:
+    """Scores and times of a folder, and whether the last line is incomplete. Raises InputError without a score."""
+    file = folder / "rows.jsonl"
     if not file.exists():
-        raise InputError(f"{file.parent}: found no rows.jsonl; allowed: {_ALLOWED}")
-    found, complete = _Rows(), 0
+        what = "found no rows.jsonl" if folder.is_dir() else "no such folder"
+        raise InputError(f"{folder}: {what}; allowed: a folder that `shadowbench run` or `shadowbench stress` wrote")
     wanted = None if fields is None else _READ_HERE | fields
-    for whole, end in stream_rows(file):
+    found: dict[str, list[Record]] = {"score": [], "time": []}
+    complete = 0
+    for row, end in stream_rows(file):
         complete = end
-        row = whole if wanted is None else {name: value for name, value in whole.items() if name in wanted}
-        if row["kind"] == "score":
-            found.scores.append(row)
-        else:
-            found.machine = row.get("machine")
-            found.timed[found.machine] += 1
-            on_machine = found.times.setdefault(found.machine, {})
-            on_machine[row["key"]] = row, on_machine.get(row["key"], (None,))[0]
-    found.cut_off = complete < file.stat().st_size
-    if not found.scores:
+        kept = row if wanted is None else {name: value for name, value in row.items() if name in wanted}
+        found[row["kind"]].append(kept)
+    if not found["score"]:
         raise InputError(f"{file}: found no cell; allowed: rows of a run or a sweep that measured something")
-    if len({"axis" in row for row in found.scores}) > 1:
+    if len({"axis" in row for row in found["score"]}) > 1:
         raise InputError(f"{file}: found cells of `run` and of `stress`; allowed: those of one, in a folder of its own")
-    return found
+    return found["score"], found["time"], complete < file.stat().st_size
 
 
 def _read(folder: Path, label: str, fields: Set[str] | None) -> Run | Sweep:
-    found = _rows_of(folder / "rows.jsonl", fields)
+    scores, times, cut_off = _rows(folder, fields)
     about, table = read_run_file(folder / "run.json"), _table_keys(folder / "table.csv")
     keys = set(about["keys"]) if "keys" in about else table  # older versions tabled the last command only
-    scores, last = found.scores, _with_keys(found.scores, keys)
-    count = len({row["key"] for row in scores})
+    last, count = _with_keys(scores, keys), len({row["key"] for row in scores})
     if "axis" in scores[0]:
         points = _points(scores if table is None else _with_keys(scores, table), last)
-        return Sweep(label, folder, about, tuple(points), count - len(points), found.cut_off)
-    machine = about.get("machine_key") or found.machine
-    ours = found.times.get(machine, {})
+        return Sweep(label, folder, about, tuple(points), count - len(points), cut_off)
+    machine = about.get("machine_key") or (times[-1].get("machine") if times else None)
+    ours = [row for row in times if row.get("machine") == machine]
+    latest: dict[str, Record] = {}
+    previous: dict[str, Record] = {}
+    for row in ours:
+        if row["key"] in latest:
+            previous[row["key"]] = latest[row["key"]]
+        latest[row["key"]] = row
     cells = _with_renderers(_cells(scores, table, keys), last)
-    last_keys = {row["key"] for row in last}
-    earlier = [row["key"] for row in cells if keys is not None and row["key"] not in last_keys and "content" not in row]
-    return Run(
-        label=label,
-        folder=folder,
-        about=about,
-        rows=tuple(cells),
-        older=count - len(cells),
-        cut_off=found.cut_off,
-        times={key: time for key, (time, _) in ours.items()},
-        previous_times={key: previous for key, (_, previous) in ours.items() if previous is not None},
-        foreign=found.timed.total() - found.timed[machine],
-        earlier=frozenset(earlier),
-    )
-
-
-@contextmanager
-def _collector_off() -> Iterator[None]:
-    """Pause the collection of cycles, which rows have none of: it would take a third of the time to read them."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
+    of_studies = {row["key"] for row in cells if keys is not None and "content" not in row}
+    earlier = frozenset(of_studies - {row["key"] for row in last})
+    older, foreign = count - len(cells), len(times) - len(ours)
+    return Run(label, folder, about, tuple(cells), older, cut_off, latest, previous, foreign, earlier)
 
 
 def _table_keys(table: Path) -> set[str] | None:
@@ -289,10 +263,6 @@ def _with_renderers(cells: Sequence[Record], last: Sequence[Record]) -> list[Rec
 
 def _points(shown: Sequence[Record], last: Sequence[Record]) -> list[Record]:
     """Points of the last command, and earlier ones of other ranges: each range comes from a single command."""
-    swept = {_line(row) for row in last}
-    rows = [*(row for row in shown if _line(row) not in swept), *last]
-    return list({(*_line(row), row["axis_value"]): row for row in rows}.values())
-
-
-def _line(row: Record) -> tuple[Any, ...]:
-    return row["home_spec"], row["axis"], row["light_kind"]
+    swept = set(map(_range_of, last))
+    rows = [*(row for row in shown if _range_of(row) not in swept), *last]
+    return list({(*_range_of(row), row["axis_value"]): row for row in rows}.values())

@@ -7,8 +7,7 @@ from typing import cast
 
 import pandas as pd
 
-from shadowbench.results.configurations import Configuration, Section
-from shadowbench.results.intervals import Interval
+from shadowbench.results.configurations import Configuration, Interval, Section
 from shadowbench.scores.metric import Metric
 from shadowbench.scores.metrics import METRICS
 from shadowbench.techniques.unshadowed import Unshadowed

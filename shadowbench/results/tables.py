@@ -1,34 +1,30 @@
-"""Rows as a frame with the columns of `table.csv`, one line per cell."""
+"""Rows as a frame with the columns of `table.csv`, a line per cell; the positions in bias sweeps that it keeps."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure.flips import FLIPS
 from shadowbench.measure.rows import Result
 from shadowbench.measure.time_rows import REDRAWN
 from shadowbench.scores.metrics import METRICS
+from shadowbench.strict import short
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
 TOTALS = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]
-_MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *TOTALS]  # additional columns, after the promised ones
 TRUTH_ERRORS = ["truth_error", "truth_error_pen"]
-_SOFT = [*TRUTH_ERRORS, "penumbra", "width_share", "width_bias"]  # of a soft truth
-_MORE = [
-    "receivers",
-    "undecided",
-    "surface_mismatch",
-    "coordinates",
-    "full_spec",
-    "mask_sha256",
-    "assumptions",
-    "key",
+_MORE = [  # after the promised columns
+    *("receivers", "undecided", "surface_mismatch", "coordinates", "full_spec", "mask_sha256", "assumptions", "key"),
+    *(FLIPS.name, "step", *TRUTH_ERRORS, "penumbra", "width_share", "width_bias"),
 ]
-_FLIPS = [FLIPS.name, "step"]
+_MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *TOTALS]
+_WHOLE = ["map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch", "penumbra"]
 _CHUNK = 5000  # lines of a table in memory at a time
 
 
@@ -52,35 +48,108 @@ def write_table(file: Path, frames: Iterable[pd.DataFrame]) -> None:
 
 
 def _columns(results: Sequence[Result]) -> list[str]:
-    passes = {name for result in results for name in (result.time or {}).get("passes", ())}
-    work = {name for result in results for name in result.score.get("work", ())}
-    facts = {name for result in results for name in result.score.get("facts", ())}
-    times = [*TIMES, *sorted(f"pass_{name}_ms" for name in passes)]
-    promised = [*_IDENTITY, *METRICS, *times, *_prefixed("work", work), "gpu_bytes", "prepare_ms", "machine", "command"]
-    return [*promised, *_MORE, *_FLIPS, *_SOFT, *_MORE_TIMES, *_prefixed("fact", facts)]
+    def named(text: str, found: Iterable[Iterable[str]]) -> list[str]:
+        return sorted(map(text.format, set(chain.from_iterable(found))))
 
-
-def _prefixed(prefix: str, names: Iterable[str]) -> list[str]:
-    return sorted(f"{prefix}_{name}" for name in names)
+    passes = named("pass_{}_ms", ((result.time or {}).get("passes", ()) for result in results))
+    work = named("work_{}", (result.score.get("work", ()) for result in results))
+    facts = named("fact_{}", (result.score.get("facts", ()) for result in results))
+    promised = [*_IDENTITY, *METRICS, *TIMES, *passes, *work, "gpu_bytes", "prepare_ms", "machine", "command"]
+    return [*promised, *_MORE, *_MORE_TIMES, *facts]
 
 
 def _frame(results: Sequence[Result], columns: list[str], start: int = 0) -> pd.DataFrame:
     lines = range(start, start + len(results))
     frame = pd.DataFrame([_cell(result) for result in results], index=lines, columns=columns)
-    work = [name for name in columns if name.startswith("work_")]
-    whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch", "penumbra"]
+    whole = [*_WHOLE, *(name for name in columns if name.startswith("work_"))]
     # astype leaves a block for each column, and pandas warns of a hundred when one is added; a copy joins them.
     return frame.astype(dict.fromkeys(whole, "Int64")).copy()
 
 
 def _cell(result: Result) -> dict[str, Any]:
     score, timed = result.score, result.time or {}
-    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, *_FLIPS, *_SOFT, "gpu_bytes", "command"]} | {
-        "status": result.status
-    }
+    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, "gpu_bytes", "command"]}
+    row |= {"status": result.status, "assumptions": "; ".join(score.get("assumptions", ())) or None}
     row |= score.get("metrics", {})
-    row["assumptions"] = "; ".join(score.get("assumptions", ())) or None
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
     row |= {f"fact_{name}": value for name, value in score.get("facts", {}).items()}
-    row |= {key: timed.get(key) for key in [*TIMES, "prepare_ms", "machine", *_MORE_TIMES]}
+    row |= {name: timed.get(name) for name in [*TIMES, "prepare_ms", "machine", *_MORE_TIMES]}
     return row | {f"pass_{name}_ms": value["ms"] for name, value in timed.get("passes", {}).items()}
+
+
+SweepPoint = tuple[str, float]
+"""The spec whose bias was multiplied, as written in tables, and the factor."""
+
+SweepPositions = Mapping[tuple[str, int | None], tuple[SweepPoint, ...]]
+"""Positions of a spec in bias sweeps, one per sweep, its own sweep first; by spec, as written in tables, and map size,
+None for any."""
+
+_ALSO, _TIMES = "; ", " × "  # no spec has either in it
+
+
+def positions_in_sweeps(points: Iterable[tuple[tuple[str, int | None], SweepPoint]]) -> SweepPositions:
+    """Position of each spec in sweeps; in several if multiplied biases coincide. points: of specs and map sizes."""
+    found: dict[tuple[str, int | None], list[SweepPoint]] = {}
+    for key, point in points:
+        found.setdefault(key, []).append(point)
+    return {key: _own_first(several) for key, several in found.items()}
+
+
+def positions_of(found: SweepPositions, spec: str, size: int | None) -> tuple[SweepPoint, ...]:
+    """Positions of a spec at one map size, its own sweep first."""
+    return _own_first([*found.get((spec, size), ()), *found.get((spec, None), ())])
+
+
+def _own_first(points: Sequence[SweepPoint]) -> tuple[SweepPoint, ...]:
+    """One point per sweep, those of factor 1 first: several factors of a bias of 0 give the same spec."""
+    found: dict[str, float] = {}
+    for base, factor in sorted(points, key=lambda point: point[1] != 1):
+        found.setdefault(base, factor)
+    return tuple(found.items())
+
+
+def add_factor_columns(frame: pd.DataFrame, found: SweepPositions) -> pd.DataFrame:
+    """Add the columns `bias_of` (the spec whose bias was multiplied) and `bias_factor` to a frame of `table.csv`.
+
+    A spec in several sweeps has that of factor 1, else the first, in these columns; the others are in `bias_also`, a
+    column that is present only if needed: `shadow-map × 2; …`.
+    """
+    if not found:
+        return frame
+    positions = [positions_of(found, spec, size) for spec, size in _specs(frame)]
+    first = [points[0] if points else (None, None) for points in positions]
+    columns = pd.DataFrame(first, index=frame.index, columns=["bias_of", "bias_factor"])
+    if any(len(points) > 1 for points in positions):
+        columns["bias_also"] = [
+            _ALSO.join(f"{base}{_TIMES}{factor!r}" for base, factor in points[1:]) or None for points in positions
+        ]
+    return frame.join(columns)
+
+
+def read_sweep_positions(table: Path) -> SweepPositions:
+    """Read positions in bias sweeps from a `table.csv`; empty without sweeps or without a table. Raises InputError."""
+    if not table.is_file():
+        return {}
+    names = ["spec", "map_size", "bias_of", "bias_factor", "bias_also"]
+    try:
+        frame = pd.read_csv(table, usecols=lambda name: name in names, dtype={"spec": str, "bias_of": str})
+        if "bias_of" not in frame:
+            return {}
+        swept = frame.dropna(subset=["spec", "bias_of", "bias_factor"]).reindex(columns=names)
+        also = [text.split(_ALSO) if isinstance(text, str) else [] for text in swept["bias_also"]]
+        others = [[part.rsplit(_TIMES, 1) for part in parts] for parts in also]
+        return {
+            key: ((str(base), float(factor)), *((other, float(times)) for other, times in more))
+            for key, base, factor, more in zip(
+                _specs(swept), swept["bias_of"], swept["bias_factor"], others, strict=True
+            )
+        }
+    except OSError as error:
+        raise InputError(f"{table}: cannot be read ({error.strerror})") from None
+    except (ValueError, KeyError, OverflowError) as error:
+        raise InputError(f"{table}: found no sweep in it ({short(error)}); allowed: what a command wrote") from None
+
+
+def _specs(frame: pd.DataFrame) -> list[tuple[str, int | None]]:
+    sizes = [None if pd.isna(size) else int(size) for size in frame["map_size"]]
+    return list(zip(frame["spec"], sizes, strict=True))

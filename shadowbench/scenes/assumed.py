@@ -32,11 +32,6 @@ def mesh_bounds(meshes: Sequence[Mesh], where: str) -> Floats:
     return bounds
 
 
-def assumed_up_note(where: str) -> str:
-    """The note that y is assumed to be up, for a file whose format does not specify the up axis."""
-    return f"no up axis in {where}: assumed y; --up z takes z"
-
-
 def assumed_camera(bounds: Floats, where: str) -> tuple[Camera, str]:
     """A camera that shows the whole bounding sphere of (2, 3) bounds, and the note about it."""
     center, diagonal = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))

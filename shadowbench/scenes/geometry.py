@@ -1,13 +1,90 @@
-"""The triangles of a scene as arrays, with their normals and bounds."""
+"""Triangles as arrays: welded, validated, transformed; and those of a scene with their normals and bounds."""
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.errors import InputError
+
 Floats = NDArray[np.float64]
+Faces = NDArray[np.int32]
+
+LARGEST = 1e18
+"""Largest allowed coordinate: squares of larger ones overflow float32, which `coordinates="absolute"` uses."""
+
+FLATTEST = 1e-10
+"""Height of a triangle, as a share of its longest edge, below which float64 cannot distinguish its area from zero."""
+
+MOST_TRIANGLES = 10_000_000
+"""Limit on the triangles of a scene, each copy counted: half a minute to load, and within 4 GiB."""
+
+
+class Triangles(NamedTuple):
+    """vertices: (V, 3) float64; faces: (F, 3) int32 indices into them, counter-clockwise seen from outside."""
+
+    vertices: Floats
+    faces: Faces
+
+
+def triangles_of(vertices: NDArray[Any], faces: NDArray[Any], where: str) -> Triangles:
+    """Welded triangles of (V, 3) vertices and (F, 3) indices. Raises InputError if these are invalid."""
+    check_indices(faces, len(vertices), where)
+    if not len(faces):
+        return Triangles(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
+    return welded(checked(np.asarray(vertices, dtype=np.float64), where), faces)
+
+
+def welded(vertices: Floats, faces: NDArray[np.integer]) -> Triangles:
+    """The triangles with one vertex per distinct position, as rays may leak through edges with unshared vertices."""
+    used, faces = np.unique(faces, return_inverse=True)
+    rows = np.ascontiguousarray(vertices[used] + 0.0)  # + 0.0 turns −0 into 0, as bytes are compared
+    _, first, inverse = np.unique(rows.view("V24").ravel(), return_index=True, return_inverse=True)
+    return Triangles(rows[first], inverse[faces].reshape(-1, 3).astype(np.int32))
+
+
+def check_indices(indices: NDArray[Any], count: int, where: str) -> NDArray[np.int64]:
+    """The indices as int64. Raises InputError for one that is not an integer from 0 to count − 1."""
+    wrong = ~((indices >= 0) & (indices < count) & (indices == np.floor(indices)))
+    if wrong.any():
+        found = indices[wrong][0]
+        raise InputError(f"{where}: a triangle uses vertex {found:g}; the mesh has {count}, counted from 0")
+    return indices.astype(np.int64)
+
+
+def transformed(triangles: Triangles, matrix: Floats) -> Triangles:
+    """The triangles under an affine (4, 4) matrix; a mirroring one reverses the winding, which stays outwards."""
+    with np.errstate(over="ignore", invalid="ignore"):  # `checked` reports what overflows
+        vertices = triangles.vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
+    return Triangles(vertices, np.ascontiguousarray(triangles.faces[:, ::-1]) if mirrored else triangles.faces)
+
+
+def without_zero_area(triangles: Triangles) -> tuple[Triangles, int]:
+    """The triangles without those of zero area, and the number removed."""
+    a, b, c = (triangles.vertices[triangles.faces[:, k]] for k in range(3))
+    edges = np.stack([b - a, c - b, a - c])
+    longest = np.linalg.norm(edges, axis=2).max(axis=0)
+    # Relative to the longest edge, as squares of tiny or huge edges would underflow or overflow.
+    scale = np.where(longest > 0.0, longest, 1.0)[:, None]
+    doubled = np.linalg.norm(np.cross(edges[0] / scale, edges[2] / scale), axis=1)
+    kept = doubled > FLATTEST
+    dropped = int(len(kept) - kept.sum())
+    return (Triangles(triangles.vertices, triangles.faces[kept]) if dropped else triangles), dropped
+
+
+def checked(vertices: Floats, where: str) -> Floats:
+    """The same vertices. Raises InputError that begins with `where` if one is not finite or above LARGEST."""
+    if not np.isfinite(vertices).all():
+        raise InputError(f"{where}: a vertex is NaN or infinite; coordinates must be finite")
+    largest = float(np.abs(vertices).max(initial=0.0))
+    if largest > LARGEST:
+        raise InputError(f"{where}: a coordinate is {largest:.3g}; allowed are at most {LARGEST:.0e} either way")
+    return vertices
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +95,7 @@ class Geometry:
     """
 
     vertices: Floats
-    faces: NDArray[np.int32]
+    faces: Faces
     casts: NDArray[np.bool_]
     receives: NDArray[np.bool_]
     planar: NDArray[np.bool_]
@@ -53,9 +130,19 @@ class Geometry:
         return bounds_of(used_by(self.faces, self.vertices))
 
     @cached_property
-    def caster_faces(self) -> NDArray[np.int32]:
+    def caster_faces(self) -> Faces:
         """(C, 3) int32 faces of the casters."""
         return self.faces if bool(self.casts.all()) else self.faces[self.casts]
+
+    def digest(self) -> str:
+        """Hex digest of all properties of triangles that affect shadows; colours do not."""
+        digest = hashlib.sha256()
+        for array in (self.vertices, self.faces, self.casts, self.receives):
+            digest.update(repr((array.shape, array.dtype.str)).encode())
+            digest.update(np.ascontiguousarray(array).tobytes())
+        if self.planar.any():  # used by planar-projection:receives=flagged
+            digest.update(np.ascontiguousarray(self.planar).tobytes())
+        return digest.hexdigest()
 
 
 def in_slices(count: int, size: int = 1 << 15) -> Iterator[slice]:
@@ -64,7 +151,7 @@ def in_slices(count: int, size: int = 1 << 15) -> Iterator[slice]:
         yield slice(start, min(start + size, count))
 
 
-def used_by(faces: NDArray[np.int32], vertices: Floats) -> Floats:
+def used_by(faces: Faces, vertices: Floats) -> Floats:
     """(N, 3) the vertices referenced by faces, each once, in the order of `vertices`."""
     used = np.zeros(len(vertices), dtype=bool)  # far faster than np.unique
     used[faces] = True

@@ -1,8 +1,10 @@
-"""Vertex and index arrays of a glTF, from the binary chunk of a .glb, data URIs, or files in the glTF's folder."""
+"""The JSON of a glTF, and its vertices and indices from a .glb's binary chunk, data URIs or files in its folder."""
 
 import base64
 import binascii
+import json
 import os
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.draco import Blob, Decoded, decode
-from shadowbench.scenes.gltf_layout import DTYPES, NUMBERS, Accessor, Layout, Primitive
+from shadowbench.scenes.draco import Blob, decode
+from shadowbench.scenes.gltf_layout import Accessor, Layout, Primitive
 
-UNSIGNED = (5121, 5123, 5125)
 TRIANGLES, STRIP = 4, 5
+JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 
 class TrianglePrimitive(NamedTuple):
@@ -28,76 +30,90 @@ class TrianglePrimitive(NamedTuple):
     faces: NDArray[Any]
 
 
+def read_json(path: Path) -> tuple[dict[str, Any], bytes | None]:
+    """The JSON of a .gltf or .glb, and the binary chunk of a .glb or None. Raises ValueError for other files."""
+    data, chunk = path.read_bytes(), None
+    if path.suffix.lower() == ".glb":
+        if len(data) < 20 or data[:4] != b"glTF":
+            raise ValueError("not a GLB: the first four bytes are not glTF")
+        version, length, end, kind = struct.unpack("<IIII", data[4:20])
+        end += 20
+        if version != 2:
+            raise ValueError(f"glTF version {version}; allowed: 2")
+        if length > len(data) or kind != JSON_CHUNK or end > len(data):
+            raise ValueError(f"cut short: {len(data)} bytes of {length}")
+        if end + 8 <= len(data):
+            size, kind = struct.unpack("<II", data[end : end + 8])
+            if kind == BINARY_CHUNK:
+                chunk = data[end + 8 : end + 8 + size]
+        data = data[20:end]
+    document = json.loads(data)
+    if not isinstance(document, dict):
+        raise ValueError("the JSON is not an object")
+    return document, chunk
+
+
 def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str) -> Iterator[TrianglePrimitive]:
-    """The triangle primitives in the order of the file. Raises InputError for invalid data."""
-    buffers = buffers_of(layout, chunk, path, where)
-    decoded = _decompressed(layout, buffers, where)
-    for number, mesh in enumerate(layout.meshes):
-        for primitive in mesh.primitives:
-            if primitive.mode in (TRIANGLES, STRIP):
-                positions, corners = _arrays(layout, buffers, primitive, decoded, f"{where}: meshes[{number}]")
-                yield TrianglePrimitive(number, primitive, positions, corners)
+    """The triangle primitives in the order of the file. Raises InputError for invalid data.
 
-
-def _decompressed(layout: Layout, buffers: list[bytes], where: str) -> dict[tuple[int, int], Decoded]:
-    """All primitives of KHR_draco_mesh_compression, decoded once each, by bufferView and id of the positions."""
-    found = [
-        (draco.bufferView, draco.attributes["POSITION"])
-        for mesh in layout.meshes
-        for primitive in mesh.primitives
-        if (draco := primitive.extensions.KHR_draco_mesh_compression) is not None and "POSITION" in draco.attributes
+    chunk: the binary chunk of a .glb, or None.
+    """
+    buffers = [
+        _buffer(layout, number, chunk if number == 0 else None, path, f"{where}: buffers {number + 1}")
+        for number in range(len(layout.buffers))
     ]
-    keys = list(dict.fromkeys(found))
-    views = [layout.bufferViews[index] for index, _ in keys]
-    blobs = [buffers[view.buffer][view.byteOffset : view.byteOffset + view.byteLength] for view in views]
-    if not blobs:
-        return {}
-    decoded = decode([Blob(blob, number) for blob, (_, number) in zip(blobs, keys, strict=True)], where)
-    return dict(zip(keys, decoded, strict=True))
+    primitives = [(number, each) for number, mesh in enumerate(layout.meshes) for each in mesh.primitives]
+    blobs = {}  # many primitives may share one
+    for _, primitive in primitives:
+        if (draco := primitive.draco) is not None and "POSITION" in draco.attributes:
+            view = layout.bufferViews[draco.bufferView]
+            data = buffers[view.buffer][view.byteOffset : view.end]
+            blobs[draco.bufferView, draco.attributes["POSITION"]] = Blob(data, draco.attributes["POSITION"])
+    decoded = dict(zip(blobs, decode([*blobs.values()], where), strict=True)) if blobs else {}
+    for number, primitive in primitives:
+        if primitive.mode not in (TRIANGLES, STRIP):
+            continue
+        mesh_where = f"{where}: mesh {layout.meshes[number].name or number + 1!r:.60}"
+        draco = primitive.draco
+        if "POSITION" not in primitive.attributes or (draco is not None and "POSITION" not in draco.attributes):
+            raise InputError(f"{mesh_where}: a primitive has no POSITION")
+        position = primitive.attributes["POSITION"]
+        if draco is not None:
+            positions, faces = decoded[draco.bufferView, draco.attributes["POSITION"]]
+        else:
+            positions = _array(layout, buffers, position, "VEC3", where)
+            faces = _faces(layout, buffers, primitive, len(positions), mesh_where)
+        yield TrianglePrimitive(number, primitive, _dequantized(positions, layout.accessors[position]), faces)
 
 
-def _arrays(
-    layout: Layout,
-    buffers: list[bytes],
-    primitive: Primitive,
-    decoded: dict[tuple[int, int], Decoded],
-    where: str,
-) -> tuple[NDArray[np.float64], NDArray[Any]]:
-    """(V, 3) positions and (F, 3) faces of a primitive."""
-    if "POSITION" not in primitive.attributes:
-        raise InputError(f"{where}: a primitive has no POSITION")
-    accessor = layout.accessors[primitive.attributes["POSITION"]]
-    draco = primitive.extensions.KHR_draco_mesh_compression
-    if draco is not None:
-        if "POSITION" not in draco.attributes:
-            raise InputError(f"{where}: KHR_draco_mesh_compression holds no POSITION")
-        mesh = decoded[draco.bufferView, draco.attributes["POSITION"]]
-        return _dequantized(mesh.positions, accessor), mesh.faces
-    positions = _array(layout, buffers, primitive.attributes["POSITION"], "VEC3", where)
-    corners = np.arange(len(positions))
+def _faces(layout: Layout, buffers: list[bytes], primitive: Primitive, count: int, where: str) -> NDArray[Any]:
+    """(F, 3) faces of a primitive of `count` vertices."""
+    corners = np.arange(count)
     if primitive.indices is not None:
         corners = _array(layout, buffers, primitive.indices, "SCALAR", where).ravel().astype(np.int64)
     if primitive.mode == STRIP:
         from trimesh.util import triangle_strips_to_faces
 
-        return _dequantized(positions, accessor), triangle_strips_to_faces([corners])
+        strips: NDArray[Any] = triangle_strips_to_faces([corners])
+        return strips
     if len(corners) % 3:
         raise InputError(f"{where}: {len(corners)} corners of triangles; allowed are multiples of 3")
-    return _dequantized(positions, accessor), corners.reshape(-1, 3)
+    return corners.reshape(-1, 3)
 
 
 def _array(layout: Layout, buffers: list[bytes], index: int, kind: str, where: str) -> NDArray[Any]:
-    """(count, n) array of an accessor, a view of its buffer. The layout must have been validated."""
+    """(count, n) array of an accessor, a view of its buffer; kind: SCALAR, of unsigned integers, or VEC3."""
     accessor = layout.accessors[index]
-    if accessor.type != kind or (kind == "SCALAR" and accessor.componentType not in UNSIGNED):
-        found = f"{accessor.type} of {accessor.componentType}"
-        raise InputError(
-            f"{where}: accessors[{index}] is {found}; allowed: {kind}{' of unsigned integers' * (kind == 'SCALAR')}"
-        )
+    place = f"{where}: accessors {index + 1}"
+    dtype, numbers = accessor.row
+    if accessor.type != kind or (kind == "SCALAR" and dtype.kind != "u"):
+        allowed = kind + " of unsigned integers" * (kind == "SCALAR")
+        raise InputError(f"{place}: found {accessor.type} of {accessor.componentType}; allowed: {allowed}")
+    if accessor.sparse is not None:
+        raise InputError(f"{place}: sparse accessors are not supported")
     if accessor.bufferView is None:
-        raise InputError(f"{where}: accessors[{index}] has no bufferView, and no extension fills it")
+        raise InputError(f"{place}: has no bufferView, and no extension fills it")
     view = layout.bufferViews[accessor.bufferView]
-    dtype, numbers = np.dtype(DTYPES[accessor.componentType]), NUMBERS[kind]
     return np.ndarray(
         (accessor.count, numbers),
         dtype,
@@ -109,50 +125,40 @@ def _array(layout: Layout, buffers: list[bytes], index: int, kind: str, where: s
 
 def _dequantized(positions: NDArray[Any], accessor: Accessor) -> NDArray[np.float64]:
     """float64 positions, with normalised integers of KHR_mesh_quantization converted to fractions."""
-    fractions = positions.astype(np.float64)
-    dtype = np.dtype(DTYPES[accessor.componentType])
+    dtype, _ = accessor.row
     if accessor.normalized and dtype.kind in "iu":
-        return np.maximum(fractions / np.iinfo(dtype).max, -1.0)
-    return fractions
+        return np.maximum(positions.astype(np.float64) / np.iinfo(dtype).max, -1.0)
+    return positions.astype(np.float64)
 
 
-def buffers_of(layout: Layout, chunk: bytes | None, path: Path, where: str) -> list[bytes]:
-    """The bytes of each buffer, `byteLength` each; chunk: the binary chunk of a .glb, or None.
-
-    Raises InputError for missing bytes, or a file outside the glTF's folder.
-    """
-    found = []
-    for number, buffer in enumerate(layout.buffers):
-        buffer_where = f"{where}: buffers[{number}]"
-        if buffer.uri is not None:
-            data = _from_uri(buffer.uri, path, buffer_where)
-        elif number == 0 and chunk is not None:
-            data = chunk
-        else:
-            raise InputError(f"{buffer_where}: found no uri; only the first buffer of a .glb may lack it")
-        if len(data) < buffer.byteLength:
-            raise InputError(f"{buffer_where}: cut short: {len(data)} bytes of {buffer.byteLength}")
-        found.append(data[: buffer.byteLength])
-    return found
+def _buffer(layout: Layout, number: int, chunk: bytes | None, path: Path, where: str) -> bytes:
+    """The bytes of a buffer. Raises InputError for missing ones, or a file outside the glTF's folder."""
+    buffer = layout.buffers[number]
+    data = chunk if buffer.uri is None else _from_uri(buffer.uri, path, where)
+    if data is None:
+        raise InputError(f"{where}: found no uri; only the first buffer of a .glb may lack it")
+    if len(data) < buffer.byteLength:
+        raise InputError(f"{where}: cut short: {len(data)} bytes of {buffer.byteLength}")
+    return data[: buffer.byteLength]
 
 
 def _from_uri(uri: str, path: Path, where: str) -> bytes:
+    where = f"{where}: uri {uri!r:.60}"
     if uri.startswith("data:"):
         head, comma, text = uri.partition(",")
         if not comma or not head.endswith(";base64"):
-            raise InputError(f"{where}: uri {uri!r:.60}; allowed: a file, or data in base64")
+            raise InputError(f"{where}; allowed: a file, or data in base64")
         try:
             return base64.b64decode(text, validate=True)
         except binascii.Error as error:
-            raise InputError(f"{where}: uri {uri!r:.60}: not base64: {error}") from error
+            raise InputError(f"{where}: not base64: {error}") from error
     folder = path.parent.resolve()
     try:
         file = Path(os.path.realpath(folder / unquote(uri)))
         inside, there = file.is_relative_to(folder), file.is_file()
     except (OSError, ValueError):  # a null byte, a name too long
         inside, there = True, False
-    if not inside:
-        raise InputError(f"{where}: uri {uri!r:.60} leads outside {folder}; allowed are files in it")
-    if not there:
-        raise InputError(f"{where}: uri {uri!r:.60} is not a file in {folder}")
+    if not inside or not there:
+        wrong = "is not a file in" if inside else "leads outside"
+        raise InputError(f"{where} {wrong} {folder}; allowed are files in it")
     return file.read_bytes()

@@ -1,213 +1,230 @@
-"""A glTF's JSON, with the names of the specification: the fields used here, their types, indices and sizes checked."""
+"""A glTF's JSON, with the names of the specification: the fields that are read, types, indices and sizes checked."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    AliasPath,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    model_validator,
+)
 
-from shadowbench.scenes.tables import MOST_COPIES
+from shadowbench.scenes.geometry import MOST_TRIANGLES
+from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
 
 DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by componentType
 NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # of components, by type
+LIGHTS = AliasPath("extensions", "KHR_lights_punctual", "lights")
 
 Count = Annotated[int, Field(ge=0, le=2**53, strict=True)]
 Number = Annotated[float, Field(strict=True)]
+Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
 
 
-class JsonObject(BaseModel):
-    """Base class of the JSON's objects; unknown fields are ignored."""
+def _index_into(part: str) -> AfterValidator:
+    """Checks an index into a list of the file's top level."""
+
+    def check(index: int, info: ValidationInfo) -> int:
+        document: dict[str, Any] = info.context or {}
+        parts = LIGHTS.search_dict_for_path(document) if part == "lights" else document.get(part)
+        count = len(parts) if isinstance(parts, list | dict) else 0
+        if index >= count:
+            raise ValueError(f"found {index}; allowed: {f'0 to {count - 1}' if count else 'none, as there are none'}")
+        return index
+
+    return AfterValidator(check)
+
+
+AccessorIndex = Annotated[Count, _index_into("accessors")]
+NodeIndex = Annotated[Count, _index_into("nodes")]
+ViewIndex = Annotated[Count, _index_into("bufferViews")]
+
+
+def _unit_quaternion(rotation: list[float]) -> list[float]:
+    if not any(rotation):
+        raise ValueError("found four zeros; allowed: a unit quaternion")
+    return rotation
+
+
+class _JsonObject(BaseModel):
+    """Unknown fields are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
-class Asset(JsonObject):
-    """The asset object, with the glTF version."""
-
-    version: str = Field(strict=True)
+class _Scene(_JsonObject):
+    nodes: list[NodeIndex] = []
 
 
-class SceneTable(JsonObject):
-    """A scene, with its root nodes."""
-
-    nodes: list[Count] = []
-
-
-class LightIndex(JsonObject):
-    """KHR_lights_punctual of a node: index of its light."""
-
-    light: Count
-
-
-class Visibility(JsonObject):
-    """KHR_node_visibility of a node: whether it and its descendants are visible."""
-
-    visible: bool = Field(True, strict=True)
-
-
-class NodeExtensions(JsonObject):
-    """Extensions of a node; the names of unknown ones are kept for notes."""
-
-    model_config = ConfigDict(extra="allow")
-
-    KHR_node_visibility: Visibility | None = None
-    KHR_lights_punctual: LightIndex | None = None
-
-
-class NodeTable(JsonObject):
-    """A node: its transform, mesh, camera, skin and children."""
+class NodeTable(_JsonObject):
+    """A node; with visible and light from KHR_node_visibility and KHR_lights_punctual."""
 
     name: str | None = None
-    mesh: Count | None = None
-    camera: Count | None = None
+    mesh: Annotated[Count, _index_into("meshes")] | None = None
+    camera: Annotated[Count, _index_into("cameras")] | None = None
     skin: Any = None
-    children: list[Count] = []
+    children: list[NodeIndex] = []
     matrix: Annotated[list[Number], Field(min_length=16, max_length=16)] | None = None
-    rotation: Annotated[list[Number], Field(min_length=4, max_length=4)] = [0, 0, 0, 1]
-    scale: Annotated[list[Number], Field(min_length=3, max_length=3)] = [1, 1, 1]
-    translation: Annotated[list[Number], Field(min_length=3, max_length=3)] = [0, 0, 0]
-    extensions: NodeExtensions = NodeExtensions()
+    rotation: Annotated[list[Number], Field(min_length=4, max_length=4), AfterValidator(_unit_quaternion)] = [
+        0,
+        0,
+        0,
+        1,
+    ]
+    scale: Three = [1, 1, 1]
+    translation: Three = [0, 0, 0]
+    visible: bool = Field(True, strict=True, validation_alias=AliasPath("extensions", "KHR_node_visibility", "visible"))
+    light: Annotated[Count, _index_into("lights")] | None = Field(
+        None, validation_alias=AliasPath("extensions", "KHR_lights_punctual", "light")
+    )
+    extensions: dict[str, Any] = {}
 
-    @field_validator("rotation")
-    @classmethod
-    def _not_zero(cls, rotation: list[float]) -> list[float]:
-        if not any(rotation):
-            raise ValueError("found four zeros; allowed: a unit quaternion")
-        return rotation
 
-
-class Draco(JsonObject):
+class Draco(_JsonObject):
     """KHR_draco_mesh_compression of a primitive: its compressed bytes, and the Draco ids of its attributes."""
 
-    bufferView: Count
+    bufferView: ViewIndex
     attributes: dict[str, Count]
 
 
-class PrimitiveExtensions(JsonObject):
-    """Extensions of a primitive."""
+class Primitive(_JsonObject):
+    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip of triangles; no fan."""
 
-    KHR_draco_mesh_compression: Draco | None = None
-
-
-class Primitive(JsonObject):
-    """A primitive: accessors of its attributes and indices."""
-
-    attributes: dict[str, Count]
-    indices: Count | None = None
-    mode: Count = 4
-    material: Count | None = None
+    attributes: dict[str, AccessorIndex]
+    indices: AccessorIndex | None = None
+    mode: Literal[0, 1, 2, 3, 4, 5] = 4
+    material: Annotated[Count, _index_into("materials")] | None = None
     targets: list[Any] | None = None
-    extensions: PrimitiveExtensions = PrimitiveExtensions()
+    draco: Draco | None = Field(None, validation_alias=AliasPath("extensions", "KHR_draco_mesh_compression"))
 
 
-class MeshTable(JsonObject):
-    """A mesh: a list of primitives."""
-
+class _Mesh(_JsonObject):
     name: str | None = None
     primitives: list[Primitive]
 
 
-class Accessor(JsonObject):
-    """An accessor: `count` elements in a bufferView."""
+class Accessor(_JsonObject):
+    """`count` elements in a bufferView."""
 
-    bufferView: Count | None = None
+    bufferView: ViewIndex | None = None
     byteOffset: Count = 0
     count: Count
     componentType: Literal[5120, 5121, 5122, 5123, 5125, 5126]
     type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
     normalized: bool = Field(False, strict=True)
-    sparse: dict[str, Any] | None = None
+    sparse: Any = None
+
+    @property
+    def row(self) -> tuple[np.dtype[Any], int]:
+        """Type and number of an element's components."""
+        return np.dtype(DTYPES[self.componentType]), NUMBERS[self.type]
 
 
-class BufferView(JsonObject):
-    """A range of a buffer. `byteStride`: distance of successive elements, None if tightly packed."""
-
-    buffer: Count
+class _BufferView(_JsonObject):
+    buffer: Annotated[Count, _index_into("buffers")]
     byteOffset: Count = 0
     byteLength: Count
     byteStride: Annotated[int, Field(ge=1, le=252, strict=True)] | None = None
 
+    @property
+    def end(self) -> int:
+        return self.byteOffset + self.byteLength
 
-class Buffer(JsonObject):
-    """A buffer: a file, a data URI, or without `uri` the binary chunk of a .glb."""
 
+class _Buffer(_JsonObject):
     uri: str | None = None
     byteLength: Count
 
 
-class MetallicRoughness(JsonObject):
-    """The base colour of a material."""
-
-    baseColorFactor: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = None
-
-
-class Material(JsonObject):
-    """A material."""
-
+class _Material(_JsonObject):
     alphaMode: str = "OPAQUE"
-    pbrMetallicRoughness: MetallicRoughness = MetallicRoughness()
+    color: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = Field(
+        None, validation_alias=AliasPath("pbrMetallicRoughness", "baseColorFactor")
+    )
     extensions: dict[str, Any] = {}
 
 
-class Perspective(JsonObject):
-    """The parameters of a perspective camera."""
-
+class _Perspective(_JsonObject):
     yfov: Number
     znear: Number
     zfar: Number | None = None
 
 
-class CameraTable(JsonObject):
-    """A perspective or orthographic camera."""
-
+class _Camera(_JsonObject):
     name: str | None = None
     type: str = Field(strict=True)
-    perspective: Perspective | None = None
+    perspective: _Perspective | None = None
+
+    @model_validator(mode="after")
+    def _has_its_lens(self) -> Self:
+        if self.type == "perspective" and self.perspective is None:
+            raise ValueError("perspective: found none; it must be given")
+        return self
 
 
-class SpotCone(JsonObject):
-    """The cone of a spot light."""
-
-    outerConeAngle: Number = math.pi / 4
-
-
-class LightTable(JsonObject):
-    """A KHR_lights_punctual light."""
-
+class _Light(_JsonObject):
     name: str | None = None
-    type: str = Field(strict=True)
-    spot: SpotCone = SpotCone()
+    type: Literal["directional", "point", "spot"]
+    outerConeAngle: Number = Field(math.pi / 4, validation_alias=AliasPath("spot", "outerConeAngle"))
     range: Number | None = None
     intensity: Number | None = None
 
 
-class Lights(JsonObject):
-    """KHR_lights_punctual of the file: its lights."""
-
-    lights: list[LightTable]
-
-
-class Extensions(JsonObject):
-    """Extensions of the file; the names of unknown ones are kept for notes."""
-
-    model_config = ConfigDict(extra="allow")
-
-    KHR_lights_punctual: Lights | None = None
-
-
-class Layout(JsonObject):
+class Layout(_JsonObject):
     """The JSON of a glTF file."""
 
-    asset: Asset
-    scene: Count | None = None
-    scenes: list[SceneTable] | None = None
+    version: str = Field(strict=True, pattern=r"^2\.", validation_alias=AliasPath("asset", "version"))
+    scene: Annotated[Count, _index_into("scenes")] | None = None
+    scenes: list[_Scene] | None = None
     nodes: Annotated[list[NodeTable], Field(max_length=MOST_COPIES)] = []
-    meshes: list[MeshTable] = []
+    meshes: list[_Mesh] = []
     accessors: list[Accessor] = []
-    bufferViews: list[BufferView] = []
-    buffers: list[Buffer] = []
-    materials: list[Material] = []
-    cameras: list[CameraTable] = []
+    bufferViews: list[_BufferView] = []
+    buffers: list[_Buffer] = []
+    materials: list[_Material] = []
+    cameras: list[_Camera] = []
+    lights: list[_Light] = Field([], validation_alias=LIGHTS)
     animations: list[Any] = []
     extensionsUsed: list[str] = []
     extensionsRequired: list[str] = []
-    extensions: Extensions = Extensions()
+    extensions: dict[str, Any] = {}
+
+    @model_validator(mode="after")
+    def _sizes_fit(self) -> Self:
+        for k, view in enumerate(self.bufferViews):
+            if view.end > (size := self.buffers[view.buffer].byteLength):
+                raise ValueError(f"bufferViews {k + 1}: ends at byte {view.end} of a buffer of {size}")
+        for k, accessor in enumerate(self.accessors):
+            if accessor.bufferView is None:
+                continue  # zeros by the specification, or filled by an extension's decoder
+            view, (dtype, numbers) = self.bufferViews[accessor.bufferView], accessor.row
+            row = dtype.itemsize * numbers
+            end = accessor.byteOffset + (accessor.count and (accessor.count - 1) * (view.byteStride or row) + row)
+            if end > view.byteLength:
+                raise ValueError(
+                    f"accessors {k + 1}: {accessor.count} elements end at byte {end} of a bufferView of "
+                    f"{view.byteLength}"
+                )
+        for what, held in (("cameras", [n.camera for n in self.nodes]), ("lights", [n.light for n in self.nodes])):
+            if (count := len(held) - held.count(None)) > MOST_NAMED:
+                raise ValueError(f"its nodes hold {count} {what}; allowed are at most {MOST_NAMED}")
+        return self
+
+    @model_validator(mode="after")
+    def _not_too_many_triangles(self) -> Self:
+        """Sharing of bufferViews and meshes allows many in a small file."""
+        counts = [sum(self._corners(primitive) for primitive in mesh.primitives) for mesh in self.meshes]
+        drawn = sum(counts[node.mesh] for node in self.nodes if node.mesh is not None)
+        if (corners := max(sum(counts), drawn)) > 3 * MOST_TRIANGLES:
+            raise ValueError(f"its meshes have {corners} vertices; allowed are at most {3 * MOST_TRIANGLES}")
+        return self
+
+    def _corners(self, primitive: Primitive) -> int:
+        """Lower bound on the number of vertices that a primitive draws."""
+        used = [primitive.attributes.get("POSITION"), primitive.indices]
+        return max((self.accessors[index].count for index in used if index is not None), default=0)

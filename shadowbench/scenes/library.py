@@ -6,10 +6,10 @@ from pathlib import Path
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder
-from shadowbench.scenes.assumed import assumed_ground, assumed_up_note, mesh_bounds, with_assumptions
-from shadowbench.scenes.files import read_document, read_lights, read_scene_file
+from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
+from shadowbench.scenes.files import SceneFile, read_document, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
-from shadowbench.scenes.model import Light, Scene
+from shadowbench.scenes.model import Scene
 from shadowbench.scenes.tables import NAME, NAMES, name_from
 
 LONGEST_PATH = 4096
@@ -32,7 +32,7 @@ def load_scene(source: str | Path, assets: Path | None = None, up: str | None = 
     suffix = path.suffix.lower()
     if "\0" in text or not text or len(text) > LONGEST_PATH:
         raise InputError(f"scene {text!r:.60}: neither a built-in scene nor a path")
-    if not _is_utf8(text):
+    if text.encode(errors="ignore").decode() != text:
         raise InputError(f"{text!r:.200}: the path is not valid UTF-8; rename the file or folder")
     if assets is not None and not assets.is_dir():
         raise InputError(f"--assets {assets}: no such folder")
@@ -65,12 +65,12 @@ def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
             f"{path.name!r:.90}: the scene of a mesh file is named after it; rename the file to {NAMES}, "
             f'or name it in a scene file with name = "…"'
         )
-    contents = read_meshes(path)
-    meshes, notes = list(contents.meshes), list(contents.notes)
-    if contents.lights:
+    scene = read_meshes(path)
+    meshes, notes = list(scene.meshes), list(scene.notes)
+    if scene.lights:
         notes.append(f"{path.name}: glTF gives lights no size: their shadows are hard")
     if up is None and path.suffix.lower() in WITHOUT_UP:
-        notes.append(assumed_up_note(path.name))
+        notes.append(f"no up axis in {path.name}: assumed y; --up z takes z")
     if up == "z":
         meshes = [replace(mesh, vertices=mesh.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0] + 0.0) for mesh in meshes]
     bounds = mesh_bounds(meshes, path.name)
@@ -78,7 +78,7 @@ def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
     if ground is not None:
         meshes.append(ground[0])
         notes.append(ground[1])
-    scene = Scene(name, tuple(meshes), contents.cameras, contents.lights, tuple(notes), contents.dropped, ground)
+    scene = replace(scene, name=name, meshes=tuple(meshes), notes=tuple(notes), ground=ground)
     return with_assumptions(scene, bounds, path.name)
 
 
@@ -89,32 +89,24 @@ def builtin_names() -> list[str]:
 
 def hard_names() -> list[str]:
     """Sorted names of the built-in scenes whose lights have no size."""
-    return [name for name in builtin_names() if not any(light.soft for light in _builtin_lights(name))]
+    return [name for name in builtin_names() if not any(light.soft for light in _builtin(name).lights(name))]
 
 
 def builtin_about(name: str) -> str:
     """One line on what a built-in scene tests. Raises InputError for an unknown name."""
     if name not in builtin_names():
         raise InputError(f"{name!r:.60} {_not_builtin(name)}")
-    return read_document(data_folder("scenes") / f"{name}.toml").about
+    return _builtin(name).about
 
 
 def builtin_light(name: str) -> str:
     """The kinds of a built-in scene's lights: `directional`, or `directional, soft` for one with a size."""
-    kinds = [f"{light.kind}, soft" if light.soft else light.kind for light in _builtin_lights(name)]
+    kinds = [f"{light.kind}, soft" if light.soft else light.kind for light in _builtin(name).lights(name)]
     return "; ".join(dict.fromkeys(kinds))
 
 
-def _builtin_lights(name: str) -> tuple[Light, ...]:
-    return tuple(read_lights(read_document(data_folder("scenes") / f"{name}.toml"), name))
-
-
-def _is_utf8(text: str) -> bool:
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
+def _builtin(name: str) -> SceneFile:
+    return read_document(data_folder("scenes") / f"{name}.toml")
 
 
 def _not_builtin(name: str) -> str:

@@ -13,8 +13,7 @@ from shadowbench.scenes.polygons import Integers
 
 LONGEST_LINE = 100_000
 """Limit in bytes: enough for a polygon of thousands of corners."""
-BLANKS = b" \t\v\f"
-BLANK = np.isin(np.arange(256), np.frombuffer(BLANKS, dtype=np.uint8))
+BLANK = np.isin(np.arange(256), np.frombuffer(b" \t\v\f", dtype=np.uint8))
 INTEGER = re.compile(rb"[-+]?\d+")
 DECIMAL = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
@@ -22,25 +21,43 @@ DECIMAL = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infi
 class Lines(NamedTuple):
     """The non-empty lines of a text. starts, ends: (L,) byte offsets, without leading blanks.
 
-    file: the same bytes before continued lines were joined, to count line numbers.
+    file: the same bytes before continued lines were joined, to count line numbers; where: the beginning of errors.
     """
 
     text: bytes
     file: bytes
     starts: Integers
     ends: Integers
+    where: str
 
     def select(self, which: NDArray[np.bool_] | slice, skip: int = 0) -> "Lines":
         """The chosen lines, without their first `skip` bytes."""
         return self._replace(starts=self.starts[which] + skip, ends=self.ends[which])
 
-    def line(self, k: int) -> bytes:
+    def line(self, k: int) -> str:
         """The text of a line."""
-        return self.text[self.starts[k] : self.ends[k]]
+        return self.text[self.starts[k] : self.ends[k]].decode("utf-8", errors="replace")
 
-    def number(self, k: int) -> int:
-        """The line's number in the file, from 1."""
-        return 1 + self.file.count(b"\n", 0, int(self.starts[k]))
+    def begin_with(self, keyword: str) -> NDArray[np.bool_]:
+        """(L,) whether the first word of each line is the keyword, in upper or lower case."""
+        letters = np.frombuffer(self.text, dtype=np.uint8)
+        after = letters.take(self.starts + len(keyword), mode="clip")
+        found: NDArray[np.bool_] = BLANK[after] | (after == ord("\n"))
+        for k, letter in enumerate(keyword):
+            found &= (letters.take(self.starts + k, mode="clip") | 32) == ord(letter)
+        return found
+
+    def error(self, k: int, message: str) -> InputError:
+        """An error with the number of line k in the file."""
+        number = 1 + self.file.count(b"\n", 0, int(self.starts[k]))
+        return InputError(f"{self.where}: line {number}: {message}")
+
+    def check(self, valid: NDArray[np.bool_], counts: Integers, needed: object) -> None:
+        """Raise the error of the first line with a wrong count of numbers."""
+        if not valid.all():
+            k = int(valid.argmin())
+            wanted = needed[k] if isinstance(needed, np.ndarray) else needed
+            raise self.error(k, f"found {counts[k]} numbers; {wanted:g} are needed")
 
 
 class Rows(NamedTuple):
@@ -49,6 +66,12 @@ class Rows(NamedTuple):
     values: NDArray[Any]
     starts: Integers
     counts: Integers
+
+    @property
+    def vectors(self) -> NDArray[Any]:
+        """(L, 3) the first three numbers of each line."""
+        vectors: NDArray[Any] = self.values[self.starts[:, None] + np.arange(3)]
+        return vectors
 
 
 def with_newlines(data: bytes) -> bytes:
@@ -63,25 +86,22 @@ def without_comments(text: bytes) -> bytes:
 
 def lines_of(text: bytes, where: str, file: bytes | None = None) -> Lines:
     """The non-empty lines of a text that ends with a newline. Raises InputError for too long lines and NUL bytes."""
-    file = text if file is None else file
-    nul = text.find(b"\0")
-    if nul >= 0:
-        line = 1 + file.count(b"\n", 0, nul)
-        raise InputError(f"{where}: line {line}: found a NUL byte; allowed is text in ASCII or UTF-8")
     letters = np.frombuffer(text, dtype=np.uint8)
     ends = np.flatnonzero(letters == ord("\n"))
     starts = np.concatenate([[0], ends[:-1] + 1])
+    lines = Lines(text, text if file is None else file, starts, ends, where)
+    if (nul := text.find(b"\0")) >= 0:
+        raise lines.error(int(np.searchsorted(ends, nul)), "found a NUL byte; allowed is text in ASCII or UTF-8")
     if len(ends) and int((ends - starts).max()) > LONGEST_LINE:
         raise InputError(f"{where}: a line of more than {LONGEST_LINE} bytes; allowed are shorter ones")
     indented = np.flatnonzero(BLANK[letters[starts]])
     while len(indented):
         starts[indented] += 1
         indented = indented[BLANK[letters[starts[indented]]]]
-    nonempty = starts < ends
-    return Lines(text, file, starts[nonempty], ends[nonempty])
+    return lines.select(starts < ends)
 
 
-def numbers(lines: Lines, where: str, integers: bool = False, dropped: bytes = b"") -> Rows:
+def numbers(lines: Lines, integers: bool = False, dropped: bytes = b"") -> Rows:
     """The float64 or int64 numbers of lines, after removing matches of the pattern `dropped`.
 
     Raises InputError with the line number and the word that is not a number.
@@ -102,15 +122,14 @@ def numbers(lines: Lines, where: str, integers: bool = False, dropped: bytes = b
     except (DeprecationWarning, ValueError):
         values = np.zeros(0)
     if len(values) != len(words):
-        raise _not_a_number(lines, text, INTEGER if integers else DECIMAL, where)
+        raise _not_a_number(lines, text, integers)
     return Rows(values, first[:-1], np.diff(first))
 
 
-def _not_a_number(lines: Lines, text: bytes, pattern: re.Pattern[bytes], where: str) -> InputError:
-    allowed = "integers" if pattern is INTEGER else "numbers"
+def _not_a_number(lines: Lines, text: bytes, integers: bool) -> InputError:
+    allowed = "integers" if integers else "numbers"
     for k, line in enumerate(text.split(b"\n")):
         for word in line.split():
-            if not pattern.fullmatch(word):
-                found = f"found {word.decode('utf-8', errors='replace')!r:.40}"
-                return InputError(f"{where}: line {lines.number(k)}: {found}; allowed: {allowed}")
-    return InputError(f"{where}: a line cannot be read as {allowed}")
+            if not (INTEGER if integers else DECIMAL).fullmatch(word):
+                return lines.error(k, f"found {word.decode('utf-8', errors='replace')!r:.40}; allowed: {allowed}")
+    return InputError(f"{lines.where}: a line cannot be read as {allowed}")

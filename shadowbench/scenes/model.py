@@ -3,6 +3,7 @@
 Right-handed, y up, cameras look along −z; metres, radians, float64. All classes are immutable.
 """
 
+import hashlib
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -26,6 +27,7 @@ SUN_RADIUS = float(np.radians(0.2665))
 """Mean angular radius of the sun, in radians."""
 NEAREST_TARGET = 1e-12
 """Least distance from a camera to its target, as a share of their coordinates, whose float64 precision is 2e-16."""
+GREY: Vec3 = (0.8, 0.8, 0.8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,7 @@ class Mesh:
     name: str
     vertices: Floats = field(repr=False)
     faces: NDArray[np.int32] = field(repr=False)
-    color: Vec3 = (0.8, 0.8, 0.8)
+    color: Vec3 = GREY
     casts: bool = True
     receives: bool = True
     planar: bool = False
@@ -148,24 +150,19 @@ class Scene:
     ground: tuple[Mesh, str] | None = None
 
     def __repr__(self) -> str:
-        """One line: name, number of triangles, and the names of the first meshes, cameras and lights."""
-        told = [f"{sum(len(mesh.faces) for mesh in self.meshes)} triangles"]
-        for what in ("meshes", "cameras", "lights"):
-            names = [one.name for one in getattr(self, what)]
-            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-            told.append(f"{what}: {', '.join(f'{name:.40}' for name in names[:3])}{more}")
-        return f"<Scene {self.name}: {'; '.join(told)}>"
+        triangles = sum(len(mesh.faces) for mesh in self.meshes)
+        parts = {"mesh(es)": self.meshes, "camera(s)": self.cameras, "light(s)": self.lights}
+        return f"<Scene {self.name}: {triangles} triangles, {', '.join(f'{len(parts[k])} {k}' for k in parts)}>"
 
     @cached_property
     def geometry(self) -> Geometry:
         """All meshes as one indexed triangle list."""
-        offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in self.meshes)])
+        offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in self.meshes[:-1])])
         counts = [len(mesh.faces) for mesh in self.meshes]
+        faces = [mesh.faces + offset for mesh, offset in zip(self.meshes, offsets, strict=True)]
         return Geometry(
             vertices=np.concatenate([mesh.vertices for mesh in self.meshes]),
-            faces=np.concatenate(
-                [mesh.faces + offset for mesh, offset in zip(self.meshes, offsets, strict=False)], dtype=np.int32
-            ),
+            faces=np.concatenate(faces, dtype=np.int32),
             casts=np.repeat([mesh.casts for mesh in self.meshes], counts),
             receives=np.repeat([mesh.receives for mesh in self.meshes], counts),
             planar=np.repeat([mesh.planar for mesh in self.meshes], counts),
@@ -201,25 +198,17 @@ class Placement:
 
     def camera(self, camera: Camera) -> Camera:
         """The camera in local coordinates."""
-        return replace(
-            camera,
-            position=vec3(self.points(camera.position)),
-            target=vec3(self.points(camera.target)),
-            near=None if camera.near is None else self.length(camera.near),
-            far=None if camera.far is None else self.length(camera.far),
-        )
+        position, target = (vec3(self.points(point)) for point in (camera.position, camera.target))
+        near, far = (None if plane is None else self.length(plane) for plane in (camera.near, camera.far))
+        return replace(camera, position=position, target=target, near=near, far=far)
 
     def light(self, light: Light) -> Light:
         """The light in local coordinates; the angular radius of a directional light is unchanged."""
         if light.kind == "directional":
             return light
-        width, height = light.size
-        return replace(
-            light,
-            position=vec3(self.points(light.position)),
-            radius=self.length(light.radius),
-            size=(self.length(width), self.length(height)),
-        )
+        width, height = (self.length(side) for side in light.size)
+        position, radius = vec3(self.points(light.position)), self.length(light.radius)
+        return replace(light, position=position, radius=radius, size=(width, height))
 
     def scene(self, scene: Scene) -> Scene:
         """The scene with all its meshes, cameras and lights in local coordinates."""
@@ -297,3 +286,15 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
             f"file names, take {taken} bytes together; allowed are {LONGEST_VIEW_NAME}"
         )
     return view
+
+
+def view_digest(view: View) -> str:
+    """Hex digest of a view's geometry, camera, light and size, without names."""
+    camera, light = view.camera, view.light
+    parts = (
+        view.scene.geometry.digest(),
+        (camera.position, camera.target, camera.up, camera.fov_y, camera.near, camera.far),
+        (light.kind, light.direction, light.position, light.angle, light.radius, light.size, light.up),
+        view.size,
+    )
+    return hashlib.sha256(repr(parts).encode()).hexdigest()

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import in_slices
-from shadowbench.scenes.triangles import FLATTEST, MOST_TRIANGLES
+from shadowbench.scenes.geometry import FLATTEST, MOST_TRIANGLES, in_slices
 from shadowbench.scenes.vectors import Floats
 
 Integers = NDArray[np.int64]

@@ -4,10 +4,9 @@ Not read by trimesh, which searches a text for its keywords, also in the names o
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.lines import BLANK, Lines, lines_of, numbers, with_newlines
+from shadowbench.scenes.lines import lines_of, numbers, with_newlines
 from shadowbench.scenes.polygons import Integers, Polygons
 from shadowbench.scenes.tables import MOST_COPIES
 from shadowbench.scenes.vectors import Floats
@@ -41,50 +40,30 @@ def read_stl(data: bytes, where: str) -> Polygons:
 def _solids(text: bytes, where: str) -> Polygons:
     """The triangles of a text STL."""
     lines = lines_of(text, where)
-    is_a = {keyword: _begin_with(lines, keyword) for keyword in KEYWORDS}
-    solids, ends = (np.flatnonzero(is_a[keyword]) for keyword in ("solid", "endsolid"))
+    is_a = {keyword: lines.begin_with(keyword) for keyword in KEYWORDS}
+    solids, ends, facet, vertex = (np.flatnonzero(is_a[kind]) for kind in ("solid", "endsolid", "facet", "vertex"))
     if len(solids) > MOST_COPIES:
         raise InputError(f"{where}: {len(solids)} solids; allowed are at most {MOST_COPIES}, or a binary file")
-    vertex, facet = np.flatnonzero(is_a["vertex"]), np.flatnonzero(is_a["facet"])
     outside = np.searchsorted(solids, facet) != np.searchsorted(ends, facet) + 1
     if len(solids) != len(ends) or (solids > ends).any() or (solids[1:] < ends[:-1]).any() or outside.any():
         raise InputError(f"{where}: cut short: a solid without its endsolid")
     unknown = np.flatnonzero(~np.any(list(is_a.values()), axis=0))
     if len(unknown) and unknown[0] < ends[-1]:
-        found = f"{lines.line(int(unknown[0])).decode('utf-8', errors='replace')!r:.40}"
-        raise InputError(f"{where}: line {lines.number(unknown[0])}: found {found}; allowed: {', '.join(KEYWORDS)}")
+        found = f"found {lines.line(unknown[0])!r:.40}"
+        raise lines.error(unknown[0], f"{found}; allowed: {', '.join(KEYWORDS)}")
     vertex_lines = lines.select(is_a["vertex"], skip=len("vertex"))
-    rows = numbers(vertex_lines, where)
-    if (wrong := rows.counts != 3).any():
-        k = int(wrong.argmax())
-        line = vertex_lines.number(k)
-        raise InputError(f"{where}: line {line}: found a vertex of {rows.counts[k]} numbers; allowed: 3")
-    following = np.append(facet[1:], len(lines.starts))
-    corners = np.searchsorted(vertex, following) - np.searchsorted(vertex, facet)
+    rows = numbers(vertex_lines)
+    vertex_lines.check(rows.counts == 3, rows.counts, 3)
+    corners = np.diff(np.searchsorted(vertex, facet), append=len(vertex))
     if (wrong := corners != 3).any() or len(vertex) != 3 * len(facet):
+        if not len(facet):
+            raise InputError(f"{where}: found no facet; at least one is needed")
         k = int(wrong.argmax())
-        at = (
-            f"line {lines.number(facet[k])}: found a facet of {corners[k]} vertices" if len(facet) else "found no facet"
-        )
-        raise InputError(f"{where}: {at}; allowed: facets of 3 vertices, each on a line")
-    names = tuple(_name(lines.line(line)) for line in solids.tolist())
+        raise lines.error(facet[k], f"found a facet of {corners[k]} vertices; allowed: 3, each on a line")
+    names = tuple(lines.line(k)[len("solid") :].strip() or None for k in solids.tolist())
     return _triangles(rows.values, np.searchsorted(solids, facet) - 1, names, [])
 
 
 def _triangles(corners: Floats, owners: Integers, names: tuple[str | None, ...], notes: list[str]) -> Polygons:
     corners, count = corners.reshape(-1, 3), len(owners)
     return Polygons(corners, np.arange(3 * count), np.full(count, 3), owners, names, notes)
-
-
-def _begin_with(lines: Lines, keyword: str) -> NDArray[np.bool_]:
-    """(L,) whether the first word of each line is a keyword, in upper or lower case."""
-    letters = np.frombuffer(lines.text + bytes(len(keyword)), dtype=np.uint8)
-    after = letters[lines.starts + len(keyword)]
-    found: NDArray[np.bool_] = BLANK[after] | (after == ord("\n"))
-    for k, letter in enumerate(keyword):
-        found &= (letters[lines.starts + k] | 32) == ord(letter)
-    return found
-
-
-def _name(line: bytes) -> str | None:
-    return line[len("solid") :].decode("utf-8", errors="replace").strip() or None

@@ -2,15 +2,16 @@
 
 import math
 import re
-from typing import Annotated, Literal, Self
+from collections.abc import Callable
+from typing import Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from shadowbench.errors import InputError, alternatives
+from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light
-from shadowbench.scenes.triangles import LARGEST
-from shadowbench.scenes.vectors import Vec3, vec3
-from shadowbench.strict import Strict, explain
+from shadowbench.scenes.vectors import Vec3
+from shadowbench.strict import Strict, validated
 
 MOST_COPIES = 50_000
 """Limit on the meshes of a scene, each copy counted."""
@@ -34,40 +35,17 @@ def _number(value: object) -> float:
     return float(value)
 
 
-def _three(value: object) -> Vec3:
-    if not isinstance(value, list | tuple) or len(value) != 3:
-        raise ValueError(f"found {value!r:.60}; allowed: three numbers")
-    return vec3([_number(part) for part in value])
+def _numbers(count: int, allowed: str, valid: Callable[[tuple[float, ...]], bool]) -> BeforeValidator:
+    """Reads a list of `count` numbers that are valid together."""
 
+    def read(value: object) -> tuple[float, ...]:
+        if isinstance(value, list | tuple) and len(value) == count:
+            numbers = tuple(_number(part) for part in value)
+            if valid(numbers):
+                return numbers
+        raise ValueError(f"found {value!r:.60}; allowed: {allowed}")
 
-def _direction(value: object) -> Vec3:
-    direction = _three(value)
-    if not any(direction):
-        raise ValueError("found three zeros; allowed: a direction")
-    return direction
-
-
-def _scale(value: object) -> Vec3:
-    scale = _three(value) if isinstance(value, list | tuple) else vec3([_number(value)] * 3)
-    if not all(scale):
-        raise ValueError(f"found {value!r:.60}; allowed: a number or three, none of them 0")
-    return scale
-
-
-def _size(value: object) -> tuple[float, float]:
-    if not isinstance(value, list | tuple) or len(value) != 2:
-        raise ValueError(f"found {value!r:.60}; allowed: two numbers, width and height")
-    width, height = (_number(part) for part in value)
-    if not (min(width, height) > 0.0 or width == height == 0.0):
-        raise ValueError(f"found {value!r:.60}; allowed: a width and a height above 0, or both 0 for a hard light")
-    return width, height
-
-
-def _color(value: object) -> Vec3:
-    color = _three(value)
-    if not all(0.0 <= channel <= 1.0 for channel in color):
-        raise ValueError(f"found {value!r:.60}; allowed: linear red, green, blue, each from 0 to 1")
-    return color
+    return BeforeValidator(read)
 
 
 def _name(value: object) -> str:
@@ -85,22 +63,35 @@ def name_from(text: str) -> str:
 
 
 Number = Annotated[float, BeforeValidator(_number)]
-Three = Annotated[Vec3, BeforeValidator(_three)]
-Direction = Annotated[Vec3, BeforeValidator(_direction)]
-Scale = Annotated[Vec3, BeforeValidator(_scale)]
-Size = Annotated[tuple[float, float], BeforeValidator(_size)]
-Color = Annotated[Vec3, BeforeValidator(_color)]
+Three = Annotated[Vec3, _numbers(3, "three numbers", lambda three: True)]
+Direction = Annotated[Vec3, _numbers(3, "a direction of three numbers, not three zeros", any)]
+Scale = Annotated[
+    Vec3,
+    _numbers(3, "a number or three, none of them 0", all),
+    BeforeValidator(lambda value: value if isinstance(value, list | tuple) else [value] * 3),
+]
+Size = Annotated[
+    tuple[float, float],
+    _numbers(
+        2,
+        "two numbers, a width and a height above 0, or both 0 for a hard light",
+        lambda size: min(size) > 0.0 or not any(size),
+    ),
+]
+Color = Annotated[
+    Vec3,
+    _numbers(3, "linear red, green, blue, each from 0 to 1", lambda color: min(color) >= 0.0 and max(color) <= 1.0),
+]
 Name = Annotated[str, BeforeValidator(_name)]
 Flag = Annotated[bool, Field(strict=True)]
+Text = Annotated[str, Field(min_length=1, strict=True)]
 
 
-class CameraTable(Strict):
-    """A `[camera]` table, in degrees and metres."""
-
+class _Camera(Strict):
     name: Name | None = None
     position: Three
     target: Three
-    fov_y: Number = Field(36.0, ge=NARROWEST, lt=180.0)
+    fov_y: Number = Field(36.0, ge=NARROWEST, lt=180.0)  # degrees
     up: Direction = (0.0, 1.0, 0.0)
     near: Number | None = Field(None, gt=0.0)
     far: Number | None = Field(None, gt=0.0)
@@ -114,83 +105,60 @@ class CameraTable(Strict):
         return self
 
 
-class DirectionalTable(Strict):
-    """A directional `[light]`; angular_radius in degrees."""
-
+class _Light(Strict):
     name: Name | None = None
-    kind: Literal["directional"]
+    kind: str
+
+
+class _Directional(_Light):
     direction: Direction
-    angular_radius: Number = Field(0.0, ge=0.0, lt=WIDEST_SUN)
+    angular_radius: Number = Field(0.0, ge=0.0, lt=WIDEST_SUN)  # degrees
 
 
-class SpotTable(Strict):
-    """A spot `[light]`; angle: full cone angle in degrees; radius in metres."""
-
-    name: Name | None = None
-    kind: Literal["spot"]
-    position: Three
-    direction: Direction
-    angle: Number = Field(gt=0.0, le=WIDEST_CONE)
-    radius: Number = Field(0.0, ge=0.0)
-
-
-class PointTable(Strict):
-    """A point `[light]`; radius in metres."""
-
-    name: Name | None = None
-    kind: Literal["point"]
+class _Point(_Light):
     position: Three
     radius: Number = Field(0.0, ge=0.0)
 
 
-class DiscTable(Strict):
-    """A disc `[light]`, which shines to the side of `direction`; radius in metres."""
-
-    name: Name | None = None
-    kind: Literal["disc"]
-    position: Three
+class _Disc(_Point):
     direction: Direction
-    radius: Number = Field(0.0, ge=0.0)
 
 
-class RectangleTable(Strict):
-    """A rectangle `[light]`, which shines to the side of `direction`; size: width and height in metres."""
+class _Spot(_Disc):
+    angle: Number = Field(gt=0.0, le=WIDEST_CONE)  # of the full cone, degrees
 
-    name: Name | None = None
-    kind: Literal["rectangle"]
+
+class _Rectangle(_Light):
     position: Three
     direction: Direction
     up: Direction = (0.0, 1.0, 0.0)
     size: Size = (0.0, 0.0)
 
 
-LightTable = DirectionalTable | SpotTable | PointTable | DiscTable | RectangleTable
-LIGHT_TABLES: dict[str, type[LightTable]] = {
-    "directional": DirectionalTable,
-    "spot": SpotTable,
-    "point": PointTable,
-    "disc": DiscTable,
-    "rectangle": RectangleTable,
-}
+LIGHT_TABLES: dict[str, type[_Light]] = {
+    "directional": _Directional, "spot": _Spot, "point": _Point, "disc": _Disc, "rectangle": _Rectangle,
+}  # fmt: skip
 
 
-class RepeatTable(Strict):
-    """Repetition of a mesh: `count` copies including the original, each translated by `step` from the previous one."""
-
+class _Repeat(Strict):
     count: int = Field(ge=1, le=MOST_COPIES, strict=True)
     step: Three
 
 
 class MeshTable(Strict):
-    """A `[[mesh]]` table, without the parameters of its shape."""
+    """A `[[mesh]]` table, without the parameters of its shape.
+
+    repeat: `count` copies including the original, each translated by `step` from the previous one, in one or two
+    directions.
+    """
 
     name: Name | None = None
-    file: str | None = Field(None, min_length=1, strict=True)
-    shape: str | None = Field(None, min_length=1, strict=True)
+    file: Text | None = None
+    shape: Text | None = None
     scale: Scale = (1.0, 1.0, 1.0)
     rotate: Three = (0.0, 0.0, 0.0)
     translate: Three = (0.0, 0.0, 0.0)
-    repeat: Annotated[list[RepeatTable], BeforeValidator(lambda v: [v] if isinstance(v, dict) else v)] = Field(
+    repeat: Annotated[list[_Repeat], BeforeValidator(lambda v: [v] if isinstance(v, dict) else v)] = Field(
         [], max_length=2
     )
     color: Color | None = None
@@ -207,19 +175,8 @@ class MeshTable(Strict):
 
 def camera_from_table(table: object, where: str, default_name: str = "camera") -> Camera:
     """The camera of a table in a scene or study file. Raises InputError that begins with `where`."""
-    try:
-        row = CameraTable.model_validate(table)
-    except ValidationError as error:
-        raise explain(where, error) from error
-    return Camera(
-        name=row.name or default_name,
-        position=row.position,
-        target=row.target,
-        fov_y=math.radians(row.fov_y),
-        up=row.up,
-        near=row.near,
-        far=row.far,
-    )
+    row = validated(_Camera, table, where)
+    return Camera(**{**dict(row), "name": row.name or default_name, "fov_y": math.radians(row.fov_y)})
 
 
 def light_from_table(table: object, where: str, default_name: str = "light") -> Light:
@@ -228,13 +185,10 @@ def light_from_table(table: object, where: str, default_name: str = "light") -> 
     if not isinstance(kind, str) or kind not in LIGHT_TABLES:
         found = "none" if kind is None else f"{kind!r:.60}"
         raise InputError(f"{where}: kind: found {found}{alternatives(kind, LIGHT_TABLES)}")
-    try:
-        row = LIGHT_TABLES[kind].model_validate(table)
-    except ValidationError as error:
-        raise explain(where, error) from error
-    values = {field: value for field, value in row if field in Light.__dataclass_fields__}
-    if isinstance(row, DirectionalTable):
-        values["radius"] = math.radians(row.angular_radius)
-    if isinstance(row, SpotTable):
+    row = validated(LIGHT_TABLES[kind], table, where)
+    values: dict[str, Any] = {**dict(row), "name": row.name or default_name}
+    if isinstance(row, _Directional):
+        values["radius"] = math.radians(values.pop("angular_radius"))
+    if isinstance(row, _Spot):
         values["angle"] = math.radians(row.angle)
-    return Light(**{**values, "name": row.name or default_name})
+    return Light(**values)

@@ -5,11 +5,19 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shadowbench.scores.masks import ThresholdedMask, squared_distance
 from shadowbench.scores.prepared import PreparedTruth
-from shadowbench.scores.ssim import INSIDE, ssim_map
 from shadowbench.scores.sums import mean
-from shadowbench.scores.thresholded import ThresholdedMask, squared_distance
 from shadowbench.scores.widths import FEWEST
+
+# The window, constants and border of scikit-image's `structural_similarity(gaussian_weights=True, sigma=1.5,
+# use_sample_covariance=False, data_range=1)`, to which SSIM is equal if every pixel is valid.
+RADIUS = 5  # int(3.5 sigma + ½)
+C1, C2 = 0.01**2, 0.03**2
+INSIDE = (slice(RADIUS, -RADIUS), slice(RADIUS, -RADIUS))
+"""Pixels whose window lies inside the image; only these have a SSIM."""
+_gaussian = np.exp(-0.5 * (np.arange(-RADIUS, RADIUS + 1) / 1.5) ** 2)
+WEIGHTS = tuple(map(float, _gaussian / _gaussian.sum()))
 
 
 class Comparison(ThresholdedMask):
@@ -42,14 +50,10 @@ class Comparison(ThresholdedMask):
 
         The image's diagonal, once, if only one of them has an edge.
         """
-        prepared = self.truth
-        mask_to_truth = prepared.squared_edge_distance[self.edge]
-        truth_to_mask = self._around_edge[1]
-        if mask_to_truth.size == 0 and truth_to_mask.size == 0:
-            return None
-        if mask_to_truth.size == 0 or truth_to_mask.size == 0:
-            return np.array([prepared.image_diagonal])
-        pooled: NDArray[np.float64] = np.sqrt(np.concatenate([mask_to_truth, truth_to_mask]), dtype=np.float64)
+        both = self.truth.squared_edge_distance[self.edge], self._around_edge[1]
+        if not all(squared.size for squared in both):
+            return np.array([self.truth.image_diagonal]) if any(squared.size for squared in both) else None
+        pooled: NDArray[np.float64] = np.sqrt(np.concatenate(both), dtype=np.float64)
         return pooled
 
     @property
@@ -60,9 +64,11 @@ class Comparison(ThresholdedMask):
 
     @cached_property
     def mean_ssim(self) -> tuple[float | None, float | None]:
-        """Mean SSIM over valid pixels whose window lies inside the image, and over those in the truth's edge zone."""
+        """Mean SSIM (Wang et al. 2004) over valid pixels INSIDE, and over those in the truth's edge zone."""
+        from shadowbench.scores import loops
+
         truth = self.truth
-        similarity = ssim_map(self.visibility, truth.visibility, truth.valid)
+        similarity = loops.ssim_map(self.visibility, truth.visibility, truth.valid, WEIGHTS, C1, C2)
         return mean(similarity, truth.valid[INSIDE]), mean(similarity, truth.edge_zone[INSIDE])
 
     @cached_property
@@ -72,12 +78,19 @@ class Comparison(ThresholdedMask):
         return None if across is None else across.widths_of(self.visibility)
 
     @property
-    def width_bias(self) -> float | None:
-        """Median log₂ of the mask's over the truth's widths, above 0 where too wide; None where `width` is."""
+    def width_ratios(self) -> NDArray[np.float64] | None:
+        """(C,) log₂ of the mask's over the truth's widths, above 0 where too wide; None if unknown or too few."""
         across, widths = self.truth.crossings, self.penumbra_widths
         if across is None or widths is None or len(widths) < FEWEST:
             return None
-        return float(np.median(np.log2(widths / across.width)))
+        ratios: NDArray[np.float64] = np.log2(widths / across.width)
+        return ratios
+
+    @property
+    def width_bias(self) -> float | None:
+        """Median of `width_ratios`; None where they are."""
+        ratios = self.width_ratios
+        return None if ratios is None else float(np.median(ratios))
 
     @cached_property
     def hardening(self) -> tuple[float, float] | None:

@@ -1,4 +1,4 @@
-"""Gradients of visibility over valid pixels, and variation along the isolines of a penumbra."""
+"""Smooth gradients of visibility, and variation along the isolines of a penumbra."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,6 @@ SMOOTHING = 1.5  # px, σ of the Gaussian over which the direction of a gradient
 REACH = 3  # px along the isoline to either side
 STRAIGHT = np.float32(np.cos(np.radians(30)))  # least cosine between the gradients at a segment's middle and ends
 FLAT = 1e-6  # change of visibility per pixel up to which a gradient has no direction
-
-
-def step_squared(visibility: Single, valid: Mask) -> Single:
-    """(H, W) squared gradient by central differences, per pixel; along an axis only where both neighbours are valid."""
-    from shadowbench.scores import loops
-
-    squared: Single = loops.step_squared(visibility, valid)
-    return squared
 
 
 def smooth_gradient(visibility: Single, valid: Mask) -> Single:
@@ -36,10 +28,8 @@ def smooth_gradient(visibility: Single, valid: Mask) -> Single:
 class Isolines:
     """Segments of REACH pixels to either side of P pixels of a penumbra, along which the truth's isolines are straight.
 
-    Where isolines curve within that length, as around pinholes, a segment leaves its isoline and any smooth error, such
-    as a blur, varies along it.
-
-    rows, columns: (P,) pixels; tangent: (2, P) unit vectors along the segments, in rows and columns.
+    Where they curve, as around pinholes, any smooth error, such as a blur, varies along a segment. rows, columns: (P,)
+    pixels; tangent: (2, P) unit vectors along the segments, in rows and columns.
     """
 
     rows: NDArray[np.int32]
@@ -54,8 +44,7 @@ class Isolines:
         rows, columns = (index.astype(np.int32) for index in np.nonzero(penumbra & (np.hypot(*gradient) > FLAT)))
         down, right = gradient[:, rows, columns]
         tangent = np.stack([-right, down]) / np.hypot(down, right)
-        everywhere = np.ones(penumbra.shape, bool)
-        straight = loops.straight(gradient, everywhere, rows, columns, tangent, np.float32(REACH), STRAIGHT)
+        straight = loops.straight(gradient, rows, columns, tangent, np.float32(REACH), STRAIGHT)
         return cls(rows[straight], columns[straight], np.ascontiguousarray(tangent[:, straight]))
 
     def variance(self, values: Single, valid: Mask, known: Single) -> float | None:

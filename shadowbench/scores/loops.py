@@ -7,7 +7,7 @@ NumPy, so that results are equal to the last bit.
 import numba
 import numpy as np
 
-from shadowbench.compiled import compile_once, compiled
+from shadowbench.compiled import compiled
 
 _TILE = (32, 128)  # windows whose sums, in float64, fit into the processor's cache
 
@@ -78,11 +78,13 @@ def _window_sums(image, weights, column, sums, height, width):  # type: ignore[n
 
 @compiled(error_model="numpy")  # 0/0 in windows without a valid pixel
 def ssim_map(values, truth, valid, weights, c1, c2):  # type: ignore[no-untyped-def]
-    """See `ssim.ssim_map`; the `weights` of a window's rows and columns are symmetric.
+    """SSIM of float32 `values` and `truth` (H, W) in [0, 1] over the `valid` (H, W) pixels of windows inside the image.
 
-    They are a tuple, whose length is known when the loop is compiled: it is seven times as fast as with an array. Sums
-    are in float64, because a variance is a difference of nearly equal numbers and `c2` is small: float32 would be off
-    by 1e-4 in a flat region.
+    Returns float32, empty for an image smaller than a window; NaN for windows without a valid pixel, whose centres are
+    invalid too. The weights of a window's valid pixels are rescaled to sum to 1, since filling in the invalid ones with
+    any value would change the score. `weights`, of rows and columns, are symmetric and a tuple, whose length is known
+    when the loop is compiled: it is seven times as fast as with an array. Sums are in float64, because a variance is a
+    difference of nearly equal numbers and `c2` is small: float32 would be off by 1e-4 in a flat region.
     """
     border = len(weights) - 1
     rows, columns = max(valid.shape[0] - border, 0), max(valid.shape[1] - border, 0)
@@ -143,7 +145,7 @@ def greatest(values, reach):  # type: ignore[no-untyped-def]
 
 @compiled()
 def step_squared(values, valid):  # type: ignore[no-untyped-def]
-    """See `isolines.step_squared`."""
+    """(H, W) squared gradient by central differences, per pixel; along an axis only where both neighbours are valid."""
     height, width = values.shape
     squared, half = np.zeros((height, width), np.float32), np.float32(0.5)
     for y in range(height):
@@ -178,13 +180,13 @@ def sample(values, valid, row, column):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def straight(gradient, valid, rows, columns, tangent, reach, least):  # type: ignore[no-untyped-def]
+def straight(gradient, rows, columns, tangent, reach, least):  # type: ignore[no-untyped-def]
     """(P,) whether the gradients (2, H, W) at both ends of segments have about the direction of those in the middle.
 
     rows, columns: (P,) pixels in the middle; tangent: (2, P) unit vectors along the segments, `reach` pixels long to
-    either side; least: cosine of the angle between the gradients; valid: (H, W), True.
+    either side; least: cosine of the angle between the gradients.
     """
-    found = np.ones(len(rows), np.bool_)
+    found, valid = np.ones(len(rows), np.bool_), np.ones(gradient.shape[1:], np.bool_)
     for i in range(len(rows)):
         down, right = gradient[0, rows[i], columns[i]], gradient[1, rows[i], columns[i]]
         length = np.sqrt(down * down + right * right)
@@ -220,18 +222,3 @@ def variances_along(values, valid, rows, columns, tangent, reach):  # type: igno
         away = np.float64(here - (here + total) / number)
         squares[i] = away * away * number / (number - one) if number > 2 else np.nan
     return squares
-
-
-def _compile() -> None:
-    image, pixels = np.zeros((1, 1), np.float32), np.ones((1, 1), bool)
-    segments = np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((2, 1), np.float32)
-    squared_distance(pixels)
-    ssim_map(image, image, pixels, 11 * (1.0,), 1.0, 1.0)
-    greatest(image, 0)
-    greatest(pixels.view(np.uint8), 0)
-    step_squared(image, pixels)
-    straight(np.zeros((2, 1, 1), np.float32), pixels, *segments, np.float32(1), np.float32(1))
-    variances_along(image, pixels, *segments, 1)
-
-
-compile_once(_compile)

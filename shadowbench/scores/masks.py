@@ -1,9 +1,10 @@
-"""Visibility masks as 16-bit levels, so that scored and stored values are the same."""
+"""Visibility masks: as 16-bit levels, so that scored and stored values are the same, and as shadow, light and edges."""
 
 import hashlib
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +19,15 @@ OVERSHOOT = 1e-6  # rounding in a shader may exceed [0, 1] by this much; more is
 
 # A 16-bit grey PNG opens as "I;16", in older Pillow as "I".
 _FULL_SCALE = {"L": 255, "I;16": LEVELS, "I": LEVELS}
+NOWHERE = np.iinfo(np.int32).max
+"""Squared distance to an empty set."""
 
 
 def quantise(visibility: ArrayLike) -> NDArray[np.float32]:
-    """Round visibility to the 65536 levels k/65535 of a 16-bit PNG; idempotent.
+    """Visibility (H, W) of any real dtype, rounded to the levels k/65535 of a 16-bit PNG: float32 in [0, 1].
 
-    visibility: (H, W), any real dtype, 1 lit and 0 in shadow; clipped to [0, 1] if at most 1e-6 outside.
-    Returns (H, W) float32 in [0, 1]. Raises ValueError (one line, with the number of pixels) for NaN, infinity and
-    values further outside, and for other shapes.
+    Values at most 1e-6 outside [0, 1] are clipped. Raises ValueError for NaN, infinity, values further outside, and
+    other shapes.
     """
     return _from_levels(_levels(visibility), LEVELS)
 
@@ -117,3 +119,54 @@ def _from_levels(levels: NDArray[np.integer], full: int) -> NDArray[np.float32]:
     # 255 divides 65535, so an 8-bit mask lies on the 16-bit levels and quantising it changes nothing.
     visibility: NDArray[np.float32] = np.divide(levels, np.float32(full), dtype=np.float32)
     return visibility
+
+
+class ThresholdedMask:
+    """Quantised visibility (H, W) in [0, 1], and its shadow and lit pixels among the `valid` (H, W) ones.
+
+    Derived arrays are computed on first use and kept. Raises ValueError as `quantise` does.
+    """
+
+    def __init__(self, visibility: ArrayLike, valid: NDArray[np.bool_]) -> None:
+        self.visibility: NDArray[np.float32] = np.ascontiguousarray(quantise(visibility))  # for compiled loops
+        self.valid = np.ascontiguousarray(valid)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width in pixels."""
+        height, width = self.visibility.shape
+        return height, width
+
+    @cached_property
+    def shadow(self) -> NDArray[np.bool_]:
+        """Valid pixels with visibility < ½."""
+        return self.valid & (self.visibility < 0.5)
+
+    @cached_property
+    def lit(self) -> NDArray[np.bool_]:
+        """Valid pixels with visibility ≥ ½."""
+        return self.valid & ~self.shadow
+
+    @cached_property
+    def edge(self) -> NDArray[np.bool_]:
+        """Shadow pixels with a lit pixel among their four neighbours.
+
+        The borders of invalid pixels and of the image are no edges. Edge pixels lie on one side only, so that a
+        straight edge shifted by k pixels is exactly k away.
+        """
+        lit, beside_lit = self.lit, np.zeros_like(self.lit)
+        beside_lit[1:] |= lit[:-1]
+        beside_lit[:-1] |= lit[1:]
+        beside_lit[:, 1:] |= lit[:, :-1]
+        beside_lit[:, :-1] |= lit[:, 1:]
+        return np.logical_and(self.shadow, beside_lit, out=beside_lit)
+
+
+def squared_distance(to: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """(H, W) int32 squared Euclidean distance in pixels from each pixel to the nearest in `to`, NOWHERE if empty."""
+    if not to.any():
+        return np.full(to.shape, NOWHERE, np.int32)
+    from shadowbench.scores import loops
+
+    squared: NDArray[np.int32] = loops.squared_distance(to)
+    return squared

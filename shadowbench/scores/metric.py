@@ -1,10 +1,15 @@
 """What a metric is: a function of a mask and its truth, with what reports and checks need to know of its values."""
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from shadowbench.scores.comparison import Comparison
+
+Function = Callable[[Comparison], float | None]
+Better = Literal["higher", "lower", "near 0", "near 1"]
+Kind = Literal["hard", "soft", "both"]
 
 
 @dataclass(frozen=True)
@@ -17,9 +22,9 @@ class Metric:
     """
 
     name: str
-    function: Callable[[Comparison], float | None]
-    better: Literal["higher", "lower", "near 0", "near 1"]
-    kind: Literal["hard", "soft", "both"]
+    function: Function
+    better: Better
+    kind: Kind
     help: str
     tolerance: float = 0.001
     resolution: Literal["truth_error", "truth_error_pen"] | None = None
@@ -32,10 +37,7 @@ class Metric:
         return f"1 − {self.label}" if self.better == "higher" else self.label
 
     def suits(self, soft: bool) -> bool:
-        """Whether it is shown of hard shadows, or of soft ones: of those, not what is made for hard edges alone.
-
-        Those of hard edges that have targets are: recommendations may ask for them of any shadow.
-        """
+        """Whether it is shown of hard shadows, or of soft ones: of those, what recommendations may ask for too."""
         return not soft or self.kind != "hard" or bool(self.targets)
 
     def error(self, value: float) -> float:
@@ -73,3 +75,18 @@ class Metric:
             return after - before
         ideal = 0.0 if self.better == "near 0" else 1.0
         return abs(after - ideal) - abs(before - ideal)
+
+
+METRICS: dict[str, Metric] = {}
+"""All metrics by name, in the order of the columns."""
+
+
+def metric(better: Better, kind: Kind, **given: Any) -> Callable[[Function], Function]:
+    """Decorator: add a function to METRICS, with its docstring as help; given: further fields of `Metric`."""
+
+    def add(function: Function) -> Function:
+        name, help = function.__name__, " ".join((inspect.getdoc(function) or "").split())
+        METRICS[name] = Metric(name, function, better, kind, help, **given)
+        return function
+
+    return add

@@ -1,20 +1,241 @@
-"""The table of metrics, and all of them at once.
+"""The metrics, and all of them at once.
 
-A metric is a function of a Comparison that returns a number, or None if its denominator is 0.
+A metric is a function of a Comparison that returns a number, or None if its denominator is 0. Its docstring is its help
+in `list` and in the documentation. The truth of a soft shadow is sampled: its mean variance is taken off.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from shadowbench.errors import MetricError, message, quoted
-from shadowbench.scores import mask_metrics as masks
-from shadowbench.scores import soft_metrics as soft
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.scores.metric import METRICS as METRICS
+from shadowbench.scores.metric import Metric, metric
+from shadowbench.scores.prepared import PENUMBRA, PreparedTruth
+from shadowbench.scores.sums import Mask, Single, mean, mean_of, overlap, ratio, share, total_of
+
+FLAT_STEP = 0.1  # share of the truth's step, and of the mask's own nearby, below which a mask is flat
+NEARBY_PX = 8  # along rows and columns, how far a flat step may be from the edge to the next
+
+
+@metric("higher", "hard", label="IoU", targets=(0.95, 0.99, 0.999))
+def iou(comparison: Comparison) -> float | None:
+    """Intersection over union of the shadows (visibility < 0.5). Errors are given as 1 − IoU."""
+    return overlap(comparison.shadow, comparison.truth.shadow)  # Jaccard 1901
+
+
+@metric("higher", "soft")
+def iou_soft(comparison: Comparison) -> float | None:
+    """Intersection over union of the shadows, with pixels weighted by their darkness (1 − visibility)."""
+    # Ruzicka 1958
+    images = comparison.truth.valid, comparison.visibility, comparison.truth.visibility
+    greater = total_of(lambda mask, truth: 1 - np.minimum(mask, truth), *images)
+    lesser = total_of(lambda mask, truth: 1 - np.maximum(mask, truth), *images)
+    return ratio(lesser, greater)
+
+
+@metric("higher", "hard")
+def boundary_iou(comparison: Comparison) -> float | None:
+    """Intersection over union of the strips inside the shadows' edges, 2% of the image's diagonal wide. Comparable
+    across shadow sizes.
+    """
+    # Cheng et al. 2021, "Boundary IoU". The strip's width is Euclidean, where their code erodes with a square; both
+    # agree on edges along rows and columns.
+    return overlap(comparison.boundary, comparison.truth.boundary)
+
+
+@metric("higher", "both")
+def ssim(comparison: Comparison) -> float | None:
+    """Structural similarity (σ = 1.5 px) over scored pixels. Large lit areas raise it, and it prefers a displaced edge
+    to a blurred one: read it beside ssim_edge and edge_px.
+    """
+    return comparison.mean_ssim[0]  # of the pixels whose window is inside the image; Wang et al. 2004
+
+
+@metric("higher", "both")
+def ssim_edge(comparison: Comparison) -> float | None:
+    """Structural similarity within 8 px of a true edge: independent of the size of lit areas."""
+    return comparison.mean_ssim[1]
+
+
+@metric("lower", "both")
+def mae(comparison: Comparison) -> float | None:
+    """Mean absolute error of visibility, against the truth at pixel centres."""
+    return mean_of(_error, comparison.truth.valid, comparison.visibility, comparison.truth.visibility)
+
+
+@metric("lower", "both")
+def mae_area(comparison: Comparison) -> float | None:
+    """Mean absolute error of visibility, against the truth averaged over each pixel: correct antialiasing is not an
+    error.
+    """
+    return mean_of(_error, comparison.truth.valid, comparison.visibility, comparison.truth.area)
+
+
+@metric("lower", "both")
+def mae_lit(comparison: Comparison) -> float | None:
+    """Mean absolute error of visibility, weighted by N·L, as in diffuse shading."""
+    truth = comparison.truth
+    images = comparison.visibility, truth.visibility, truth.cosine
+    weighted = total_of(lambda mask, exact, cosine: _error(mask, exact) * cosine, truth.valid, *images)
+    return ratio(weighted, truth.cosine_sum)
+
+
+@metric("lower", "hard")
+def acne(comparison: Comparison) -> float | None:
+    """Of the lit interior (at least 4 px from shadow and undecided pixels), the share that is in shadow."""
+    return share(comparison.shadow, comparison.truth.lit_interior)
+
+
+@metric("lower", "both")
+def acne_soft(comparison: Comparison) -> float | None:
+    """Mean of how much darker the lit interior is than it should be: includes acne that a filter lightens beyond
+    half.
+    """
+    images = comparison.truth.visibility, comparison.visibility
+    return mean_of(lambda truth, mask: np.maximum(truth - mask, 0), comparison.truth.lit_interior, *images)
+
+
+@metric("lower", "hard")
+def leak(comparison: Comparison) -> float | None:
+    """Of the shadow's interior (at least 4 px from light and undecided pixels), the share that is lit."""
+    return share(comparison.lit, comparison.truth.shadow_interior)
+
+
+@metric("lower", "hard")
+def contact(comparison: Comparison) -> float | None:
+    """Of the shadow within 2% of the scene's diagonal of its occluder, the share that is lit (peter-panning)."""
+    return share(comparison.lit, comparison.truth.contact)
+
+
+@metric("lower", "hard", tolerance=0.05, label="edge", targets=(1.0, 0.5, 0.25))
+def edge_px(comparison: Comparison) -> float | None:
+    """Mean distance in pixels between the edges of mask and truth, averaged over both directions; the image's diagonal
+    if only one of them has edges.
+    """
+    distances = comparison.edge_distances
+    return None if distances is None else float(distances.mean())
+
+
+@metric("lower", "hard", tolerance=0.5)
+def edge_p95(comparison: Comparison) -> float | None:
+    """95th percentile of the distances in pixels between the edges of mask and truth: the worst parts."""
+    distances = comparison.edge_distances
+    return None if distances is None else float(np.percentile(distances, 95))
+
+
+@metric("lower", "both", resolution="truth_error", label="RMSE", targets=(0.05, 0.02, 0.01))
+def rmse(comparison: Comparison) -> float | None:
+    """Root mean square error of visibility, the truth's own error taken off. Ranks soft shadows."""
+    return _rmse(comparison, comparison.truth.valid, comparison.truth.mean_variance)
+
+
+@metric("lower", "soft", resolution="truth_error_pen")
+def rmse_pen(comparison: Comparison) -> float | None:
+    """Root mean square error of visibility in the penumbra, the truth's own error taken off. The penumbra is where the
+    true visibility is between 0.02 and 0.98, and 2 px around it.
+    """
+    return _rmse(comparison, comparison.truth.penumbra, comparison.truth.mean_variance_pen)
+
+
+@metric("near 0", "soft")
+def bias_pen(comparison: Comparison) -> float | None:
+    """Mean error of visibility in the penumbra, above 0 where the mask is too light."""
+    truth = comparison.truth
+    return mean_of(np.subtract, truth.penumbra, comparison.visibility, truth.visibility)
+
+
+@metric("lower", "both")
+def bleed(comparison: Comparison) -> float | None:
+    """Mean visibility of the umbra (true visibility below 0.01, at least 8 px from lighter and undecided pixels): light
+    bleeding. A blur that reaches farther counts too.
+    """
+    return mean(comparison.visibility, comparison.truth.umbra)
+
+
+@metric("lower", "both")
+def false_dark(comparison: Comparison) -> float | None:
+    """Mean darkness (1 − visibility) of full light (true visibility above 0.99, at least 8 px from darker and undecided
+    pixels): acne of wide kernels.
+    """
+    return mean_of(lambda mask: 1 - mask, comparison.truth.full_light, comparison.visibility)
+
+
+@metric("lower", "soft", resolution="truth_error_pen")
+def noise(comparison: Comparison) -> float | None:
+    """Standard deviation of the error of visibility along 7 px of the truth's isolines in the penumbra, where they are
+    straight, the truth's own error taken off: dither, too few samples.
+    """
+    truth = comparison.truth
+    if not truth.soft:
+        return None
+    variance = truth.isolines.variance(comparison.signed_error, truth.valid, truth.variance)
+    return None if variance is None else math.sqrt(max(variance, 0.0))
+
+
+@metric("lower", "soft")
+def banding(comparison: Comparison) -> float | None:
+    """Share of the penumbra in which the mask is grey and its gradient below a tenth of the truth's and of its own
+    within 8 px: flat steps, few levels.
+    """
+    # The mask's own step tells a staircase from a smooth ramp that is much wider than the truth's: that is nowhere as
+    # steep as the truth, but everywhere about as steep as nearby. (A Gaussian blur of an edge is an eighth as steep at
+    # visibility 0.02 as at its middle.)
+    truth, mask = comparison.truth, comparison.visibility
+    if not truth.soft:
+        return None
+    from shadowbench.scores import loops
+
+    step, true_step = loops.step_squared(mask, truth.valid), truth.step_squared
+    steepest = loops.greatest(np.where(truth.penumbra, step, 0), NEARBY_PX)
+    np.minimum(true_step, steepest, out=steepest)
+    flat = step < np.multiply(steepest, np.float32(FLAT_STEP**2), out=steepest)
+    grey = (mask > PENUMBRA[0]) & (mask < PENUMBRA[1])
+    return share(grey & truth.resolved & flat, truth.penumbra)
+
+
+@metric("lower", "soft", tolerance=0.02)
+def width(comparison: Comparison) -> float | None:
+    """Median of |log₂| of the drawn over the true width of penumbrae: 1 for half or twice the width. From visibility
+    0.1 to 0.9 in metres, where the true one is at least 3 px wide and lies on one plane.
+    """
+    ratios = comparison.width_ratios
+    return None if ratios is None else float(np.median(np.abs(ratios)))
+
+
+@metric("near 1", "soft", tolerance=0.02)
+def hardening(comparison: Comparison) -> float | None:
+    """Slope of the drawn over the true width of penumbrae: 1 if shadows harden towards contact as they should, 0 for a
+    blur of fixed width. Over true widths above 4 px; none if they vary by less than a factor of 3.
+    """
+    fit = comparison.hardening
+    return None if fit is None else fit[0]
+
+
+@metric("near 0", "soft", tolerance=0.02)
+def hardening_intercept(comparison: Comparison) -> float | None:
+    """Drawn width where the true one is 0, on the line of `hardening`, as a share of the median true width."""
+    fit = comparison.hardening
+    return None if fit is None else fit[1]
+
+
+def _error(mask: Single, truth: Single) -> Single:
+    error: Single = np.abs(mask - truth)
+    return error
+
+
+def _rmse(comparison: Comparison, where: Mask, variance: float) -> float | None:
+    """Root of the mean squared error over a set of pixels less a known variance, at least 0; None if it is empty."""
+    images = comparison.visibility, comparison.truth.visibility
+    squared = mean_of(lambda mask, truth: (mask - truth) ** 2, where, *images)
+    return None if squared is None else math.sqrt(max(squared - variance, 0.0))
+
+
+_OWN = frozenset(METRICS)
 
 
 def score(visibility: ArrayLike, prepared: PreparedTruth) -> dict[str, float | None]:
@@ -28,234 +249,33 @@ def score(visibility: ArrayLike, prepared: PreparedTruth) -> dict[str, float | N
 
 def values_of(comparison: Comparison) -> dict[str, float | None]:
     """Values of all metrics by name, in the order of the table."""
-    return {metric.name: _value(metric, comparison) for metric in METRICS.values()}
+    return {one.name: _value(one, comparison) for one in METRICS.values()}
 
 
-def _value(metric: Metric, comparison: Comparison) -> float | None:
+def _value(one: Metric, comparison: Comparison) -> float | None:
     """Value of a metric. Raises MetricError, as the function of a plug-in may raise, or return, anything."""
     try:
-        value = metric.function(comparison)
+        value = one.function(comparison)
         if value is None or math.isfinite(value):
             return None if value is None else float(value)
     except Exception as error:
-        raise MetricError(f"metric {metric.name}: {type(error).__name__}: {quoted(message(error))}") from error
-    raise MetricError(f"metric {metric.name}: found {value}; allowed: a finite number, or None")
+        raise MetricError(f"metric {one.name}: {type(error).__name__}: {quoted(message(error))}") from error
+    raise MetricError(f"metric {one.name}: found {value}; allowed: a finite number, or None")
 
 
 def plug_in(added: Sequence[Metric]) -> None:
     """Add metrics to the table, in place of those added before. Raises ValueError for a name that is taken."""
-    for name in METRICS.keys() - _OWN:
-        del METRICS[name]
-    for metric in added:
-        if metric.name in METRICS:
-            raise ValueError(f"two metrics are called {metric.name!r}")
-        METRICS[metric.name] = metric
+    for one in plugged_in():
+        del METRICS[one.name]
+    for one in added:
+        if one.name in METRICS:
+            raise ValueError(f"two metrics are called {one.name!r}")
+        METRICS[one.name] = one
 
 
 def plugged_in() -> list[Metric]:
     """The metrics that were added."""
-    return [metric for name, metric in METRICS.items() if name not in _OWN]
-
-
-METRICS: dict[str, Metric] = {
-    metric.name: metric
-    for metric in (
-        Metric(
-            "iou",
-            masks.iou,
-            "higher",
-            "hard",
-            "Intersection over union of the shadows (visibility < 0.5). Errors are given as 1 − IoU.",
-            label="IoU",
-            targets=(0.95, 0.99, 0.999),
-        ),
-        Metric(
-            "iou_soft",
-            masks.iou_soft,
-            "higher",
-            "soft",
-            "Intersection over union of the shadows, with pixels weighted by their darkness (1 − visibility).",
-        ),
-        Metric(
-            "boundary_iou",
-            masks.boundary_iou,
-            "higher",
-            "hard",
-            "Intersection over union of the strips inside the shadows' edges, 2% of the image's diagonal wide. "
-            "Comparable across shadow sizes.",
-        ),
-        Metric(
-            "ssim",
-            masks.ssim,
-            "higher",
-            "both",
-            "Structural similarity (σ = 1.5 px) over scored pixels. Large lit areas raise it, and it prefers a "
-            "displaced edge to a blurred one: read it beside ssim_edge and edge_px.",
-        ),
-        Metric(
-            "ssim_edge",
-            masks.ssim_edge,
-            "higher",
-            "both",
-            "Structural similarity within 8 px of a true edge: independent of the size of lit areas.",
-        ),
-        Metric(
-            "mae", masks.mae, "lower", "both", "Mean absolute error of visibility, against the truth at pixel centres."
-        ),
-        Metric(
-            "mae_area",
-            masks.mae_area,
-            "lower",
-            "both",
-            "Mean absolute error of visibility, against the truth averaged over each pixel: correct antialiasing is "
-            "not an error.",
-        ),
-        Metric(
-            "mae_lit",
-            masks.mae_lit,
-            "lower",
-            "both",
-            "Mean absolute error of visibility, weighted by N·L, as in diffuse shading.",
-        ),
-        Metric(
-            "acne",
-            masks.acne,
-            "lower",
-            "hard",
-            "Of the lit interior (at least 4 px from shadow and undecided pixels), the share that is in shadow.",
-        ),
-        Metric(
-            "acne_soft",
-            masks.acne_soft,
-            "lower",
-            "both",
-            "Mean of how much darker the lit interior is than it should be: includes acne that a filter lightens "
-            "beyond half.",
-        ),
-        Metric(
-            "leak",
-            masks.leak,
-            "lower",
-            "hard",
-            "Of the shadow's interior (at least 4 px from light and undecided pixels), the share that is lit.",
-        ),
-        Metric(
-            "contact",
-            masks.contact,
-            "lower",
-            "hard",
-            "Of the shadow within 2% of the scene's diagonal of its occluder, the share that is lit (peter-panning).",
-        ),
-        Metric(
-            "edge_px",
-            masks.edge_px,
-            "lower",
-            "hard",
-            "Mean distance in pixels between the edges of mask and truth, averaged over both directions; the image's "
-            "diagonal if only one of them has edges.",
-            tolerance=0.05,
-            label="edge",
-            targets=(1.0, 0.5, 0.25),
-        ),
-        Metric(
-            "edge_p95",
-            masks.edge_p95,
-            "lower",
-            "hard",
-            "95th percentile of the distances in pixels between the edges of mask and truth: the worst parts.",
-            tolerance=0.5,
-        ),
-        Metric(
-            "rmse",
-            soft.rmse,
-            "lower",
-            "both",
-            "Root mean square error of visibility, the truth's own error taken off. Ranks soft shadows.",
-            resolution="truth_error",
-            label="RMSE",
-            targets=(0.05, 0.02, 0.01),
-        ),
-        Metric(
-            "rmse_pen",
-            soft.rmse_pen,
-            "lower",
-            "soft",
-            "Root mean square error of visibility in the penumbra, the truth's own error taken off. The penumbra is "
-            "where the true visibility is between 0.02 and 0.98, and 2 px around it.",
-            resolution="truth_error_pen",
-        ),
-        Metric(
-            "bias_pen",
-            soft.bias_pen,
-            "near 0",
-            "soft",
-            "Mean error of visibility in the penumbra, above 0 where the mask is too light.",
-        ),
-        Metric(
-            "bleed",
-            soft.bleed,
-            "lower",
-            "both",
-            "Mean visibility of the umbra (true visibility below 0.01, at least 8 px from lighter and undecided "
-            "pixels): light bleeding. A blur that reaches farther counts too.",
-        ),
-        Metric(
-            "false_dark",
-            soft.false_dark,
-            "lower",
-            "both",
-            "Mean darkness (1 − visibility) of full light (true visibility above 0.99, at least 8 px from darker and "
-            "undecided pixels): acne of wide kernels.",
-        ),
-        Metric(
-            "noise",
-            soft.noise,
-            "lower",
-            "soft",
-            "Standard deviation of the error of visibility along 7 px of the truth's isolines in the penumbra, where "
-            "they are straight, the truth's own error taken off: dither, too few samples.",
-            resolution="truth_error_pen",
-        ),
-        Metric(
-            "banding",
-            soft.banding,
-            "lower",
-            "soft",
-            "Share of the penumbra in which the mask is grey and its gradient below a tenth of the truth's and of its "
-            "own within 8 px: flat steps, few levels.",
-        ),
-        Metric(
-            "width",
-            soft.width,
-            "lower",
-            "soft",
-            "Median of |log₂| of the drawn over the true width of penumbrae: 1 for half or twice the width. From "
-            "visibility 0.1 to 0.9 in metres, where the true one is at least 3 px wide and lies on one plane.",
-            tolerance=0.02,
-        ),
-        Metric(
-            "hardening",
-            soft.hardening,
-            "near 1",
-            "soft",
-            "Slope of the drawn over the true width of penumbrae: 1 if shadows harden towards contact as they should, "
-            "0 for a blur of fixed width. Over true widths above 4 px; none if they vary by less than a factor of 3.",
-            tolerance=0.02,
-        ),
-        Metric(
-            "hardening_intercept",
-            soft.hardening_intercept,
-            "near 0",
-            "soft",
-            "Drawn width where the true one is 0, on the line of `hardening`, as a share of the median true width.",
-            tolerance=0.02,
-        ),
-    )
-}
-"""All metrics by name, in the order of the columns."""
-
-
-_OWN = frozenset(METRICS)
+    return [one for name, one in METRICS.items() if name not in _OWN]
 
 
 def is_soft(metrics: Mapping[str, Any]) -> bool:

@@ -1,16 +1,16 @@
 """The truth of a view with quantities derived from it alone, shared by all masks scored against it."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from shadowbench.scores.isolines import Isolines, smooth_gradient, step_squared
-from shadowbench.scores.masks import quantise
-from shadowbench.scores.sums import mean
-from shadowbench.scores.thresholded import ThresholdedMask, squared_distance
+from shadowbench.scores.isolines import Isolines, smooth_gradient
+from shadowbench.scores.masks import ThresholdedMask, quantise, squared_distance
+from shadowbench.scores.sums import Mask, Single, mean, total
 from shadowbench.scores.widths import Crossings, crossings
 
 INTERIOR_PX = 4.0  # distance from the edge beyond which errors count as acne or leak
@@ -31,47 +31,29 @@ class PreparedTruth(ThresholdedMask):
     pixels, decided receivers, are in any of the sets.
     """
 
-    def __init__(
-        self,
-        *,
-        visibility: ArrayLike,
-        receivers: ArrayLike,
-        undecided: ArrayLike,
-        area: ArrayLike,
-        blocker: ArrayLike,
-        cosine: ArrayLike,
-        diagonal: float,
-        standard_error: ArrayLike | None = None,
-        positions: Callable[[], NDArray[np.float64]] | None = None,
-    ) -> None:
-        """All arrays are (H, W).
+    def __init__(self, arrays: Mapping[str, Any], positions: Callable[[], NDArray[np.float64]] | None = None) -> None:
+        """The truth of (H, W) arrays by name; others than these are ignored.
 
         visibility: in [0, 1], 1 lit and 0 in shadow. receivers, undecided: bool. area: visibility averaged over the
         pixel, in [0, 1]. blocker: distance towards the light to the nearest occluder, inf if none. cosine: N·L, not
-        negative on valid pixels. diagonal: of the scene, > 0, in the unit of `blocker`. standard_error: of visibility,
-        at least 0, by default 0. positions: returns (H, W, 3) points of the surfaces in metres, finite everywhere;
-        called once, for a truth with penumbrae; None if unknown, so that no width of a penumbra is.
+        negative on valid pixels. diagonal: a number, of the scene, in the unit of `blocker`. standard_error: of
+        visibility. positions: returns (H, W, 3) points of the surfaces in metres, finite everywhere; called once, for a
+        truth with penumbrae; None if unknown, so that no width of a penumbra is.
         Visibility and area are quantised, so that a stored mask of the truth has no error. Raises ValueError for arrays
         of different shapes and values out of range.
         """
-        self.undecided: NDArray[np.bool_] = np.asarray(undecided, np.bool_)
-        super().__init__(visibility, np.asarray(receivers, np.bool_) & ~self.undecided)
-        self.area: NDArray[np.float32] = quantise(area)
-        self.blocker: NDArray[np.float32] = np.asarray(blocker, np.float32)
-        self.cosine: NDArray[np.float32] = np.asarray(cosine, np.float32)
-        self.diagonal = float(diagonal)
-        error = np.zeros(self.shape) if standard_error is None else standard_error
-        self.standard_error: NDArray[np.float32] = np.asarray(error, np.float32)
+        self.undecided: Mask = np.asarray(arrays["undecided"], np.bool_)
+        super().__init__(arrays["visibility"], np.asarray(arrays["receivers"], np.bool_) & ~self.undecided)
+        self.area: Single = quantise(arrays["area"])
+        self.blocker, self.cosine, self.standard_error = (
+            np.asarray(arrays[name], np.float32) for name in ("blocker", "cosine", "standard_error")
+        )
+        self.diagonal = float(arrays["diagonal"])
         self._positions = positions
         for name in ("area", "blocker", "cosine", "standard_error", "undecided", "valid"):
             found = getattr(self, name).shape
             if found != self.shape:
                 raise ValueError(f"{name} has shape {found}, visibility {self.shape}; allowed: the same")
-        if not (math.isfinite(self.diagonal) and self.diagonal > 0):
-            raise ValueError(f"diagonal is {diagonal}; allowed: a length > 0")
-        bad = np.count_nonzero(self.valid & ~((self.cosine >= 0) & np.isfinite(self.cosine)))
-        if bad:
-            raise ValueError(f"cosine is negative, NaN or infinite in {bad} valid pixels")
 
     @property
     def image_diagonal(self) -> float:
@@ -94,12 +76,12 @@ class PreparedTruth(ThresholdedMask):
         return squared_distance(self.edge)
 
     @cached_property
-    def boundary(self) -> NDArray[np.bool_]:
+    def boundary(self) -> Mask:
         """Strip of shadow, `boundary_width` pixels wide, along the inside of its edge."""
         return self.shadow & (self.squared_edge_distance < self.boundary_width**2)
 
     @cached_property
-    def edge_zone(self) -> NDArray[np.bool_]:
+    def edge_zone(self) -> Mask:
         """Valid pixels whose centre is within 8 px of the border between shadow and light."""
         # `edge` lies on the shadow's side of the border, half a pixel from it.
         in_shadow = (EDGE_ZONE_PX - 0.5) ** 2
@@ -108,27 +90,27 @@ class PreparedTruth(ThresholdedMask):
         return near_shadow | (self.lit & (self.squared_edge_distance <= in_light))
 
     @cached_property
-    def lit_interior(self) -> NDArray[np.bool_]:
+    def lit_interior(self) -> Mask:
         """Lit pixels at least 4 px from shadow and from undecided pixels: darkness here is acne."""
         return self.lit & (squared_distance(self.shadow | self.undecided) >= INTERIOR_PX**2)
 
     @cached_property
-    def shadow_interior(self) -> NDArray[np.bool_]:
+    def shadow_interior(self) -> Mask:
         """Shadowed pixels at least 4 px from light and from undecided pixels: light here has leaked."""
         return self.shadow & (squared_distance(self.lit | self.undecided) >= INTERIOR_PX**2)
 
     @cached_property
-    def contact(self) -> NDArray[np.bool_]:
+    def contact(self) -> Mask:
         """Shadowed pixels whose occluder is closer than 2% of the scene's diagonal."""
         return self.shadow & (self.blocker < CONTACT_DISTANCE * self.diagonal)
 
     @cached_property
     def cosine_sum(self) -> float:
         """Sum of N·L over valid pixels."""
-        return float(self.cosine.sum(where=self.valid, dtype=np.float64))
+        return total(self.cosine, self.valid)
 
     @cached_property
-    def penumbra(self) -> NDArray[np.bool_]:
+    def penumbra(self) -> Mask:
         """Valid pixels within 2 px, along rows and columns, of one whose visibility is between 0.02 and 0.98."""
         inside = self.valid & (self.visibility > PENUMBRA[0]) & (self.visibility < PENUMBRA[1])
         return self.valid & _spread(inside, PENUMBRA_MARGIN_PX)
@@ -139,19 +121,19 @@ class PreparedTruth(ThresholdedMask):
         return bool(self.penumbra.any())
 
     @cached_property
-    def umbra(self) -> NDArray[np.bool_]:
+    def umbra(self) -> Mask:
         """Valid pixels darker than 0.01, at least 8 px along rows and columns from lighter and undecided ones."""
         lighter = self.valid & (self.visibility >= UMBRA)
         return self.valid & ~_spread(lighter | self.undecided, KERNEL_PX)
 
     @cached_property
-    def full_light(self) -> NDArray[np.bool_]:
+    def full_light(self) -> Mask:
         """Valid pixels lighter than 0.99, at least 8 px along rows and columns from darker and undecided ones."""
         darker = self.valid & (self.visibility <= FULL_LIGHT)
         return self.valid & ~_spread(darker | self.undecided, KERNEL_PX)
 
     @cached_property
-    def variance(self) -> NDArray[np.float32]:
+    def variance(self) -> Single:
         """Squared standard error of the visibility; 0 where it is 0 or 1.
 
         All points of the light agree there, and the error bar is 1/N, a bound: errors are several times smaller.
@@ -169,18 +151,21 @@ class PreparedTruth(ThresholdedMask):
         return mean(self.variance, self.penumbra) or 0.0
 
     @cached_property
-    def step_squared(self) -> NDArray[np.float32]:
+    def step_squared(self) -> Single:
         """Squared change of visibility from pixel to pixel."""
-        return step_squared(self.visibility, self.valid)
+        from shadowbench.scores import loops
+
+        squared: Single = loops.step_squared(self.visibility, self.valid)
+        return squared
 
     @cached_property
-    def resolved(self) -> NDArray[np.bool_]:
+    def resolved(self) -> Mask:
         """Pixels at which visibility changes by more than its error."""
-        resolved: NDArray[np.bool_] = self.step_squared > RESOLVED_STEP**2 * self.standard_error**2
+        resolved: Mask = self.step_squared > RESOLVED_STEP**2 * self.standard_error**2
         return resolved
 
     @cached_property
-    def _gradient(self) -> NDArray[np.float32]:
+    def _gradient(self) -> Single:
         return smooth_gradient(self.visibility, self.valid)
 
     @cached_property
@@ -197,11 +182,11 @@ class PreparedTruth(ThresholdedMask):
         return crossings(self.visibility, self.standard_error, self.valid, self.edge, self._gradient, positions)
 
 
-def _spread(pixels: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+def _spread(pixels: Mask, reach: int) -> Mask:
     """(H, W) bool: pixels within `reach` of others along rows and columns, in a square."""
     if not pixels.any():
         return pixels
     from shadowbench.scores import loops
 
-    spread: NDArray[np.bool_] = loops.greatest(pixels.view(np.uint8), reach).view(bool)
+    spread: Mask = loops.greatest(pixels.view(np.uint8), reach).view(bool)
     return spread

@@ -22,14 +22,14 @@ def share(wrong: Mask, region: Mask) -> float | None:
 
 
 def mean_of(function: Callable[..., Single], where: Mask, *images: Single) -> float | None:
-    """Mean of a function of images over a set of pixels; None if it is empty. All arrays are contiguous."""
+    """Mean of a function of images over a set of pixels; None if it is empty."""
     return ratio(total_of(function, where, *images), int(np.count_nonzero(where)))
 
 
 def total_of(function: Callable[..., Single], where: Mask, *images: Single) -> float:
-    """Sum of a function of images over a set of pixels. All arrays are contiguous.
+    """Sum of a function of contiguous images over a set of pixels: NumPy's over the whole image, to the last bit.
 
-    In bands, which stay in the processor's cache. The sum is that of NumPy over the whole image, to the last bit.
+    In bands, which stay in the processor's cache.
     """
     flat, counted, sum_ = [image.ravel() for image in images], where.ravel(), 0.0
     for first in range(0, where.size, _BAND):

@@ -17,8 +17,8 @@ from shadowbench.studies.run import cell_seconds, readable_blocks, run_blocks
 from shadowbench.studies.study import Study, find_study, read_study
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
-    from shadowbench.results.bias_sweeps import SweepPositions
     from shadowbench.results.folder import Run
+    from shadowbench.results.tables import SweepPositions
 
 
 def study_from_options(

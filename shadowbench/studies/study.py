@@ -34,7 +34,7 @@ from shadowbench.studies.crossing import (
 )
 
 if TYPE_CHECKING:
-    from shadowbench.results.bias_sweeps import SweepPositions
+    from shadowbench.results.tables import SweepPositions
 
 MOST_CELLS = 1_000_000
 """Most cells of a study file in one view, counting each phase."""
@@ -87,7 +87,7 @@ class Study(Strict):
     @property
     def sweep_positions(self) -> "SweepPositions":
         """Positions of its specs in bias sweeps."""
-        from shadowbench.results.bias_sweeps import positions_in_sweeps  # pandas takes long to import
+        from shadowbench.results.tables import positions_in_sweeps  # pandas takes long to import
 
         return positions_in_sweeps(
             ((spec.sizeless_text, spec.map_size if "size" in spec.explicit else None), (home.sizeless_text, factor))

@@ -8,7 +8,7 @@ from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import SUN_RADIUS, Light, View
 from shadowbench.scenes.vectors import Floats
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.soft_metrics import rmse
+from shadowbench.scores.metrics import rmse
 from shadowbench.survey.maps import longest
 from shadowbench.survey.sampling import LATTICE, Estimate, Samples
 from shadowbench.truths.cache import cached_truth

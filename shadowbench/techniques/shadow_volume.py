@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import Literal
 
 from shadowbench.geometry.topology import casters_of
+from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
 from shadowbench.maps.reduction import MinMaxReduction

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from shadowbench.geometry.convex import SceneHull
+from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State
 from shadowbench.maps.resolve import ResolvePass
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param

@@ -13,8 +13,7 @@ import platformdirs
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.scenes.digest import view_digest
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import View, view_digest
 from shadowbench.truths.embree import answers_digest
 from shadowbench.truths.trace import STANDARD_ERROR, Truth, trace
 from shadowbench.versions import of_truths

@@ -37,8 +37,7 @@ class Tracer:
     def __init__(self, vertices: Floats, faces: NDArray[np.int32]) -> None:
         from shadowbench.truths.packets import PacketScene, default_device  # Numba takes 0.4 s to import
 
-        device = default_device()
-        corners = vertices.astype(np.float32)
+        device, corners = default_device(), vertices.astype(np.float32)
         self._scene = EmbreexScene(corners, faces) if device is None else PacketScene(device, corners, faces)
 
     def nearest(self, origins: Vectors, directions: Vectors, reach: Vectors | float) -> NDArray[np.int32]:
@@ -52,6 +51,18 @@ class Tracer:
     def occluded(self, origins: Vectors, directions: Vectors, reach: Vectors | float) -> NDArray[np.bool_]:
         """(N,) bool: whether any triangle lies within reach."""
         return self._scene.occluded(*_rays(origins, directions, reach))
+
+
+def _rays(origins: Vectors, directions: Vectors, reach: Vectors | float) -> tuple[Singles, Singles, Singles]:
+    """(3, N) origins, (3, N) or (3, 1) directions and (N,) reach, float32 and C-contiguous."""
+    if origins.shape[1:] != (3,) or directions.shape not in (origins.shape, (1, 3)):
+        raise ValueError(f"origins of shape {origins.shape}, directions of shape {directions.shape}")
+    reaches = np.broadcast_to(np.asarray(reach, dtype=np.float32), len(origins))
+    return _contiguous(origins.T), _contiguous(directions.T), _contiguous(reaches)
+
+
+def _contiguous(values: Vectors) -> Singles:
+    return np.ascontiguousarray(values, dtype=np.float32)
 
 
 class EmbreexScene:
@@ -81,12 +92,8 @@ class EmbreexScene:
     def _run(self, origins: Singles, directions: Singles, reach: Singles, query: str) -> Singles:
         if not len(reach):
             return np.empty(0, dtype=np.float32)
-        answer: Singles = self._scene.run(
-            np.ascontiguousarray(origins.T),
-            np.ascontiguousarray(directions.T),
-            dists=reach.copy(),  # Embree writes into it
-            query=query,
-        )
+        rays = _contiguous(origins.T), _contiguous(directions.T)
+        answer: Singles = self._scene.run(*rays, dists=reach.copy(), query=query)  # Embree writes into `dists`
         return answer
 
 
@@ -110,17 +117,6 @@ def answers_digest() -> str:
     corners = np.stack([first, first + along / 5, first + across / 5], axis=1).reshape(-1, 3)
     tracer = Tracer(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
     return hashlib.sha256(tracer.distance(point[:, :3], point[:, 3:] - 0.5, INFINITE).tobytes()).hexdigest()
-
-
-def _rays(origins: Vectors, directions: Vectors, reach: Vectors | float) -> tuple[Singles, Singles, Singles]:
-    """(3, N) origins, (3, N) or (3, 1) directions and (N,) reach, float32 and C-contiguous."""
-    if origins.shape[1:] != (3,) or directions.shape not in (origins.shape, (1, 3)):
-        raise ValueError(f"origins of shape {origins.shape}, directions of shape {directions.shape}")
-    return (
-        np.ascontiguousarray(origins.T, dtype=np.float32),
-        np.ascontiguousarray(directions.T, dtype=np.float32),
-        np.ascontiguousarray(np.broadcast_to(np.asarray(reach, dtype=np.float32), len(origins))),
-    )
 
 
 def rows_a_slice(width: int) -> int:

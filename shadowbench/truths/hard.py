@@ -25,10 +25,7 @@ NO_RECEIVER, SHADOWED, LIT = range(3)
 def hard_shadows(
     rays: ViewRays, near: "NearCasters", triangle: Indices, delta: float, pixel_samples: int
 ) -> dict[str, NDArray[Any]]:
-    """Truth's per-pixel arrays except `triangle`, flattened, in local lengths.
-
-    triangle: (size²,) hit triangle of each pixel, −1 for a miss.
-    """
+    """Truth's per-pixel arrays except `triangle`, flattened, in local lengths; triangle: (size²,), −1 for a miss."""
 
     def decide(rows: slice) -> dict[str, NDArray[Any]]:
         part = triangle[rows.start * rays.size : rows.stop * rays.size]
@@ -53,7 +50,7 @@ def _decide(
     ]
     codes = np.stack([_classify(centres, blocked, len(triangle)), *(code for code, _ in samples)])
     blocker = np.full(len(triangle), np.inf)
-    blocker[centres.rays[blocked]] = rays.blockers(shadow_rays.select(blocked))
+    blocker[centres.rays[blocked]] = rays.blockers(centres.select(blocked), delta)
     undecided = np.zeros(len(triangle), dtype=bool)
     undecided[centres.rays] = _depends_on_offset(rays, centres, shadow_rays, blocked, delta)
 
@@ -70,7 +67,6 @@ def _decide(
     undecided[ray] |= covered[centre] & (codes[0, ray] == LIT)
 
     undecided[centres.rays] |= (centres.cosine <= GRAZING) | (2 * delta > centres.distance * centres.cosine)
-    undecided |= rays.edge_on(directions, triangle)
     undecided |= (codes[1:5] != codes[0]).any(axis=0)
 
     code, inside = codes[0], codes[5:]
@@ -101,11 +97,10 @@ def _depends_on_offset(
         rays.shadow_rays(receivers, 4 * delta),
         rays.shadow_rays(receivers, delta / 4),
         rays.normal_offset_rays(receivers, delta),
-        *(
-            shadow_rays._replace(reach=np.maximum(shadow_rays.reach + longer, 0.0))
-            for longer in (() if rays.directional else (-margin, margin))
-        ),
     ):
+        depends |= rays.occluded(others) != blocked
+    for longer in () if rays.directional else (-margin, margin):
+        others = shadow_rays._replace(reach=np.maximum(shadow_rays.reach + longer, 0.0))
         depends |= rays.occluded(others) != blocked
     return depends
 

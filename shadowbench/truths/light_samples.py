@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.compiled import compile_once, compiled
+from shadowbench.compiled import compiled
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 
@@ -44,7 +44,6 @@ class LightSampler:
             half_width = half_height = light.radius
         center = np.array(light.homogeneous[0])
         right, up, back = perpendicular_basis(-unit(light.direction), light.up)
-        compile_once(_compile)
         # The axes of the rectangle point to where the light shines from: z along its normal.
         self._light = np.array([center, right, up, -back, [half_width, half_height, light.radius]])
 
@@ -279,10 +278,3 @@ def _fill_rays(  # type: ignore[no-untyped-def]
                 directions[0, m:e], directions[1, m:e], directions[2, m:e],
                 reach[m:e], weight[m:e], cosine[m:e],
             )  # fmt: skip
-
-
-def _compile() -> None:
-    none, single, vectors = np.empty((3, 0)), np.empty(0, np.float32), np.empty((3, 0), np.float32)
-    scrambles = np.empty((3, 0, 1), np.uint32)
-    light = np.zeros((5, 3))
-    _fill_rays(0, light, none, none, scrambles, _tables(), 1, 0.0, 0.0, vectors, vectors, single, single, single)

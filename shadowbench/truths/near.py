@@ -8,7 +8,7 @@ from threading import Lock
 
 import numpy as np
 
-from shadowbench.compiled import compile_once, compiled
+from shadowbench.compiled import compiled
 from shadowbench.geometry.tree import LEAF, Tree, build_tree
 from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.vectors import Floats
@@ -31,7 +31,6 @@ class NearCasters:
         """The tree, built by the first thread that needs it: few views have grazing light."""
         with self._building:
             if self._tree is None:
-                compile_once(_compile)
                 self._tree = build_tree(self._geometry.vertices, self._geometry.caster_faces)
             return self._tree
 
@@ -133,12 +132,3 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 def _same_sign(sides):  # type: ignore[no-untyped-def]
     """Whether the three signed volumes of a line and a triangle's edges agree in sign: the line hits it."""
     return min(sides[0], sides[1], sides[2]) >= 0 or max(sides[0], sides[1], sides[2]) <= 0
-
-
-def _compile() -> None:
-    words, faces, indices = np.zeros((0, 4), np.uint32), np.zeros((0, 3), np.int32), np.zeros(0, np.int64)
-    zeros, vectors, segments = np.zeros(3), np.zeros((0, 3)), np.zeros((3, 0))
-    casters = vectors, faces, vectors, indices
-    _find_nearest(
-        words, zeros, zeros, *casters, segments, segments, zeros[:0], indices, zeros, zeros[:0], zeros[:0] > 0
-    )

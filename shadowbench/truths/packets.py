@@ -18,7 +18,7 @@ from llvmlite import binding
 from numba import types
 from numpy.typing import NDArray
 
-from shadowbench.compiled import compile_once, compiled
+from shadowbench.compiled import compiled
 from shadowbench.errors import InputError
 
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
@@ -59,7 +59,6 @@ def load_library() -> ctypes.CDLL | None:
             for name in ("rtcNewDevice", "rtcNewScene", "rtcNewGeometry"):
                 getattr(library, name).restype = ctypes.c_void_p
             library.rtcGetDeviceProperty.restype = ctypes.c_ssize_t
-            compile_once(_compile)
             return library
     return None
 
@@ -218,10 +217,3 @@ def _intersect(width, packet, valid, arguments, scene, origins, directions, reac
         for k in range(count):
             triangle[first + k] = primitive[k]  # −1 unless written
             distance[first + k] = ray[8 * width + k]
-
-
-def _compile() -> None:
-    none, triangles = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.int32)
-    rays, buffers = np.empty((3, 0), dtype=np.float32), _buffers(4)
-    _occluded(4, *buffers, 0, rays, rays, none, np.empty(0, dtype=np.bool_))
-    _intersect(4, *buffers, 0, rays, rays, none, triangles, none)

@@ -5,7 +5,6 @@ which NumPy is several times faster than on (N, 3).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -40,18 +39,8 @@ class ShadowRays(NamedTuple):
     offset: Floats
     reach: Floats | float
 
-    def select(self, chosen: Mask) -> "ShadowRays":
-        """The selected subset; chosen: (N,) bool."""
-        return ShadowRays(
-            self.origins[:, chosen],
-            self.directions if self.directions.shape[1] == 1 else self.directions[:, chosen],
-            self.offset[chosen],
-            self.reach if isinstance(self.reach, float) else self.reach[chosen],
-        )
 
-
-@dataclass(frozen=True, eq=False)
-class Receivers:
+class Receivers(NamedTuple):
     """Hits on surfaces that face both the camera and the light.
 
     rays: (R,) index of each camera ray; triangle: (R,); point: (3, R); to_light: (3, R) unit vectors, (3, 1) for a
@@ -66,28 +55,20 @@ class Receivers:
     cosine: Floats
 
     def select(self, chosen: Mask | Indices | slice) -> "Receivers":
-        """The selected subset; chosen: (N,) bool, indices or a slice."""
-        return Receivers(
-            self.rays[chosen],
-            self.triangle[chosen],
-            self.point[:, chosen],
-            self.to_light if isinstance(self.distance, float) else self.to_light[:, chosen],
-            self.distance if isinstance(self.distance, float) else self.distance[chosen],
-            self.cosine[chosen],
-        )
+        """The selected subset; chosen: (R,) bool, indices or a slice."""
+        part = {name: values[..., chosen] for name, values in self._asdict().items() if name not in self._shared}
+        return self._replace(**part)
+
+    @property
+    def _shared(self) -> tuple[str, ...]:
+        return ("to_light", "distance") if isinstance(self.distance, float) else ()
 
     @classmethod
     def concatenate(cls, parts: "Sequence[Receivers]") -> "Receivers":
         """Concatenation of receivers of one view."""
-        shared = isinstance(parts[0].distance, float)
-        return cls(
-            np.concatenate([part.rays for part in parts]),
-            np.concatenate([part.triangle for part in parts]),
-            np.concatenate([part.point for part in parts], axis=1),
-            parts[0].to_light if shared else np.concatenate([part.to_light for part in parts], axis=1),
-            parts[0].distance if shared else np.concatenate([part.distance for part in parts]),
-            np.concatenate([part.cosine for part in parts]),
-        )
+        first = parts[0]
+        of_each = {name: [getattr(part, name) for part in parts] for name in cls._fields if name not in first._shared}
+        return first._replace(**{name: np.concatenate(values, axis=-1) for name, values in of_each.items()})
 
 
 class ViewRays:
@@ -109,12 +90,13 @@ class ViewRays:
         low, high = geometry.bounds
         self._gap = float(np.linalg.norm((low + high) / 2 - self.eye[:, 0]) - np.linalg.norm(high - low) / 2)
 
-        light, self._light_w = view.light.homogeneous
+        light, w = view.light.homogeneous
+        self.directional = w == 0
         self._light = np.array(light)[:, None]
         # In float32 relative to the light, casters keep their direction from the light, however close to it they are.
         self._from_light: Tracer | None = None
         self._beside_lamp = np.empty((0, 3))
-        if self._light_w and np.abs(light).max() < FROM_LIGHT:
+        if not self.directional and np.abs(light).max() < FROM_LIGHT:
             from_light = geometry.vertices - self._light[:, 0]
             self._from_light = Tracer(from_light, geometry.caster_faces)
             self._beside_lamp = _of_unsure_side(from_light, geometry.caster_faces)
@@ -127,7 +109,7 @@ class ViewRays:
         self._below = -np.abs(below)  # signed distance from the eye to each plane along its normal
         self._normals = np.ascontiguousarray(normals * -np.sign(below))
         self._receives = np.append(geometry.receives, False)  # the last entry is that of index −1, a miss
-        if self._light_w == 0:
+        if self.directional:
             self._cosines = dot(self._normals, self._light)
             self._receives[:-1] &= self._cosines > 0
 
@@ -156,54 +138,44 @@ class ViewRays:
 
     def edge_on(self, directions: Floats, triangle: Indices) -> Mask:
         """(N,) whether a ray hits its triangle at so grazing an angle that the hit cannot be refined."""
-        flat: Mask = dot(self._normals.take(triangle, axis=1), directions) > -EDGE_ON
+        flat: Mask = dot(self.normals(triangle), directions) > -EDGE_ON
         return flat & (triangle >= 0)
 
     def points(self, directions: Floats, triangle: Indices) -> Floats:
         """(3, N) float64 intersections of rays with the planes of their triangles."""
-        return self._points(directions, triangle, self._normals.take(triangle, axis=1))
+        toward = np.minimum(dot(self.normals(triangle), directions), -EDGE_ON)
+        depth = self._below.take(triangle) / toward
+        return self.eye + directions * np.clip(depth, self._near, self._far)
 
     def receivers(self, directions: Floats, triangle: Indices) -> Receivers:
-        """The receivers among ray hits; triangle: (N,) hit triangle of each ray, −1 for a miss."""
+        """The receivers among ray hits; triangle: (N,) hit by each ray, −1 for a miss."""
         rays = np.flatnonzero(self._receives.take(triangle))
         triangle = triangle.take(rays)
-        normal = self._normals.take(triangle, axis=1)
-        point = self._points(directions.take(rays, axis=1), triangle, normal)
-        if self._light_w == 0:
+        point = self.points(directions.take(rays, axis=1), triangle)
+        if self.directional:
             return Receivers(rays, triangle, point, self._light, INFINITE, self._cosines.take(triangle))
         to_light, distance = self._toward_light(point)
-        cosine = dot(normal, to_light)
+        cosine = dot(self.normals(triangle), to_light)
         facing = cosine > 0
         if self._cos_half_angle > -1:
             facing &= -dot(to_light, self._axis) >= self._cos_half_angle
         chosen = np.flatnonzero(facing)
-        return Receivers(
-            rays=rays.take(chosen),
-            triangle=triangle.take(chosen),
-            point=point.take(chosen, axis=1),
-            to_light=to_light.take(chosen, axis=1),
-            distance=distance.take(chosen),
-            cosine=cosine.take(chosen),
-        )
+        found = Receivers(rays, triangle, point, to_light, distance, cosine)
+        return found._replace(**{name: values.take(chosen, axis=-1) for name, values in found._asdict().items()})
 
     def shadow_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """Shadow rays offset along L to a height δ; an offset along N would shift shadows by δ/tan(elevation)."""
         offset = delta / receivers.cosine
         origins = receivers.point + receivers.to_light * offset
         # A light within the offset leaves a ray of length 0.
-        reach = INFINITE if self._light_w == 0 else np.maximum(receivers.distance - offset, 0.0)
+        reach = INFINITE if self.directional else np.maximum(receivers.distance - offset, 0.0)
         return ShadowRays(origins, receivers.to_light, offset, reach)
-
-    @property
-    def directional(self) -> bool:
-        """Whether shadow rays have no end: the light is directional."""
-        return self._light_w == 0
 
     def normal_offset_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """Shadow rays offset by δ along N."""
-        origins = receivers.point + self._normals.take(receivers.triangle, axis=1) * delta
+        origins = receivers.point + self.normals(receivers.triangle) * delta
         offset = np.zeros(len(receivers.rays))
-        if self._light_w == 0:
+        if self.directional:
             return ShadowRays(origins, self._light, offset, INFINITE)
         to_light, distance = self._toward_light(origins)
         return ShadowRays(origins, to_light, offset, distance)
@@ -224,15 +196,11 @@ class ViewRays:
         """(N,) whether a caster blocks each ray; origins, directions: (3, N) float32, reach: (N,)."""
         return self._casters.occluded(origins.T, directions.T, reach)
 
-    def blockers(self, rays: ShadowRays) -> Floats:
-        """(N,) distance along L from the receiver to the nearest caster."""
+    def blockers(self, receivers: Receivers, delta: float) -> Floats:
+        """(R,) distance along L from receivers in shadow to the nearest caster."""
+        rays = self.shadow_rays(receivers, delta)
         distance = self._casters.distance(as_float32(rays.origins), as_float32(rays.directions), rays.reach)
         return rays.offset + distance.astype(np.float64)
-
-    def _points(self, directions: Floats, triangle: Indices, normal: Floats) -> Floats:
-        toward = np.minimum(dot(normal, directions), -EDGE_ON)
-        depth = self._below.take(triangle) / toward
-        return self.eye + directions * np.clip(depth, self._near, self._far)
 
     def _toward_light(self, points: Floats) -> tuple[Floats, Floats]:
         to_light = self._light - points

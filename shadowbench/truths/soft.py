@@ -12,7 +12,7 @@ start above the surface along the normal.
 """
 
 import logging
-from dataclasses import replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -23,8 +23,7 @@ from scipy import ndimage
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.embree import over_slices, rows_a_slice
-from shadowbench.truths.estimator import Estimator
-from shadowbench.truths.light_samples import MOST_SAMPLES, scrambles_of
+from shadowbench.truths.light_samples import LightSampler, scrambles_of
 from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ViewRays
 
 Single = NDArray[np.float32]
@@ -41,9 +40,63 @@ CHANGE = 1 / 64  # least change of visibility that matters
 AREA_SAMPLES = 16  # points of the light for each sample of a pixel in the penumbra
 SAFETY = 2.0  # two standard errors of 7 degrees of freedom each differ by less than this, √F, in 95% of the pixels
 CONVERGENCE = 0.75  # exponent of n with which the error of a Sobol set falls at edges
+_RAYS_A_BLOCK = 1 << 16
 _FIRST, _SECOND, _ESTIMATE, _AUDIT, _AREA = range(5)  # what scrambles are for, so that no two share them
 
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Weights, weights of the points seen, and both times N·ω, summed over each replication: (R, replications)."""
+
+    weight: Floats
+    seen: Floats
+    weight_cosine: Floats
+    seen_cosine: Floats
+
+    @property
+    def visibility(self) -> Floats:
+        """(R,) share of the light that is seen, of the part above the receiver's plane; NaN if there is none."""
+        with np.errstate(invalid="ignore"):
+            share: Floats = self.seen.sum(axis=1) / self.weight.sum(axis=1)
+        return share
+
+    @property
+    def spread(self) -> Floats:
+        """(R,) standard error of `visibility` by the replications alone, a ratio estimator (Cochran 1977, 2.11)."""
+        count = self.weight.shape[1]
+        residual = self.seen - self.visibility[:, np.newaxis] * self.weight
+        mean = np.maximum(self.weight.mean(axis=1), np.finfo(np.float32).tiny)
+        spread: Floats = np.sqrt((residual**2).sum(axis=1) / (count * (count - 1))) / mean
+        return spread
+
+
+class Estimator:
+    """Visibility of a light from receivers by shadow rays that start δ above them; other seeds take other points."""
+
+    def __init__(self, rays: ViewRays, light: Light, delta: float, seed: int = 0) -> None:
+        self._rays, self._delta, self._seed = rays, delta, seed
+        self._sampler = LightSampler(light)
+
+    def sums(
+        self, receivers: Receivers, samples: int, replications: int, purpose: int, along_normal: bool = False
+    ) -> Sums:
+        """Sums for each receiver. Points depend on the camera ray's index and on `purpose` alone."""
+        normals = self._rays.normals(receivers.triangle)
+        size = max(1, _RAYS_A_BLOCK // (samples * replications))
+
+        def work(part: slice) -> Floats:
+            scrambles = scrambles_of(receivers.rays[part], replications, self._seed << 16 | purpose)
+            points, normal = np.ascontiguousarray(receivers.point[:, part]), np.ascontiguousarray(normals[:, part])
+            *rays, weight, cosine = self._sampler.rays(points, normal, scrambles, samples, self._delta, along_normal)
+            seen = weight * ~self._rays.blocked(*rays)
+            values = np.stack([weight, seen, weight * cosine, seen * cosine])
+            totals: Floats = values.reshape(4, -1, replications, samples).sum(axis=3, dtype=np.float64)
+            return totals
+
+        parts = list(over_slices(work, len(receivers.rays), size))
+        return Sums(*np.concatenate(parts, axis=1)) if parts else Sums(*np.zeros((4, 0, replications)))
 
 
 def soft_shadows(
@@ -54,7 +107,7 @@ def soft_shadows(
     triangle: (size²,) hit triangle of each pixel, −1 for a miss; light, delta: in local lengths; standard_error: that
     95% of the penumbra's pixels stay below, unless they reach MOST points.
     """
-    centres, edge_on = _centres(rays, triangle)
+    centres, _ = _receivers(rays, triangle=triangle)
     estimator = Estimator(rays, light, delta)
     value, penumbra = find_penumbra(estimator, centres, rays.size)
     error, irradiance = np.zeros(len(value)), value.copy()
@@ -63,7 +116,9 @@ def soft_shadows(
     )
     undefined = np.isnan(value)  # no point of the light is above the receiver's plane
     undecided = undefined | (centres.cosine <= GRAZING) | (2 * delta > centres.distance * centres.cosine)
-    undecided |= _inside(light, centres) | _depends_on_offset(estimator, centres)
+    if light.kind in ("spot", "point"):
+        undecided |= centres.distance <= light.radius  # inside a spherical light
+    undecided |= _depends_on_offset(estimator, centres)
 
     def of_pixels(values: NDArray[Any], elsewhere: float) -> NDArray[Any]:
         image = np.full(len(triangle), elsewhere, dtype=bool if values.dtype == bool else np.float32)
@@ -78,7 +133,6 @@ def soft_shadows(
         "irradiance": of_pixels(np.where(undefined, 1.0, irradiance), 1.0),
         "receivers": receivers,
         "undecided": of_pixels(undecided, False)
-        | edge_on
         | _changes_within_a_pixel(rays, estimator, centres, in_penumbra, triangle),
         "area": np.where(receivers, _area(rays, estimator, in_penumbra, visibility, pixel_samples), visibility),
         "blocker": _blockers(rays, centres, delta, len(triangle)),
@@ -86,40 +140,26 @@ def soft_shadows(
     }
 
 
-def _centres(rays: ViewRays, triangle: Indices) -> tuple[Receivers, Mask]:
-    """Receivers at the pixels' centres, and (size²,) whether their triangle is seen edge-on."""
-
-    def work(rows: slice) -> tuple[Receivers, Mask]:
-        part = triangle[rows.start * rays.size : rows.stop * rays.size]
-        directions = rays.directions(rows)
-        return _in_image(rays.receivers(directions, part), rows, rays.size), rays.edge_on(directions, part)
-
-    parts = list(over_slices(work, rays.size, rows_a_slice(rays.size)))
-    return Receivers.concatenate([part for part, _ in parts]), np.concatenate([part for _, part in parts])
-
-
-def _sampled(rays: ViewRays, across: float, down: float) -> tuple[Receivers, Indices]:
-    """Receivers at one point of each pixel, and (size²,) triangles hit."""
+def _receivers(
+    rays: ViewRays, across: float = 0.5, down: float = 0.5, triangle: Indices | None = None
+) -> tuple[Receivers, Indices]:
+    """Receivers at one point of each pixel, and (size²,) triangles hit, which are traced unless given."""
 
     def work(rows: slice) -> tuple[Receivers, Indices]:
         directions = rays.directions(rows, across, down)
-        triangle = rays.nearest(directions)
-        return _in_image(rays.receivers(directions, triangle), rows, rays.size), triangle
+        first = rows.start * rays.size
+        hit = rays.nearest(directions) if triangle is None else triangle[first : rows.stop * rays.size]
+        found = rays.receivers(directions, hit)
+        return found._replace(rays=found.rays + first), hit
 
-    parts = list(over_slices(work, rays.size, rows_a_slice(rays.size)))
-    return Receivers.concatenate([part for part, _ in parts]), np.concatenate([part for _, part in parts])
-
-
-def _in_image(receivers: Receivers, rows: slice, width: int) -> Receivers:
-    """Receivers of some rows, with the indices of their rays in the whole image."""
-    return replace(receivers, rays=receivers.rays + rows.start * width)
+    parts, hits = zip(*over_slices(work, rays.size, rows_a_slice(rays.size)), strict=True)
+    return Receivers.concatenate(parts), np.concatenate(hits)
 
 
 def find_penumbra(estimator: Estimator, centres: Receivers, width: int) -> tuple[Floats, Mask]:
     """(R,) visibility by the pilot, and which receivers lie in a penumbra or within 2 pixels of one."""
-    samples = PILOT
-    value = estimator.sums(centres, samples, 1, _FIRST).visibility
-    while True:
+    value = estimator.sums(centres, PILOT, 1, _FIRST).visibility
+    for samples in (PILOT, 4 * PILOT):
         penumbra = _widened(centres.rays, value, width)
         outside = np.flatnonzero(~penumbra)
         audited = outside[scrambles_of(centres.rays[outside], 1, _AUDIT)[0, :, 0] < AUDITED * 2.0**32]
@@ -127,18 +167,14 @@ def find_penumbra(estimator: Estimator, centres: Receivers, width: int) -> tuple
         missed = np.count_nonzero(np.abs(found - value[audited]) > CHANGE)
         if missed <= MISSED * len(audited):
             break
-        if 4 * samples > MOST_SAMPLES // 16:
+        if samples == PILOT:
+            value[outside] = estimator.sums(centres.select(outside), 4 * PILOT, 1, _FIRST).visibility
+        else:
             _log.warning(
                 "%d of %d pixels audited outside the penumbra lie in one that %d points of the light do not show: "
                 "the truth has no standard error there",
                 *(missed, len(audited), samples),
             )
-            break
-        samples *= 4
-        _log.info(
-            "%d of %d audited pixels lie in a penumbra: pilot repeated with %d points", missed, len(audited), samples
-        )
-        value[outside] = estimator.sums(centres.select(outside), samples, 1, _FIRST).visibility
     return value, penumbra
 
 
@@ -179,7 +215,7 @@ def _changes_within_a_pixel(
     """(size²,) whether receiver, triangle or visibility change within the rasteriser's subpixel grid."""
     changes = np.zeros(len(triangle), dtype=bool)
     for across, down in SUBPIXEL_OFFSETS:
-        moved, hit = _sampled(rays, across, down)
+        moved, hit = _receivers(rays, across, down)
         common = np.zeros((2, len(triangle)), dtype=bool)
         common[0, centres.rays], common[1, moved.rays] = True, True
         changes |= (common[0] != common[1]) | (common[0] & (hit != triangle))
@@ -210,13 +246,6 @@ def _differ(estimator: Estimator, one: Receivers, other: Receivers, along_normal
     return differ
 
 
-def _inside(light: Light, receivers: Receivers) -> Mask:
-    """(R,) whether a receiver is inside a spherical light."""
-    spherical = light.kind in ("spot", "point")
-    inside: Mask = np.broadcast_to(spherical & (receivers.distance <= light.radius), receivers.cosine.shape)
-    return inside
-
-
 def _area(
     rays: ViewRays, estimator: Estimator, in_penumbra: Mask, visibility: NDArray[Any], pixel_samples: int
 ) -> Single:
@@ -227,7 +256,7 @@ def _area(
     total, count = np.zeros(len(visibility)), np.zeros(len(visibility))
     steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
     for number, (across, down) in enumerate(product(steps, repeat=2)):
-        receivers, _ = _sampled(rays, across, down)
+        receivers, _ = _receivers(rays, across, down)
         penumbra = in_penumbra[receivers.rays]
         for chosen, samples in ((penumbra, AREA_SAMPLES), (~penumbra, 1)):
             part = receivers.select(chosen)
@@ -242,10 +271,10 @@ def _blockers(rays: ViewRays, centres: Receivers, delta: float, pixels: int) -> 
     """(size²,) distance along L to the nearest caster before the light's centre, inf if none."""
 
     def work(part: slice) -> Floats:
-        shadow_rays = rays.shadow_rays(centres.select(part), delta)
-        distance = np.full(len(shadow_rays.offset), np.inf)
-        blocked = rays.occluded(shadow_rays)
-        distance[blocked] = rays.blockers(shadow_rays.select(blocked))
+        receivers = centres.select(part)
+        distance = np.full(len(receivers.rays), np.inf)
+        blocked = rays.occluded(rays.shadow_rays(receivers, delta))
+        distance[blocked] = rays.blockers(receivers.select(blocked), delta)
         return distance
 
     blocker = np.full(pixels, np.inf)

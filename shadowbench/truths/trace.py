@@ -26,14 +26,13 @@ STANDARD_ERROR = 1 / 255
 class Truth:
     """Ray-traced shadows of a view. All arrays are (size, size), row 0 at the top.
 
-    visibility: float32, share of the light that is seen, 1 lit, 0 in shadow, 1 outside receivers. standard_error:
-    float32, of visibility, 0 where it is not sampled (see `soft`). irradiance: float32, as visibility, with the light's
-    points weighted by N·ω. receivers: bool, the hit faces both camera and the light's centre. undecided: bool,
-    visibility changes within the rasteriser's subpixel grid or with the shadow ray's offset (see `hard`, `soft`). area:
-    float32, visibility averaged over the pixel's samples that hit receivers. blocker: float32 metres along L to the
-    nearest occluder, inf if none. triangle: int32 index in the scene's geometry, −1 for a miss. cosine: float32 N·L, 0
-    where there is no receiver. diagonal: of the bounding box of casters and visible receivers, in metres. L points to
-    the light's centre. view: that was traced, None if unknown.
+    visibility: share of the light that is seen, 1 lit, 0 in shadow, 1 outside receivers. standard_error: of visibility,
+    0 where it is not sampled (see `soft`). irradiance: as visibility, with the light's points weighted by N·ω.
+    receivers: the hit faces both camera and the light's centre. undecided: visibility changes within the rasteriser's
+    subpixel grid or with the shadow ray's offset (see `hard`, `soft`). area: visibility averaged over the pixel's
+    samples that hit receivers. blocker: metres along L to the nearest occluder, inf if none. triangle: index in the
+    scene's geometry, −1 for a miss. cosine: N·L, 0 where there is no receiver. diagonal: of the bounding box of casters
+    and visible receivers, in metres. L points to the light's centre. view: that was traced, None if unknown.
     """
 
     visibility: Single
@@ -86,7 +85,7 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
         raise InputError(f"standard_error {standard_error}: allowed are 1e-4 to 0.5")
     placed, placement = view.placed()
     rays = ViewRays(placed)
-    triangle, diagonal = _visible_triangles(placed, rays)
+    triangle, edge_on, diagonal = _visible_triangles(placed, rays)
     delta = OFFSET * diagonal
     if view.light.soft:
         from shadowbench.truths.soft import soft_shadows  # imports Numba, 0.2 s
@@ -96,6 +95,7 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
         from shadowbench.truths.near import NearCasters  # also Numba
 
         arrays = hard_shadows(rays, NearCasters(placed.scene.geometry), triangle, delta, pixel_samples)
+    arrays["undecided"] |= edge_on
     arrays["blocker"] = (arrays["blocker"] / placement.scale).astype(np.float32)
     arrays["triangle"] = triangle.astype(np.int32)
     shape = (view.size, view.size)
@@ -103,34 +103,30 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
     return Truth(diagonal=diagonal / placement.scale, view=view, **images)
 
 
-def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, float]:
-    """(size²,) triangle at each pixel's centre, −1 for a miss, and the diagonal that δ is a share of."""
+def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float]:
+    """(size²,) triangle at each pixel's centre, −1 for a miss, and whether it is seen edge-on.
 
-    def trace_rows(rows: slice) -> tuple[Indices, Floats]:
+    Also the diagonal of the bounding box of all casters and visible receivers, or of the scene if there are neither.
+    """
+    geometry = view.scene.geometry
+
+    def trace_rows(rows: slice) -> tuple[Indices, Mask, Floats]:
         directions = rays.directions(rows)
         triangle = rays.nearest(directions)
         seen = np.flatnonzero(triangle >= 0)
-        seen = seen[view.scene.geometry.receives[triangle[seen]]]
+        seen = seen[geometry.receives[triangle[seen]]]
         points = rays.points(directions.take(seen, axis=1), triangle[seen])
-        return triangle, np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
+        ends = np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
+        return triangle, rays.edge_on(directions, triangle), ends
 
-    parts = list(over_slices(trace_rows, view.size, rows_a_slice(view.size)))
-    triangle = np.concatenate([part for part, _ in parts])
+    triangles, edge_on, ends = zip(*over_slices(trace_rows, view.size, rows_a_slice(view.size)), strict=True)
+    triangle = np.concatenate(triangles)
     if not (triangle >= 0).any():
         raise InputError(f"camera {view.camera.name!r} of {view.scene.name} shows nothing: no pixel shows a triangle")
-    return triangle, _diagonal(view, np.array([extent for _, extent in parts]))
-
-
-def _diagonal(view: View, visible: Floats) -> float:
-    """Diagonal of the bounding box of all casters and visible receivers, or of the scene if there are neither.
-
-    visible: (N, 2, 3) lowest and highest corners of the visible receivers in parts of the image.
-    """
-    geometry = view.scene.geometry
-    low, high = visible[:, 0].min(axis=0), visible[:, 1].max(axis=0)
+    low, high = np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]
     if len(geometry.caster_faces):
         casters = bounds_of(used_by(geometry.caster_faces, geometry.vertices))
         low, high = np.minimum(low, casters[0]), np.maximum(high, casters[1])
     if not np.isfinite(low).all():
         low, high = geometry.bounds
-    return float(np.linalg.norm(high - low))
+    return triangle, np.concatenate(edge_on), float(np.linalg.norm(high - low))

@@ -11,9 +11,9 @@ from imgui_bundle import imgui
 
 from shadowbench.engines.external_mask import decode_srgb
 from shadowbench.gl.picture import Shading
+from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
-from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.lights import azimuth_elevation, sun_at, with_kind

@@ -1,12 +1,12 @@
 """What is sent to Dask workers."""
 
 from shadowbench.extremes.axes import AXES
-from shadowbench.extremes.stress import block_at, points_of
 from shadowbench.measure.dask_tasks import Setup, pack, station
 from shadowbench.measure.failures import Limits
 from shadowbench.measure.keys import view_key
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
+from shadowbench.studies.stress import block_at, points_of
 
 
 def test_the_blocks_of_an_axis_arrive_as_they_were() -> None:

@@ -20,7 +20,8 @@ from scipy.ndimage import binary_dilation
 
 from shadowbench import __version__
 from shadowbench.commands import console
-from shadowbench.extremes.axes import AXES, value_label
+from shadowbench.extremes.axes import AXES
+from shadowbench.extremes.model import value_label
 from shadowbench.measure import doctor as measure_doctor
 from shadowbench.reports.words import digits
 from shadowbench.scenes.library import builtin_names, load_scene

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shadowbench.engines.export import export_view, projection_matrix, view_matrix
-from shadowbench.gl.matrices import view_projection
+from shadowbench.gl.gbuffer import view_projection
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light, Scene, View, view_of

@@ -135,16 +135,17 @@ def test_errors_of_soft_shadows_are_told_in_terms_of_penumbra_umbra_and_full_lig
     y, x = np.mgrid[:size, :size].astype(float)
     exact = np.clip((x - 80) / (6 + y / 4) + 0.5, 0, 1)
     everywhere, penumbra = np.ones((size, size), bool), (exact > 0) & (exact < 1)
-    truth = PreparedTruth(
-        visibility=exact,
-        receivers=everywhere,
-        undecided=~everywhere,
-        area=exact,
-        blocker=np.where(exact < 1, 5.0, np.inf),
-        cosine=everywhere,
-        diagonal=16.0,
-        positions=lambda: np.stack([x, 0 * x, y], axis=-1) / 10,
-    )
+    arrays = {
+        "visibility": exact,
+        "standard_error": np.zeros_like(exact),
+        "receivers": everywhere,
+        "undecided": ~everywhere,
+        "area": exact,
+        "blocker": np.where(exact < 1, 5.0, np.inf),
+        "cosine": everywhere,
+        "diagonal": 16.0,
+    }
+    truth = PreparedTruth(arrays, lambda: np.stack([x, 0 * x, y], axis=-1) / 10)
     checkered = np.where((x + y) % 2, 0.2, -0.2)
     masks = {
         "penumbra too narrow": exact > 0.5,

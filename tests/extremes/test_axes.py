@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shadowbench.extremes.axes import AXES, Axis, value_label
-from shadowbench.extremes.axes.model import TEXEL
-from shadowbench.extremes.axes.motion import FRAMES
+from shadowbench.extremes.axes import AXES
+from shadowbench.extremes.model import TEXEL, Axis, value_label
+from shadowbench.extremes.views import FRAMES
 from shadowbench.scenes.model import Light, LightKind, View
 from shadowbench.truths.trace import trace
 

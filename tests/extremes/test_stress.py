@@ -12,14 +12,15 @@ import pytest
 from PIL import Image
 from scipy.ndimage import binary_dilation
 
-from shadowbench.extremes.axes import AXES, Axis
-from shadowbench.extremes.ranges import Failure, failure, operating_range, operating_ranges
-from shadowbench.extremes.stress import SWEEPING, spec_at, stress
+from shadowbench.extremes.axes import AXES
+from shadowbench.extremes.model import Axis
 from shadowbench.measure.failures import Limits
 from shadowbench.measure.flips import flips
 from shadowbench.plugin.spec import parse_spec
+from shadowbench.results.ranges import Failure, failure, operating_range, operating_ranges
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.stress import SWEEPING, spec_at, stress
 from shadowbench.truths.trace import Truth
 
 Records = Callable[..., list[dict[str, Any]]]

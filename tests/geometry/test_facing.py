@@ -36,7 +36,7 @@ def weights_by_numpy(
 
 @pytest.mark.parametrize("light", LIGHTS)
 @pytest.mark.parametrize("kind", ["box", "torus", "cylinder"])
-def test_caps_are_of_the_triangles_that_face_the_light(kind: str, light: str) -> None:
+def test_caps_are_of_the_triangles_that_face_the_light(kind, light) -> None:
     mesh = build_shape(kind, {}, "test")
     faces, source = mesh.faces.astype(np.int64), np.array(LIGHTS[light])
     for both_from, closed in ((len(faces), len(faces)), (0, len(faces)), (0, 0), (5, 7)):

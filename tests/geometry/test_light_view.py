@@ -30,7 +30,7 @@ def along(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_box_holds_angles_at_unit_distance_or_lengths_and_distances(kind: str) -> None:
+def test_a_box_holds_angles_at_unit_distance_or_lengths_and_distances(kind) -> None:
     points = np.vstack([along(kind, np.array([2.0]), -0.3, 0.1), along(kind, np.array([4.0]), 0.2, -0.5)])[:, :3]
     box = space_of(kind).box(points)
     assert box.low == pytest.approx((-0.3, -0.5, 2)) and box.high == pytest.approx((0.2, 0.1, 4))
@@ -46,7 +46,7 @@ def test_a_sun_s_distances_are_those_from_the_plane_through_the_origin() -> None
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_matrix_is_the_basis_about_the_origin(kind: str) -> None:
+def test_the_matrix_is_the_basis_about_the_origin(kind) -> None:
     space = space_of(kind)
     points = np.random.default_rng(1).normal(size=(20, 3))
     found = np.column_stack([points, np.ones(20)]) @ space.matrix.T
@@ -58,7 +58,7 @@ def test_a_spot_s_base_window_is_as_wide_as_its_cone_and_a_sun_s_has_no_end() ->
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_depth_scale_is_the_slope_of_depth_over_distance(kind: str) -> None:
+def test_depth_scale_is_the_slope_of_depth_over_distance(kind) -> None:
     seen, distance, step = view_of(kind), np.linspace(1, 5, 9), 1e-6
     depths = [
         (places @ seen.to_map().T)[:, 2:] for places in (along(kind, distance - step), along(kind, distance + step))
@@ -69,7 +69,7 @@ def test_depth_scale_is_the_slope_of_depth_over_distance(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_texel_is_that_part_of_the_map(kind: str) -> None:
+def test_a_texel_is_that_part_of_the_map(kind) -> None:
     seen = view_of(kind)
     assert seen.texel == pytest.approx((0.6 / 64, 0.8 / 64))
     width, height = seen.texel
@@ -82,14 +82,14 @@ def test_a_texel_is_that_part_of_the_map(kind: str) -> None:
 
 @pytest.mark.parametrize("reversed_depth", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
-def test_linear_depth_is_the_share_of_the_way_from_near_to_far(kind: str, reversed_depth: bool) -> None:
+def test_linear_depth_is_the_share_of_the_way_from_near_to_far(kind, reversed_depth) -> None:
     seen, distance = view_of(kind), np.linspace(1, 5, 9)
     place = along(kind, distance) @ seen.to_map(reversed_depth).T
     assert seen.linear(place[:, 2] / place[:, 3], reversed_depth) == pytest.approx((distance - 1) / 4)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_planes_bound_what_the_map_shows_and_all_before_it(kind: str) -> None:
+def test_planes_bound_what_the_map_shows_and_all_before_it(kind) -> None:
     seen, random = view_of(kind), np.random.default_rng(3)
     distance = random.uniform(0.2, 7, 500)
     points = along(kind, distance, *random.uniform(-0.8, 0.8, (2, 500)))

@@ -42,16 +42,14 @@ def random_triangles(seed: int, count: int, spread: float) -> tuple[np.ndarray, 
 
 @settings(max_examples=30)
 @given(st.integers(0, 99), st.sampled_from(COUNTS), st.sampled_from([0.0, 1e-3, 1.0, 1e3]))
-def test_a_walk_through_all_boxes_meets_each_triangle_once(seed: int, count: int, spread: float) -> None:
+def test_a_walk_through_all_boxes_meets_each_triangle_once(seed, count, spread) -> None:
     tree = build_tree(*random_triangles(seed, count, spread))
     assert sorted(walk(tree, np.ones(len(tree.words), bool))) == list(range(count))
 
 
 @settings(max_examples=30)
 @given(st.integers(0, 99), st.sampled_from(COUNTS[1:]), st.sampled_from([0.0, 1e-3, 1.0, 1e3]))
-def test_a_walk_through_the_boxes_around_a_point_meets_every_triangle_there(
-    seed: int, count: int, spread: float
-) -> None:
+def test_a_walk_through_the_boxes_around_a_point_meets_every_triangle_there(seed, count, spread) -> None:
     vertices, faces = random_triangles(seed, count, spread)
     tree = build_tree(vertices, faces)
     boxes = boxes_of(tree)
@@ -67,7 +65,7 @@ def test_a_walk_that_enters_nothing_ends_after_the_first_box() -> None:
 
 
 @pytest.mark.parametrize("count", [7, 8, 100])
-def test_triangles_in_one_place_are_divided_by_number(count: int) -> None:
+def test_triangles_in_one_place_are_divided_by_number(count) -> None:
     tree = build_tree(np.zeros((3, 3)), np.tile(np.arange(3, dtype=np.int32), (count, 1)))
     sizes = [len(leaf_of(int(word))) for word in tree.words[:, 3] if word >= LEAF]
     assert sum(sizes) == count and max(sizes) <= 7

@@ -25,13 +25,13 @@ def misses(faces: np.ndarray) -> int:
 
 
 @given(st.integers(0, 99), st.integers(0, 60), st.integers(1, 80))
-def test_it_has_each_triangle_once_in_any_soup(seed: int, count: int, vertices: int) -> None:
+def test_it_has_each_triangle_once_in_any_soup(seed, count, vertices) -> None:
     faces = random_faces(seed, count, vertices)
     assert sorted(in_reuse_order(faces).tolist()) == list(range(count))
 
 
 @given(st.integers(0, 99), st.integers(0, 60), st.integers(1, 80))
-def test_vertices_numbered_by_first_use_are_the_same_corners(seed: int, count: int, vertices: int) -> None:
+def test_vertices_numbered_by_first_use_are_the_same_corners(seed, count, vertices) -> None:
     faces = random_faces(seed, count, vertices)
     renumbered, former = by_first_use(faces)
     assert (former[renumbered] == faces).all()
@@ -46,7 +46,7 @@ def test_meshes_stay_in_their_order() -> None:
 
 
 @pytest.mark.parametrize("shuffled", [False, True])
-def test_a_sphere_shades_at_most_three_vertices_for_four_triangles(shuffled: bool) -> None:
+def test_a_sphere_shades_at_most_three_vertices_for_four_triangles(shuffled) -> None:
     faces = build_shape("sphere", {"subdivisions": 4}, "sphere").faces.astype(np.int32)
     faces = np.random.default_rng(0).permutation(faces) if shuffled else faces
     assert misses(faces[in_reuse_order(faces)]) < 0.75 * len(faces) < misses(faces)

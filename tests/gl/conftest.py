@@ -12,6 +12,14 @@ from shadowbench.gl.program import Drawable, Program, State, link
 from shadowbench.gl.shaders import VERSION, compose
 
 FULLSCREEN = "fullscreen.vert"
+NEARER = State(depth_test="<=")
+AT_DEPTH = """
+uniform float depth;
+void main() {
+    vec2 corner = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);
+    gl_Position = vec4(corner * 2.0 - 1.0, depth * 2.0 - 1.0, 1.0);
+}
+"""
 
 
 @pytest.fixture
@@ -41,5 +49,18 @@ def paint(device: Device) -> Callable[..., np.ndarray]:
         values = np.frombuffer(image.read(), dtype=np.float32).reshape(side, side)
         device.free((vertices, target, image))
         return values
+
+    return draw
+
+
+@pytest.fixture
+def at_depth(device: Device, program) -> Callable[..., None]:
+    """Draws a constant depth over a whole target."""
+    flat = program("void main() {}", AT_DEPTH)
+    vertices = device.context.vertex_array(flat.linked, [])
+
+    def draw(target: moderngl.Framebuffer, depth: float, state: State = NEARER) -> None:
+        flat.set(depth=depth)
+        Drawable(flat, vertices, count=3).draw(target, state=state)
 
     return draw

@@ -33,14 +33,12 @@ def _output(program: str, **variables: str) -> str:
     return done.stdout.decode().strip()
 
 
-def test_a_driver_calculates_alike_each_time(device: Device) -> None:
+def test_a_driver_calculates_alike_each_time(device) -> None:
     assert re.fullmatch("[0-9a-f]{8}", arithmetic(device))
     assert arithmetic(device) == arithmetic(device)
 
 
-def test_without_fused_multiply_add_a_driver_of_the_same_name_calculates_differently(
-    device: Device, elsewhere: partial[str]
-) -> None:
+def test_without_fused_multiply_add_a_driver_of_the_same_name_calculates_differently(device, elsewhere) -> None:
     without = elsewhere(GALLIUM_OVERRIDE_CPU_CAPS="sse4.1", LP_NATIVE_VECTOR_WIDTH="128")
     assert re.fullmatch("[0-9a-f]{8}", without)
     assert without != arithmetic(device)
@@ -49,7 +47,7 @@ def test_without_fused_multiply_add_a_driver_of_the_same_name_calculates_differe
 @pytest.mark.slow
 @pytest.mark.parametrize("threads", ["1", "8"])
 def test_neither_vector_width_nor_threads_nor_avx_512_change_how_a_driver_calculates(
-    device: Device, elsewhere: partial[str], threads: str
+    device, elsewhere, threads
 ) -> None:
     # Nor do they change one of the baseline's masks.
     for width in ("128", "256"):

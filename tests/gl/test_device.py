@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
@@ -15,44 +14,38 @@ import pytest
 
 from shadowbench.errors import NoGLError
 from shadowbench.gl import device as device_module
-from shadowbench.gl.device import Device, device_of, open_device
-from shadowbench.gl.raw import SIGNATURES, RawGL
+from shadowbench.gl.device import SIGNATURES, Device, RawGL, device_of, open_device
 
 MAJOR_VERSION, MINOR_VERSION = 0x821B, 0x821C
 
 
-def test_context_is_at_least_4_1_and_core(device: Device) -> None:
-    assert device.version >= 410
+def test_device_says_what_it_is(device) -> None:
     major, minor = device.raw.integer(MAJOR_VERSION), device.raw.integer(MINOR_VERSION)
-    assert device.version == 100 * major + 10 * minor
-
-
-def test_device_says_what_it_is(device: Device) -> None:
+    assert device.version == 100 * major + 10 * minor >= 410
     assert re.search(r"\d+\.\d+", device.renderer), "rows of different drivers must not mix"
     assert device.vendor
     assert device.max_map_size >= 4096
     assert 4 <= device.subpixel_bits <= 16
 
 
-def test_llvmpipe_is_known_as_software(device: Device) -> None:
-    assert device.software == ("llvmpipe" in device.renderer or "softpipe" in device.renderer)
-
-
-@pytest.mark.parametrize("renderer", ["NVIDIA H200", "Apple M2", "AMD Radeon RX 7800", "Mesa Intel(R) Graphics"])
-def test_a_gpu_is_not_software(renderer: str) -> None:
+@pytest.mark.parametrize(
+    ("renderer", "software"),
+    [("NVIDIA H200", 0), ("Apple M2", 0), ("Mesa Intel(R) Graphics", 0), ("llvmpipe (LLVM)", 1)],
+)
+def test_software_is_known_by_its_name(renderer, software) -> None:
     device = Device(None)
     device.renderer = f"{renderer}, 4.6.0"
-    assert not device.software
+    assert device.software == software
 
 
-def test_an_extension_is_available_by_name_or_by_version(device: Device) -> None:
+def test_an_extension_is_available_by_name_or_by_version(device) -> None:
     assert device.has("GL_nobody_has_this", device.version)
     assert not device.has("GL_nobody_has_this", device.version + 10)
     some = min(device.context.extensions)
     assert device.has(some, device.version + 10)
 
 
-def test_every_declared_entry_point_that_4_1_promises_can_be_loaded(device: Device) -> None:
+def test_every_declared_entry_point_that_4_1_promises_can_be_loaded(device) -> None:
     newer = {"glClipControl"}
     for name in SIGNATURES.keys() - newer:
         assert device.context.mglo._context.load(name), name
@@ -61,17 +54,17 @@ def test_every_declared_entry_point_that_4_1_promises_can_be_loaded(device: Devi
 def test_a_missing_entry_point_is_named() -> None:
     context = SimpleNamespace(mglo=SimpleNamespace(_context=SimpleNamespace(load_opengl_function=lambda name: 0)))
     with pytest.raises(NotImplementedError, match="the OpenGL driver has no glSlowDown"):
-        RawGL(context, {"glSlowDown": (None, ())})("glSlowDown", 1)
+        RawGL(context, {"glSlowDown": ()})("glSlowDown")
 
 
-def test_an_opengl_error_names_the_activity(device: Device) -> None:
+def test_an_opengl_error_names_the_activity(device) -> None:
     device.raw("glBeginQuery", 0xFFFF, 1)
     with pytest.raises(RuntimeError, match="GL_INVALID_ENUM in a test"):
         device.check("a test")
     device.check("a test")  # told once
 
 
-def test_no_context_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_context_says_what_to_install(monkeypatch) -> None:
     def fail(**_: object) -> None:
         raise Exception("libEGL.so not loaded")
 
@@ -81,17 +74,14 @@ def test_no_context_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize("bits", [64, 512])
-def test_a_vector_width_without_depth_tests_is_refused(monkeypatch: pytest.MonkeyPatch, bits: int) -> None:
+def test_a_vector_width_without_depth_tests_is_refused(bits) -> None:
     info = {"GL_RENDERER": f"llvmpipe (LLVM 15.0.6, {bits} bits)", "GL_VERSION": "4.5 (Core Profile) Mesa 22.3.6"}
     context = SimpleNamespace(info=info, enable_direct=lambda flag: None, release=lambda: None)
-    monkeypatch.setattr(device_module.moderngl, "create_context", lambda **_: context)
     with pytest.raises(NoGLError, match=rf"LP_NATIVE_VECTOR_WIDTH: found {bits}.*allowed: 128, 256"):
-        open_device()
-    with pytest.raises(NoGLError, match=rf"LP_NATIVE_VECTOR_WIDTH: found {bits}.*allowed: 128, 256"):
-        device_of(cast(moderngl.Context, context))  # a window's
+        device_of(cast(moderngl.Context, context))
 
 
-def test_a_window_keeps_from_shaders_of_another_vector_width(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_window_keeps_from_shaders_of_another_vector_width(monkeypatch) -> None:
     window = pytest.importorskip("shadowbench.viewer.window")
     monkeypatch.setenv("LP_NATIVE_VECTOR_WIDTH", "128")
     monkeypatch.setenv("MESA_SHADER_CACHE_DISABLE", "")  # so that it is restored
@@ -105,20 +95,10 @@ def test_a_window_keeps_from_shaders_of_another_vector_width(monkeypatch: pytest
 
 
 @pytest.mark.slow
-def test_code_compiled_for_another_vector_width_is_not_drawn_with(tmp_path: Path) -> None:
+def test_code_compiled_for_another_vector_width_is_not_drawn_with(tmp_path) -> None:
     # The volumes' caps: 8 lanes in a buffer for 4 overwrite the heap.
-    command = [
-        sys.executable,
-        "-m",
-        "shadowbench",
-        "render",
-        "street",
-        "-t",
-        "shadow-volume",
-        "--view-size",
-        "128",
-        "-q",
-    ]
+    drawn = ["render", "street", "-t", "shadow-volume", "--view-size", "128", "-q"]
+    command = [sys.executable, "-m", "shadowbench", *drawn]
     cached = os.environ | {"MESA_SHADER_CACHE_DIR": str(tmp_path)}
     cached.pop("LP_NATIVE_VECTOR_WIDTH", None)
     for environment in (cached, cached | {"LP_NATIVE_VECTOR_WIDTH": "128"}):
@@ -129,7 +109,7 @@ def test_code_compiled_for_another_vector_width_is_not_drawn_with(tmp_path: Path
 
 
 @pytest.mark.slow
-def test_memory_does_not_grow_over_views_of_a_scene(device: Device, studio, builtin) -> None:
+def test_memory_does_not_grow_over_views_of_a_scene(device, studio, builtin) -> None:
     def cycle() -> None:
         shot = studio.shot(builtin("cube-on-plane", 256))
         shot.triangle.sum()

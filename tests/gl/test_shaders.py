@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from shadowbench.gl.shaders import FILE_LINES, VERSION, compose, places
+from shadowbench.gl.shaders import VERSION, compose
 
 
 def write(folder: Path, **files: str) -> None:
@@ -15,42 +15,26 @@ def write(folder: Path, **files: str) -> None:
         (folder / f"{name}.glsl").write_text(text, encoding="utf-8")
 
 
-def test_version_comes_first_then_the_defines_that_are_used_then_text(tmp_path: Path) -> None:
+def test_version_comes_first_then_the_defines_that_are_used_then_text(tmp_path) -> None:
     code = "int a[SIZE], b = REVERSED;"
     text = compose(f"{code}\n", [tmp_path], {"SIZE": "1024", "REVERSED": "0", "CULL": "1"})
     assert text.splitlines() == [VERSION, "#define SIZE 1024", "#define REVERSED 0", code]
 
 
-def test_includes_nest(tmp_path: Path) -> None:
-    write(tmp_path, a='#include "b.glsl"\nfrom a', b='#include "c.glsl"\nfrom b', c="from c")
-    assert compose('#include "a.glsl"\nend', [tmp_path]).splitlines() == [VERSION, "from c", "from b", "from a", "end"]
+def test_includes_nest_and_a_file_is_included_once_at_its_first_include(tmp_path) -> None:
+    write(tmp_path, a='#include "c.glsl"\nfrom a', b='#include "c.glsl"\n#include "b.glsl"\nfrom b', c="from c")
+    lines = compose('#include "a.glsl"\n#include "b.glsl"\n#include "c.glsl"\n', [tmp_path]).splitlines()
+    assert [line for line in lines if line] == [VERSION, "from c", "from a", "from b"]
 
 
-def test_a_file_is_included_once_at_its_first_include(tmp_path: Path) -> None:
-    write(tmp_path, a='#include "c.glsl"\nfrom a', b='#include "c.glsl"\nfrom b', c="from c")
-    lines = compose('#include "a.glsl"\n#include "b.glsl"\n#include "c.glsl"\n', [tmp_path]).split()
-    assert lines.count("c") == 1
-    assert lines.index("c") < lines.index("a") < lines.index("b")
-
-
-def test_files_that_include_each_other_end(tmp_path: Path) -> None:
-    write(tmp_path, a='#include "b.glsl"\nfrom a', b='#include "a.glsl"\nfrom b')
-    assert compose("a.glsl", [tmp_path]).split() == [*VERSION.split(), "from", "b", "from", "a"]
-
-
-def test_a_text_without_newlines_is_a_file_name(tmp_path: Path) -> None:
-    write(tmp_path, a="from a")
-    assert compose("a.glsl", [tmp_path]) == compose(Path("a.glsl"), [tmp_path]) == f"{VERSION}\nfrom a"
-
-
-def test_an_include_slot_takes_its_file(tmp_path: Path) -> None:
+def test_an_include_slot_takes_its_file(tmp_path) -> None:
     write(tmp_path, slope="slope", none="none")
     text = "#include <bias>\n"
     assert "slope" in compose(text, [tmp_path], slots={"bias": "slope.glsl"})
     assert "none" in compose(text, [tmp_path], slots={"bias": "none.glsl"})
 
 
-def test_a_slot_in_a_path_takes_a_name(tmp_path: Path) -> None:
+def test_a_slot_in_a_path_takes_a_name(tmp_path) -> None:
     """Also one that an include renames."""
     write(tmp_path, wide="wide", narrow="narrow", bias='#include "<bias_of>.glsl"\nbias_max')
     slots = {"bias_of": "wide", "bias_a_of": "narrow"}
@@ -58,13 +42,13 @@ def test_a_slot_in_a_path_takes_a_name(tmp_path: Path) -> None:
     assert compose(text, [tmp_path], slots=slots).split("\n")[1:] == ["wide", "bias_max", "narrow", "bias_a_max", ""]
 
 
-def test_a_file_without_the_name_that_an_include_renames_is_included_once(tmp_path: Path) -> None:
+def test_a_file_without_the_name_that_an_include_renames_is_included_once(tmp_path) -> None:
     write(tmp_path, units="uniform float metre;", bias='#include "units.glsl"\nfloat bias_max;')
     text = compose('#include "bias.glsl" with bias = a\n#include "bias.glsl" with bias = b\n', [tmp_path])
     assert text.split("\n")[1:] == ["uniform float metre;", "float a_max;", "", "float b_max;", ""]
 
 
-def test_a_slot_takes_text_of_several_lines_with_includes_of_its_own(tmp_path: Path) -> None:
+def test_a_slot_takes_text_of_several_lines_with_includes_of_its_own(tmp_path) -> None:
     write(tmp_path, common="common", bias="#include <bias>\nafter")
     text = '#include "common.glsl"\n#include "bias.glsl"\n#include <bias>\n'
     slots = {"bias": '// inline\n#include "common.glsl"\nuniform float bias_max;'}
@@ -74,7 +58,7 @@ def test_a_slot_takes_text_of_several_lines_with_includes_of_its_own(tmp_path: P
     assert "uniform float bias_a_max;" in renamed
 
 
-def test_a_file_may_be_included_with_renamed_identifiers(tmp_path: Path) -> None:
+def test_a_file_may_be_included_with_renamed_identifiers(tmp_path) -> None:
     """Functions of that name, and names that begin with it and an underscore, also in what the file includes."""
     write(
         tmp_path,
@@ -95,17 +79,17 @@ def test_a_file_may_be_included_with_renamed_identifiers(tmp_path: Path) -> None
     ]
 
 
-def test_an_empty_slot_is_named(tmp_path: Path) -> None:
+def test_an_empty_slot_is_named(tmp_path) -> None:
     with pytest.raises(KeyError, match="bias"):
         compose("#include <bias>\n", [tmp_path])
 
 
-def test_a_missing_include_is_named_with_where_it_was_looked_for(tmp_path: Path) -> None:
+def test_a_missing_include_is_named_with_where_it_was_looked_for(tmp_path) -> None:
     with pytest.raises(FileNotFoundError, match=r"no shader file 'a/b\.glsl' in .*" + tmp_path.name):
         compose('#include "a/b.glsl"\n', [tmp_path])
 
 
-def test_the_first_folder_takes_precedence(tmp_path: Path) -> None:
+def test_the_first_folder_takes_precedence(tmp_path) -> None:
     own, shared = tmp_path / "own", tmp_path / "shared"
     write(own, a="own")
     write(shared, a="shared", b="shared b")
@@ -113,14 +97,14 @@ def test_the_first_folder_takes_precedence(tmp_path: Path) -> None:
     assert text[1:] == ["own", "shared b"]
 
 
-def test_text_that_only_looks_like_an_include_is_kept(tmp_path: Path) -> None:
+def test_text_that_only_looks_like_an_include_is_kept(tmp_path) -> None:
     text = '// #include "nothing.glsl"\nint a; // see #include <b>\n'
     assert compose(text, [tmp_path]).endswith(text)
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(st.lists(st.sets(st.integers(0, 7)), min_size=8, max_size=8), st.lists(st.integers(0, 7), min_size=1))
-def test_every_reachable_include_is_inserted_once(tmp_path: Path, web: list[set[int]], start: list[int]) -> None:
+def test_every_reachable_include_is_inserted_once(tmp_path, web, start) -> None:
     for name, wanted in enumerate(web):
         includes = "".join(f'#include "{other}.glsl"\n' for other in sorted(wanted))
         (tmp_path / f"{name}.glsl").write_text(f"{includes}int file{name};", encoding="utf-8")
@@ -135,22 +119,16 @@ def test_every_reachable_include_is_inserted_once(tmp_path: Path, web: list[set[
     assert "#include" not in text
 
 
-def test_each_line_of_a_traced_text_knows_its_file_and_line(tmp_path: Path) -> None:
+def test_each_line_of_a_composed_text_knows_its_file_and_line(tmp_path) -> None:
     """Of includes within includes, of one that is taken already, of renamed ones, and of text in a Python file."""
     (tmp_path / "a.glsl").write_text('a1\n#include "b.glsl"\na3\n#include "b.glsl"\na5')
     (tmp_path / "b.glsl").write_text("b1\nb2\n")
-    inline = '\ni2\n#include "a.glsl"\ni4\n#include <bias>\ni6\n'
+    inline = '\ni2 SIZE\n#include "a.glsl"\ni4\n#include <bias>\ni6\n'
     (tmp_path / "mine.py").write_text(f'# a comment\nTEXT = """{inline}"""\n')
     (tmp_path / "bias.glsl").write_text("bias1\n")
-    text = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"}, traced=True)
-    found = {
-        line: (name, number % FILE_LINES) for line, (number, name) in zip(text.splitlines(), places(text), strict=True)
-    }
+    text = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"})
+    found = dict(zip(text.splitlines(), text.places, strict=False))
     expected = {"a1": ("a.glsl", 1), "a3": ("a.glsl", 3), "a5": ("a.glsl", 5), "b1": ("b.glsl", 1), "b2": ("b.glsl", 2)}
-    expected |= {f"i{line}": ("mine.py", line + 1) for line in (2, 4, 6)} | {"bias1": ("bias.glsl", 1)}
+    expected |= {"i2 SIZE": ("mine.py", 3), "i4": ("mine.py", 5), "i6": ("mine.py", 7), "bias1": ("bias.glsl", 1)}
     assert {line: found[line] for line in expected} == expected
-    plain = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"})
-    directives = [line for line in text.splitlines() if line.startswith("#line")]
-    assert [line for line in text.split() if line in expected] == [line for line in plain.split() if line in expected]
-    assert directives and "#line" not in plain
-    assert places("a\nb") == [(1, ""), (2, "")]
+    assert len(text.places) == text.count("\n") + 1

@@ -16,7 +16,7 @@ from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.vectors import perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.mask_metrics import iou
+from shadowbench.scores.metrics import iou
 from shadowbench.truths.trace import trace
 
 NUDGE = 1 / 256  # of a pixel or texel: the rasteriser's sub-pixel grid, as in the truth's definition of undecided

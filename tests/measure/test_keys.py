@@ -13,7 +13,7 @@ import pytest
 
 from shadowbench import files, versions
 from shadowbench.gl.device import Device
-from shadowbench.gl.shaders import compose, places
+from shadowbench.gl.shaders import compose
 from shadowbench.measure import keys
 from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key, shader_names, view_key
@@ -23,9 +23,8 @@ from shadowbench.plugin import stage
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Coordinates, View, view_of
+from shadowbench.scenes.model import Coordinates, View, view_digest, view_of
 from shadowbench.techniques.shadow_map import ShadowMap
 
 DRAWER = {"renderer": "r", "embree": "e"}
@@ -259,8 +258,9 @@ def test_every_shader_that_a_technique_composes_is_in_its_key(
     composed: set[str] = set()
 
     def watched(source: Path | str, roots: Any, defines: Any, slots: Mapping[str, str], **others: Any) -> str:
-        composed.update(name for _, name in places(compose(source, roots, defines, slots, traced=True)) if name)
-        return compose(source, roots, defines, slots, **others)
+        text = compose(source, roots, defines, slots)
+        composed.update(name for name, _ in text.places if name)
+        return text
 
     monkeypatch.setattr(stage, "compose", watched)
     parsed, loaded = parse_spec(spec, KNOWN), LoadedScene(device, cube.scene, "relative")

@@ -8,9 +8,8 @@ import pytest
 from shadowbench.measure.rows import Result
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.results.configurations import Configuration
+from shadowbench.results.configurations import Configuration, Interval, interval
 from shadowbench.results.curves import Slope, slopes
-from shadowbench.results.intervals import Interval, interval
 from shadowbench.results.ranking import mean
 from shadowbench.results.tables import cells_frame
 from shadowbench.scores.metrics import METRICS

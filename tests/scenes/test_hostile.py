@@ -39,9 +39,9 @@ def refused(path: str | Path, *words: str, assets: Path | None = None) -> None:
         ("a = " + "[" * 20_000 + "\n", ["not TOML"]),
         ("a = " + "9" * 5000 + "\n", ["not TOML"]),
         ("# " + "x" * 2_000_000 + "\n" + BOX, ["2000000"]),
-        ("[[camera]]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\n" * 1001 + BOX, ["1001", "1000"]),
-        ('[[light]]\nkind = "directional"\ndirection = [0, -1, 0]\n' * 1001 + BOX, ["1001", "1000"]),
-        (BOX * 50_001, ["mesh: found 50001 tables", "50000"]),
+        ("[[camera]]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\n" * 1001 + BOX, ["1000"]),
+        ('[[light]]\nkind = "directional"\ndirection = [0, -1, 0]\n' * 1001 + BOX, ["1000"]),
+        (BOX * 50_001, ["mesh: found", "50000"]),
         (f'"{"k" * 5000}" = 1\n' + BOX, ["unknown field"]),
     ],
     ids=[
@@ -116,7 +116,7 @@ def test_the_buffer_of_a_gltf_lies_in_its_folder(gltf_file: Write, tmp_path: Pat
     (tmp_path / "folder").symlink_to(outside)
     relative = os.path.relpath(outside / "part.bin", tmp_path)
     for uri in (str(outside / "part.bin"), relative, relative.replace("/", "%2F"), "link.bin", "folder/part.bin"):
-        refused(gltf_file(buffers=[{"byteLength": 48, "uri": uri}]), "buffers[0]", "outside")
+        refused(gltf_file(buffers=[{"byteLength": 48, "uri": uri}]), "buffers 1", "outside")
     (tmp_path / "my part.bin").write_bytes((outside / "part.bin").read_bytes())
     for uri in ("my%20part.bin", "my part.bin", "./my%20part.bin"):
         assert len(load_scene(gltf_file(buffers=[{"byteLength": 48, "uri": uri}])).meshes) == 2
@@ -131,7 +131,7 @@ def test_a_buffer_named_by_a_wrong_folder_is_not_taken_from_beside(
 
 @pytest.mark.parametrize("uri", ["data:,x", "data:;base64,*", "data:;base64,AAAA", "data:", "file:///etc/passwd", ""])
 def test_an_invalid_buffer_is_one_line(gltf_file: Write, uri: str) -> None:
-    refused(gltf_file(buffers=[{"byteLength": 48, "uri": uri}]), "buffers[0]")
+    refused(gltf_file(buffers=[{"byteLength": 48, "uri": uri}]), "buffers 1")
 
 
 # A glTF's numbers against its bytes.
@@ -140,21 +140,21 @@ def test_an_invalid_buffer_is_one_line(gltf_file: Write, uri: str) -> None:
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"accessor": {"count": 10**10}}, ["accessors[0]", "10000000000 elements"]),
+        ({"accessor": {"count": 10**10}}, ["accessors 1", "10000000000 elements"]),
         ({"accessor": {"count": 10**30}}, ["count"]),
         ({"accessor": {"count": -1}}, ["count", "-1"]),
         ({"accessor": {"count": 2.5}}, ["count", "2.5"]),
-        ({"accessor": {"byteOffset": 12}}, ["accessors[0]", "byte 48", "36"]),
+        ({"accessor": {"byteOffset": 12}}, ["accessors 1", "byte 48", "36"]),
         ({"accessor": {"componentType": 5124}}, ["componentType", "5124"]),
-        ({"accessor": {"type": "VEC2"}}, ["accessors[0]", "VEC3"]),
-        ({"accessor": {"bufferView": 1}}, ["accessors[0]", "bufferView"]),
-        ({"accessor": {"bufferView": 5}}, ["accessors[0].bufferView", "5", "0 to 1"]),
-        ({"accessor": {"bufferView": None}}, ["accessors[0]", "no bufferView"]),
-        ({"bufferViews": [{"buffer": 0, "byteOffset": 40, "byteLength": 36}] * 2}, ["bufferViews[0]", "76", "48"]),
-        ({"bufferViews": [{"buffer": 3, "byteLength": 36}] * 2}, ["bufferViews[0].buffer", "3"]),
+        ({"accessor": {"type": "VEC2"}}, ["accessors 1", "VEC3"]),
+        ({"accessor": {"bufferView": 1}}, ["accessors 1", "bufferView"]),
+        ({"accessor": {"bufferView": 5}}, ["accessors 1.bufferView", "5", "0 to 1"]),
+        ({"accessor": {"bufferView": None}}, ["accessors 1", "no bufferView"]),
+        ({"bufferViews": [{"buffer": 0, "byteOffset": 40, "byteLength": 36}] * 2}, ["bufferViews 1", "76", "48"]),
+        ({"bufferViews": [{"buffer": 3, "byteLength": 36}] * 2}, ["bufferViews 1.buffer", "3"]),
         ({"bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 0}] * 2}, ["byteStride"]),
         ({"meshes": [{"primitives": [{"attributes": {"POSITION": 7}}]}]}, ["POSITION", "7", "0 to 1"]),
-        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 0}]}]}, ["accessors[0]", "unsigned"]),
+        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 0}]}]}, ["accessors 1", "unsigned"]),
         ({"meshes": [{"primitives": [{"attributes": [0]}]}]}, ["attributes"]),
         ({"meshes": {"a": 1}}, ["meshes"]),
         ({"nodes": [{"mesh": 0, "translation": [1, "x", 2]}]}, ["translation", "'x'"]),
@@ -166,7 +166,7 @@ def test_an_invalid_buffer_is_one_line(gltf_file: Write, uri: str) -> None:
         ({"asset": []}, ["asset"]),
         ({"nodes": [{"mesh": 0, "camera": 0}] * 1001, "scenes": [{"nodes": [0]}],
           "cameras": [{"type": "orthographic"}]}, ["1001 cameras", "1000"]),
-        ({"nodes": [{"mesh": 0, "camera": 0}], "cameras": [{"type": "perspective"}]}, ["cameras[0].perspective"]),
+        ({"nodes": [{"mesh": 0, "camera": 0}], "cameras": [{"type": "perspective"}]}, ["cameras 1: perspective"]),
         ({"nodes": [{"mesh": 0}] * 50_001}, ["nodes", "50000"]),
     ],
 )  # fmt: skip
@@ -195,7 +195,7 @@ def test_a_glb_without_its_second_chunk_is_one_line(gltf_file: Write, tmp_path: 
     data = path.read_bytes()
     end = 20 + int.from_bytes(data[12:16], "little")
     path.write_bytes(data[:8] + end.to_bytes(4, "little") + data[12:end])
-    refused(path, "a.glb: buffers[0]", "uri")
+    refused(path, "a.glb: buffers 1", "uri")
 
 
 def test_the_json_of_a_gltf_is_read_once_as_what_it_is(tmp_path: Path, gltf_file: Write) -> None:

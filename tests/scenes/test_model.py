@@ -110,7 +110,5 @@ def test_a_field_of_view_that_float32_cannot_draw_is_refused() -> None:
             camera_from_table(table | {"fov_y": fov}, "a.toml")
 
 
-def test_a_scene_of_many_meshes_is_shown_in_one_short_line() -> None:
-    line = repr(load_scene("street"))
-    assert line.startswith("<Scene street: 44658 triangles; meshes: road, house left 1, house left 2 and 114 more; ")
-    assert line.endswith("cameras: camera; lights: light>") and len(line) < 200
+def test_a_scene_is_shown_in_one_short_line() -> None:
+    assert repr(load_scene("street")) == "<Scene street: 44658 triangles, 117 mesh(es), 1 camera(s), 1 light(s)>"

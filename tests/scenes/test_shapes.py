@@ -5,9 +5,8 @@ import pytest
 import trimesh
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import bounds_of
+from shadowbench.scenes.geometry import Triangles, bounds_of, without_zero_area
 from shadowbench.scenes.shapes import SHAPES, build_shape
-from shadowbench.scenes.triangles import Triangles, without_zero_area
 
 EXTENTS = {
     "plane": (1, 0, 1),

@@ -10,10 +10,12 @@ from shadowbench.scores import PreparedTruth
 def truth() -> Callable[..., PreparedTruth]:
     """A PreparedTruth of a visibility; what is not given is the simplest: all receivers, a far blocker, N·L = 1."""
 
-    def build(visibility, **given):
+    def build(visibility, positions=None, **given):
         visibility = np.asarray(visibility, np.float32)
         shape = visibility.shape
-        simplest = {
+        arrays = {
+            "visibility": visibility,
+            "standard_error": np.zeros(shape),
             "receivers": np.ones(shape, bool),
             "undecided": np.zeros(shape, bool),
             "area": visibility,
@@ -21,7 +23,7 @@ def truth() -> Callable[..., PreparedTruth]:
             "cosine": np.ones(shape),
             "diagonal": 10.0,
         }
-        return PreparedTruth(visibility=visibility, **(simplest | given))
+        return PreparedTruth(arrays | given, positions)
 
     return build
 

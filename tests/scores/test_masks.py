@@ -16,31 +16,20 @@ images = arrays(np.float32, (5, 7), elements=st.floats(0, 1, width=32))
 
 
 @given(images)
-def test_quantising_moves_by_at_most_half_a_level(visibility):
-    assert np.abs(quantise(visibility).astype(float) - visibility).max() <= 0.5 / 65535 + 1e-7
-
-
-@given(images)
-def test_quantising_twice_changes_nothing(visibility):
+def test_quantising_moves_by_at_most_half_a_level_and_twice_by_no_more(visibility):
     once = quantise(visibility)
     assert once.dtype == np.float32
+    assert np.abs(once.astype(float) - visibility).max() <= 0.5 / 65535 + 1e-7
     np.testing.assert_array_equal(quantise(once), once)
 
 
-def test_every_level_survives_both_precisions():
+def test_every_level_survives_all_precisions():
     levels = np.arange(65536).reshape(256, 256)
     for dtype in (np.float32, np.float64):
         quantised = quantise((levels / 65535).astype(dtype))
         np.testing.assert_array_equal(np.rint(quantised.astype(float) * 65535), levels)
-
-
-def test_the_levels_of_half_floats_and_booleans_are_kept():
     np.testing.assert_array_equal(quantise(np.array([[0, 0.5, 1]], np.float16)), quantise([[0, 0.5, 1]]))
     np.testing.assert_array_equal(quantise([[False, True]]), [[0, 1]])
-
-
-def test_rounding_beyond_the_range_is_clipped():
-    np.testing.assert_array_equal(quantise([[-1e-7, 1 + 5e-7]]), [[0, 1]])
 
 
 @pytest.mark.parametrize(("edge", "outwards"), [(0.0, -1), (1.0, 1)])
@@ -135,14 +124,6 @@ def test_sixteen_bits_in_colour_are_no_mask_as_half_of_them_would_be_lost(tmp_pa
     (tmp_path / "deep.png").write_bytes(png)
     with pytest.raises(InputError, match=r"deep\.png: found a PNG of mode RGB; allowed"):
         read_mask(tmp_path / "deep.png")
-
-
-@pytest.mark.parametrize("mode", ["RGB", "RGBA", "LA", "P", "1"])
-def test_a_mask_in_colour_is_refused_by_name(tmp_path, mode):
-    color = (9, 9, 8) if mode == "RGB" else 0  # none is transparent
-    Image.new(mode, (4, 4), color).save(tmp_path / "colour.png")
-    with pytest.raises(InputError, match=rf"colour\.png: found a PNG of mode {mode}; allowed: a grey PNG"):
-        read_mask(tmp_path / "colour.png")
 
 
 def test_a_file_that_is_not_a_png_is_refused_by_name(tmp_path):

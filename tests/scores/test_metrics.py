@@ -62,13 +62,11 @@ def test_every_metric_has_a_row_that_explains_it():
     ]
     for name, metric in METRICS.items():
         assert metric.name == name
-        assert metric.better in ("higher", "lower", "near 0", "near 1")
-        assert metric.kind in ("hard", "soft", "both")
         assert metric.kind == "soft" or name not in OF_PENUMBRAE
         assert metric.help.endswith(".")
-        assert metric.function.__doc__
-    assert "Large lit areas raise it" in METRICS["ssim"].help
-    assert "prefers a displaced edge to a blurred one" in METRICS["ssim"].help
+    assert "Large lit areas raise it, and it prefers a displaced edge to a blurred one" in METRICS["ssim"].help
+    assert (METRICS["iou"].error_label, METRICS["iou"].error(0.75)) == ("1 − IoU", 0.25)
+    assert (METRICS["rmse"].error_label, METRICS["rmse"].error(0.75)) == ("RMSE", 0.75)
 
 
 def test_a_share_may_move_by_a_thousandth_a_width_by_a_fiftieth_an_edge_by_a_twentieth_of_a_pixel_or_half_a_one():
@@ -81,21 +79,6 @@ def test_a_share_may_move_by_a_thousandth_a_width_by_a_fiftieth_an_edge_by_a_twe
 def test_reports_ask_for_ever_stricter_values_of_what_ranks_shadows_and_of_the_edges_distance():
     targets = {name: metric.targets for name, metric in METRICS.items() if metric.targets}
     assert targets == {"iou": (0.95, 0.99, 0.999), "edge_px": (1, 1 / 2, 1 / 4), "rmse": (0.05, 0.02, 0.01)}
-
-
-@pytest.mark.parametrize(
-    ("name", "label", "error"), [("iou", "1 − IoU", 0.25), ("rmse", "RMSE", 0.75), ("edge_px", "edge", 0.75)]
-)
-def test_the_error_of_a_similarity_is_its_complement(name, label, error):
-    assert METRICS[name].error_label == label
-    assert METRICS[name].error(0.75) == error
-
-
-@pytest.mark.parametrize(("name", "better", "worse"), [("iou", 0.96, 0.94), ("rmse", 0.94, 0.96)])
-def test_a_value_meets_a_limit_that_it_reaches(name, better, worse):
-    assert METRICS[name].meets(better, 0.95)
-    assert METRICS[name].meets(0.95, 0.95)
-    assert not METRICS[name].meets(worse, 0.95)
 
 
 def test_a_value_below_the_truths_own_error_is_printed_as_that():
@@ -120,12 +103,6 @@ def test_a_value_below_the_truths_own_error_is_printed_as_that():
 def test_a_change_for_the_worse_leads_away_from_the_ideal(name, before, after, worse):
     assert METRICS[name].worse(before, after) == worse
     assert METRICS[name].worse(after, before) == -worse
-
-
-def test_scores_are_plain_floats_in_the_tables_order(truth, disc):
-    scores = score(disc(29), truth(disc(30), blocker=np.zeros((128, 128))))
-    assert list(scores) == list(METRICS)
-    assert {type(value) for name, value in scores.items() if name not in OF_PENUMBRAE} == {float}
 
 
 # What is best, what is worst
@@ -172,13 +149,6 @@ def test_a_mask_without_any_shadow_leaks_everywhere(truth, disc):
     assert scores["mae"] == np.mean(disc(30) == 0)
 
 
-def test_a_mask_wholly_in_shadow_is_all_acne(truth, disc):
-    scores = score(np.zeros((128, 128)), truth(disc(30)))
-    assert scores["acne"] == 1
-    assert scores["leak"] == 0
-    assert scores["iou"] == np.mean(disc(30) == 0)
-
-
 def test_an_inverted_mask_is_wholly_wrong(truth, disc):
     scores = score(1 - disc(30), truth(disc(30)))
     assert scores["iou"] == scores["iou_soft"] == scores["boundary_iou"] == 0
@@ -189,9 +159,10 @@ def test_an_inverted_mask_is_wholly_wrong(truth, disc):
 # Closed forms
 
 
-@pytest.mark.parametrize("k", [-20, -3, -1, 0, 1, 2, 7, 30])
-def test_a_straight_edge_that_moved_by_k_pixels(truth, half_plane, k):
-    scores = score(half_plane(64 + k), truth(half_plane(64)))
+@pytest.mark.parametrize("k", [-20, -1, 0, 2, 7, 30])
+@pytest.mark.parametrize("turn", [np.asarray, np.transpose])
+def test_a_straight_edge_that_moved_by_k_pixels(truth, half_plane, turn, k):
+    scores = score(turn(half_plane(64 + k)), truth(turn(half_plane(64))))
     assert scores["edge_px"] == scores["edge_p95"] == abs(k)
     assert scores["iou"] == scores["iou_soft"] == (64 + min(k, 0)) / (64 + max(k, 0))
     assert scores["mae"] == abs(k) / 128
@@ -199,24 +170,14 @@ def test_a_straight_edge_that_moved_by_k_pixels(truth, half_plane, k):
     assert scores["boundary_iou"] == max(width - abs(k), 0) / min(width + abs(k), 2 * width)
 
 
-@pytest.mark.parametrize("k", [1, 5])
-def test_the_distance_is_the_same_along_rows(truth, half_plane, k):
-    scores = score(half_plane(64 + k).T, truth(half_plane(64).T))
-    assert scores["edge_px"] == scores["edge_p95"] == k
-
-
-def test_a_disc_in_a_larger_disc(truth, disc):
-    scores = score(disc(50), truth(disc(40)))
-    assert scores["iou"] == pytest.approx((40 / 50) ** 2, rel=0.01)
-    assert scores["edge_px"] == pytest.approx(10, abs=0.2)
-    assert scores["mae"] == pytest.approx(math.pi * (50**2 - 40**2) / 128**2, rel=0.01)
-
-
-def test_a_disc_beside_its_place(truth, disc):
+def test_a_disc_beside_its_place_and_one_in_a_larger_disc(truth, disc):
     radius, moved = 40, 20
     lens = 2 * radius**2 * math.acos(moved / (2 * radius)) - moved / 2 * math.sqrt(4 * radius**2 - moved**2)
     scores = score(disc(radius, right=moved), truth(disc(radius)))
     assert scores["iou"] == pytest.approx(lens / (2 * math.pi * radius**2 - lens), rel=0.01)
+    larger = score(disc(50), truth(disc(40)))
+    assert larger["iou"] == pytest.approx((40 / 50) ** 2, rel=0.01)
+    assert larger["edge_px"] == pytest.approx(10, abs=0.2)
 
 
 def test_boundary_iou_does_not_forgive_a_large_shadow(truth, disc):
@@ -245,16 +206,11 @@ def test_partial_acne_shows_in_the_soft_scores_only(truth, half_plane):
     assert scores["iou_soft"] == pytest.approx(64 / (64 + 64 * 0.4), abs=1e-5)
 
 
-def test_light_where_it_should_be_darker_makes_up_for_no_acne(truth):
-    """Half of a lit interior in half light is darker by 0.2, half is lighter by 0.3."""
-    mask = np.repeat([[0.4], [0.9]], 8, axis=0) * np.ones(16)
-    assert score(mask, truth(np.full((16, 16), 0.6)))["acne_soft"] == pytest.approx(0.1, abs=1e-5)
-
-
 def test_errors_beside_an_edge_are_neither_acne_nor_leak(truth, half_plane):
     for k in (-3, 3):
         scores = score(half_plane(64 + k), truth(half_plane(64)))
         assert scores["acne"] == scores["leak"] == 0
+    assert score(half_plane(3), truth(half_plane(3)))["leak"] is None  # too thin for an interior
     assert score(half_plane(68), truth(half_plane(64)))["acne"] == 1 / 61
     assert score(half_plane(60), truth(half_plane(64)))["leak"] == 1 / 61
 
@@ -282,14 +238,6 @@ def test_mae_lit_counts_by_the_cosine(truth, half_plane):
     assert score(mask, truth(half_plane(64), cosine=cosine))["mae_lit"] == pytest.approx(32 * 0.25 / 64)
 
 
-def test_the_95th_percentile_sees_the_worst_stretch(truth, half_plane):
-    mask = half_plane(64)
-    mask[:20] = half_plane(84)[:20]
-    scores = score(mask, truth(half_plane(64)))
-    assert 1 < scores["edge_px"] < 5
-    assert scores["edge_p95"] > 10
-
-
 def test_the_95th_percentile_of_known_distances(truth):
     """A hundred shadows of one pixel, each moved along its row: 94 by 1 pixel, 2 by 2 and 4 by 3."""
     moved = np.random.default_rng(3).permutation(np.repeat([1, 2, 3], [94, 2, 4]))
@@ -307,23 +255,16 @@ def test_the_95th_percentile_of_known_distances(truth):
 
 @given(seeds)
 def test_excluded_pixels_never_matter(truth, seed):
-    rng = np.random.default_rng(seed)
-    mask, view = random_view(rng)
-    prepared = truth(**view)
-    changed = np.where(prepared.valid, mask, rng.random(mask.shape))
-    assert score(changed, prepared) == score(mask, prepared)
-
-
-@given(seeds)
-def test_truth_values_at_excluded_pixels_do_not_matter(truth, seed):
+    """Neither of the mask nor of the truth."""
     rng = np.random.default_rng(seed)
     mask, view = random_view(rng)
     valid = truth(**view).valid
-    changed = {
+    changed = np.where(valid, mask, rng.random(mask.shape))
+    other = {
         name: np.where(valid, view[name], rng.random(mask.shape))
         for name in ("visibility", "area", "cosine", "blocker")
     }
-    assert score(mask, truth(**view | changed)) == score(mask, truth(**view))
+    assert score(changed, truth(**view | other)) == score(mask, truth(**view))
 
 
 @pytest.mark.parametrize("turn", [np.flipud, np.fliplr, np.transpose, np.rot90])
@@ -395,10 +336,6 @@ def test_without_receivers_nothing_is_known(truth):
     assert nulls(score(np.ones((32, 32)), truth(np.zeros((32, 32)), receivers=np.zeros((32, 32), bool)))) == set(
         METRICS
     )
-
-
-def test_a_shadow_too_thin_for_an_interior_does_not_leak(truth, half_plane):
-    assert score(half_plane(3), truth(half_plane(3)))["leak"] is None
 
 
 @pytest.mark.parametrize("side", [6, 10])

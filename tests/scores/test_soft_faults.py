@@ -27,6 +27,6 @@ def test_causes_come_before_the_largest_errors() -> None:
         (None, "too wide or"),
     ],
 )
-def test_a_wrong_width_has_a_direction_where_most_penumbrae_agree(wider: float | None, told: str) -> None:
+def test_a_wrong_width_has_a_direction_where_most_penumbrae_agree(wider, told) -> None:
     (fault,) = soft_faults(FINE | {"width": 1.0}, wider)
     assert told in fault.line

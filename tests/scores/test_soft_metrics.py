@@ -54,7 +54,7 @@ WEDGE = ramp(6 + Y / SIZE * 34)
 # The truth itself
 
 
-def test_the_truth_itself_has_no_error_and_hardens_as_it_should(scored: Scored) -> None:
+def test_the_truth_itself_has_no_error_and_hardens_as_it_should(scored) -> None:
     scores = scored(WEDGE, WEDGE)
     for name, metric in METRICS.items():
         if metric.kind != "hard" and name not in ("iou_soft", "ssim", "ssim_edge", "acne_soft"):
@@ -65,7 +65,7 @@ def test_the_truth_itself_has_no_error_and_hardens_as_it_should(scored: Scored) 
 
 
 @pytest.mark.parametrize("k", [-4, -1, 1, 3])
-def test_a_straight_penumbra_that_moved_by_k_pixels(scored: Scored, k: int) -> None:
+def test_a_straight_penumbra_that_moved_by_k_pixels(scored, k) -> None:
     """Off by k/w on the ramp; P is the 19 columns above 0.02 and below 0.98 and two on either side."""
     width = 20.0
     scores = scored(ramp(width, 80.0 + k), ramp(width))
@@ -79,14 +79,10 @@ def test_a_straight_penumbra_that_moved_by_k_pixels(scored: Scored, k: int) -> N
     assert scores["bleed"] == scores["false_dark"] == 0
     assert scores["noise"] < 1e-6
     assert scores["width"] == pytest.approx(0, abs=1e-3)
+    assert scores["hardening"] is scores["hardening_intercept"] is None  # of a single width
 
 
-def test_only_the_truth_decides_what_is_penumbra(prepared: Callable[..., PreparedTruth]) -> None:
-    assert np.flatnonzero(prepared(ramp(20)).penumbra[5]).tolist() == list(range(69, 92))
-    assert not prepared(ramp(1e-6, 80.5)).soft
-
-
-def test_umbra_and_full_light_keep_eight_pixels_from_the_rest(prepared: Callable[..., PreparedTruth]) -> None:
+def test_umbra_and_full_light_keep_eight_pixels_from_the_rest(prepared) -> None:
     """The ramp is above 0.01 from column 71, below 0.99 up to 89."""
     undecided = (X == 20) & (Y == 100) | (X == 140) & (Y == 100)
     found = prepared(ramp(20), undecided=undecided)
@@ -97,14 +93,14 @@ def test_umbra_and_full_light_keep_eight_pixels_from_the_rest(prepared: Callable
     assert np.flatnonzero(found.full_light[108]).tolist() == [*range(98, 132), *range(149, SIZE)]
 
 
-def test_light_in_the_umbra_bleeds_and_a_blur_of_eight_pixels_does_not(scored: Scored) -> None:
+def test_light_in_the_umbra_bleeds_and_a_blur_of_eight_pixels_does_not(scored) -> None:
     truth = ramp(20)  # dark up to column 70
     assert scored(np.where(truth < 0.01, 0.3, truth), truth)["bleed"] == pytest.approx(0.3, abs=1e-5)
     assert scored(ramp(36), truth)["bleed"] == 0
     assert scored(ramp(60), truth)["bleed"] > 0
 
 
-def test_darkness_in_full_light_is_false(scored: Scored) -> None:
+def test_darkness_in_full_light_is_false(scored) -> None:
     truth = ramp(20)
     assert scored(np.where(truth > 0.99, 0.8, truth), truth)["false_dark"] == pytest.approx(0.2, abs=1e-5)
     assert scored(ramp(36), truth)["false_dark"] == 0
@@ -121,7 +117,7 @@ def noisy(amount: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return exact + error * np.random.default_rng(seed).standard_normal(exact.shape), error
 
 
-def test_the_error_of_the_truth_is_no_error_of_the_mask(scored: Scored) -> None:
+def test_the_error_of_the_truth_is_no_error_of_the_mask(scored) -> None:
     sampled, error = noisy(0.02)
     with_bars, without = (scored(ramp(60), sampled, standard_error=bars) for bars in (error, 0 * error))
     for name in ("rmse", "rmse_pen", "noise"):
@@ -131,17 +127,7 @@ def test_the_error_of_the_truth_is_no_error_of_the_mask(scored: Scored) -> None:
     assert with_bars["banding"] < 0.01
 
 
-def test_what_is_left_of_an_error_is_its_own(scored: Scored) -> None:
-    sampled, error = noisy(0.02)
-    exact, wrong = ramp(60), ramp(60, 82.0)
-    assert scored(wrong, sampled, standard_error=error)["rmse_pen"] == pytest.approx(
-        scored(wrong, exact)["rmse_pen"], rel=0.02
-    )
-
-
-def test_the_error_bar_of_a_pixel_where_all_points_of_the_light_agree_is_a_bound_and_hides_no_error(
-    scored: Scored,
-) -> None:
+def test_the_error_bar_of_a_pixel_where_all_points_of_the_light_agree_is_a_bound_and_hides_no_error(scored) -> None:
     truth, wrong = ramp(20), ramp(20, 80.05)
     bars = np.where((truth == 0) | (truth == 1), 1 / 256, 0)
     exact, bounded = (scored(wrong, truth, standard_error=error) for error in (0 * bars, bars))
@@ -155,7 +141,7 @@ def test_the_error_bar_of_a_pixel_where_all_points_of_the_light_agree_is_a_bound
 
 
 @pytest.mark.parametrize(("across", "low"), [(X, 0.98), (DIAGONAL, 0.9)], ids=["rows", "diagonal"])
-def test_noise_of_a_known_amplitude(scored: Scored, across: np.ndarray, low: float) -> None:
+def test_noise_of_a_known_amplitude(scored, across, low) -> None:
     """Along a diagonal, samples lie between pixels, whose mean has less noise."""
     middle = float(across.mean())
     truth = 0.25 + 0.5 * ramp(400, middle, across)
@@ -164,14 +150,14 @@ def test_noise_of_a_known_amplitude(scored: Scored, across: np.ndarray, low: flo
 
 
 @pytest.mark.parametrize("across", [X, DIAGONAL, X * 0.8 + Y * 0.6], ids=["rows", "diagonal", "oblique"])
-def test_a_smooth_error_is_no_noise(scored: Scored, across: np.ndarray) -> None:
+def test_a_smooth_error_is_no_noise(scored, across) -> None:
     middle = float(across.mean())
     scores = scored(ramp(40, middle + 3, across), ramp(20, middle, across))
     assert scores["rmse_pen"] > 0.1
     assert scores["noise"] < 0.004
 
 
-def test_a_smooth_error_around_pinholes_is_no_noise_and_dither_is_where_isolines_are_straight(scored: Scored) -> None:
+def test_a_smooth_error_around_pinholes_is_no_noise_and_dither_is_where_isolines_are_straight(scored) -> None:
     """Discs of light of a radius of 4 px, and a straight penumbra of 20 px at the right."""
     pinholes = ((X % 16 - 8) ** 2 + (Y % 16 - 8) ** 2 < 4**2) & (X < 96)
     truth = np.maximum(ndimage.gaussian_filter(pinholes.astype(float), 1.5), ramp(20, 130))
@@ -183,17 +169,10 @@ def test_a_smooth_error_around_pinholes_is_no_noise_and_dither_is_where_isolines
     assert scored(dithered, truth)["noise"] > 0.06
 
 
-def test_an_error_that_grows_along_the_penumbra_is_no_noise(scored: Scored) -> None:
-    truth = ramp(40)
-    mask = truth - 0.3 * Y / SIZE * truth * (1 - truth)
-    assert scored(mask, truth)["rmse_pen"] > 0.02
-    assert scored(mask, truth)["noise"] < 1e-3
-
-
 # Banding
 
 
-def test_few_levels_are_bands_and_many_are_not(scored: Scored) -> None:
+def test_few_levels_are_bands_and_many_are_not(scored) -> None:
     truth = ramp(40)
     few = np.clip(np.round(truth * 4), 0, 4) / 4
     flat = np.flatnonzero([few[5, x - 1] == few[5, x + 1] and 0 < few[5, x] < 1 for x in range(1, SIZE - 1)])
@@ -206,7 +185,7 @@ def test_few_levels_are_bands_and_many_are_not(scored: Scored) -> None:
 
 
 @pytest.mark.parametrize(("slope", "bands"), [(0.095, True), (0.105, False)])
-def test_a_band_is_less_than_a_tenth_as_steep_as_the_truth(scored: Scored, slope: float, bands: bool) -> None:
+def test_a_band_is_less_than_a_tenth_as_steep_as_the_truth(scored, slope, bands) -> None:
     truth = ramp(40)
     few = np.round(truth * 4) / 4
     found = scored(few + slope * (truth - few), truth)["banding"]
@@ -214,21 +193,19 @@ def test_a_band_is_less_than_a_tenth_as_steep_as_the_truth(scored: Scored, slope
 
 
 @pytest.mark.parametrize("wide", [60, 150, 1000, np.inf])
-def test_a_smooth_wide_ramp_has_no_bands_however_flat(scored: Scored, wide: float) -> None:
+def test_a_smooth_wide_ramp_has_no_bands_however_flat(scored, wide) -> None:
     assert scored(ramp(wide), ramp(6))["banding"] == 0
 
 
 @pytest.mark.parametrize("sigma", [4, 8, 16])
-def test_a_blur_has_no_bands_and_has_them_at_few_levels(scored: Scored, sigma: float) -> None:
+def test_a_blur_has_no_bands_and_has_them_at_few_levels(scored, sigma) -> None:
     blurred = ndimage.gaussian_filter1d(WEDGE, sigma)
     assert scored(blurred, WEDGE)["banding"] == 0
     assert scored(np.round(blurred * 6) / 6, WEDGE)["banding"] > 0.3
 
 
 @pytest.mark.parametrize(("error", "share"), [(0.249, 1 / 3), (0.25, 0)])
-def test_a_step_of_two_standard_errors_is_not_resolved(
-    truth: Callable[..., PreparedTruth], error: float, share: float
-) -> None:
+def test_a_step_of_two_standard_errors_is_not_resolved(truth, error, share) -> None:
     """Truth 0, ½ and 1 by column: only the middle one has neighbours that are 1 apart. The mask steps by row."""
     visibility = np.tile([0, 0.5, 1], (4, 1))
     mask = np.full(visibility.shape, 0.5)
@@ -238,25 +215,18 @@ def test_a_step_of_two_standard_errors_is_not_resolved(
     assert found == pytest.approx(share / 2)  # the two rows next to the mask's step are not flat
 
 
-def test_a_step_that_the_truth_cannot_resolve_is_no_band(scored: Scored) -> None:
-    truth = ramp(40)
-    few = np.clip(np.round(truth * 4), 0, 4) / 4
-    assert scored(few, truth, standard_error=np.full(truth.shape, 0.012))["banding"] > 0.4
-    assert scored(few, truth, standard_error=np.full(truth.shape, 0.013))["banding"] == 0
-
-
 # Widths
 
 
 @pytest.mark.parametrize("times", [0.5, 0.75, 1.5, 2.0])
 @pytest.mark.parametrize("across", [X, Y, DIAGONAL], ids=["rows", "columns", "diagonal"])
-def test_a_penumbra_of_twice_the_width_is_one_off(scored: Scored, times: float, across: np.ndarray) -> None:
+def test_a_penumbra_of_twice_the_width_is_one_off(scored, times, across) -> None:
     middle = float(across.mean())
     scores = scored(ramp(16 * times, middle, across), ramp(16, middle, across))
     assert scores["width"] == pytest.approx(abs(math.log2(times)), abs=0.04)
 
 
-def test_widths_are_in_metres(prepared: Callable[..., PreparedTruth]) -> None:
+def test_widths_are_in_metres(prepared) -> None:
     """From 0.1 to 0.9 of a ramp of 20 px are 16 px, on a floor that is seen obliquely."""
     found = prepared(ramp(20, float(DIAGONAL.mean()), DIAGONAL), floor(down=0.4)).crossings
     # Steepest in metres: the gradient (1, 1)/√2 by pixels is (1/0.1, 1/0.4)/√2 a metre.
@@ -264,37 +234,31 @@ def test_widths_are_in_metres(prepared: Callable[..., PreparedTruth]) -> None:
     assert np.median(found.width) == pytest.approx(expected, rel=0.02)
 
 
-def test_a_hard_edge_is_as_wide_as_a_pixel(scored: Scored) -> None:
+def test_a_hard_edge_is_as_wide_as_a_pixel(scored) -> None:
     truth = ramp(20)
     assert scored((truth > 0.5).astype(float), truth)["width"] == pytest.approx(4, abs=0.05)
     assert scored(np.ones_like(truth), truth)["width"] == pytest.approx(4, abs=0.05)
 
 
-def test_dither_about_the_right_width_keeps_it(scored: Scored) -> None:
-    truth = ramp(40)
-    mask = np.clip(truth + np.random.default_rng(2).uniform(-0.05, 0.05, truth.shape) * (truth * (1 - truth) > 0), 0, 1)
-    assert scored(mask, truth)["width"] < 0.1
-
-
-def test_dither_by_one_sample_is_not_as_narrow_as_a_pixel(scored: Scored) -> None:
+def test_dither_by_one_sample_is_not_as_narrow_as_a_pixel(scored) -> None:
     """From the first lit pixel to the last dark one on a line, about 22 px of 32."""
     mask = np.random.default_rng(3).binomial(1, ramp(40)).astype(float)
     assert 0.3 < scored(mask, ramp(40))["width"] < 0.8
 
 
-def test_a_penumbra_of_less_than_three_pixels_has_no_width(scored: Scored) -> None:
+def test_a_penumbra_of_less_than_three_pixels_has_no_width(scored) -> None:
     assert scored(ramp(3), ramp(3))["width"] is None
     assert scored(ramp(4.5), ramp(4.5))["width"] == 0
 
 
-def test_few_crossings_are_no_width(scored: Scored) -> None:
+def test_few_crossings_are_no_width(scored) -> None:
     for rows, value in ((30, pytest.approx(0, abs=1e-4)), (29, None)):
         receivers = np.abs(Y - 9.5 - rows / 2) < rows / 2
         # The first and the last row have neighbours that are no receivers, but lie on the plane.
         assert scored(ramp(20), ramp(20), receivers=receivers)["width"] == value
 
 
-def test_a_line_ends_where_the_plane_does(prepared: Callable[..., PreparedTruth]) -> None:
+def test_a_line_ends_where_the_plane_does(prepared) -> None:
     """A step up at column 84, in the middle of the penumbra, or nearby."""
     for column, found in ((84, 0), (95, SIZE - 2)):
         stepped = floor()
@@ -303,9 +267,7 @@ def test_a_line_ends_where_the_plane_does(prepared: Callable[..., PreparedTruth]
 
 
 @pytest.mark.parametrize(("fall", "error", "counts"), [(0.0, 0, 1), (0.01, 0, 0), (0.01, 0.003, 1), (0.1, 0.003, 0)])
-def test_a_line_ends_where_the_truth_falls_by_more_than_its_error(
-    prepared: Callable[..., PreparedTruth], fall: float, error: float, counts: int
-) -> None:
+def test_a_line_ends_where_the_truth_falls_by_more_than_its_error(prepared, fall, error, counts) -> None:
     """Visibility rises to 0.8, falls by 0, 0.01 or 0.1, and rises to 1."""
     truth = np.interp(X, [50, 66, 76, 96], [0, 0.8, 0.8 - fall, 1])
     found = prepared(truth, standard_error=np.full(X.shape, error)).crossings
@@ -313,7 +275,7 @@ def test_a_line_ends_where_the_truth_falls_by_more_than_its_error(
     assert found.tried == SIZE - 2
 
 
-def test_without_positions_no_width_is_known(truth: Callable[..., PreparedTruth]) -> None:
+def test_without_positions_no_width_is_known(truth) -> None:
     scores = score(WEDGE, truth(WEDGE))
     assert {name for name in ("width", "hardening", "hardening_intercept", "noise") if scores[name] is None} == {
         "width",
@@ -325,7 +287,7 @@ def test_without_positions_no_width_is_known(truth: Callable[..., PreparedTruth]
 # Contact hardening
 
 
-def test_a_blur_of_fixed_width_does_not_harden(scored: Scored) -> None:
+def test_a_blur_of_fixed_width_does_not_harden(scored) -> None:
     scores = scored(ramp(20), WEDGE)
     assert scores["hardening"] == pytest.approx(0, abs=0.02)
     median = 0.8 * (6 + 34 / 2)
@@ -333,16 +295,10 @@ def test_a_blur_of_fixed_width_does_not_harden(scored: Scored) -> None:
 
 
 @pytest.mark.parametrize("times", [0.5, 1.25])
-def test_a_penumbra_that_grows_too_slowly_or_too_fast(scored: Scored, times: float) -> None:
+def test_a_penumbra_that_grows_too_slowly_or_too_fast(scored, times) -> None:
     scores = scored(ramp(times * (6 + Y / SIZE * 34)), WEDGE)
     assert scores["hardening"] == pytest.approx(times, abs=0.03)
     assert scores["hardening_intercept"] == pytest.approx(0, abs=0.04)
-
-
-def test_a_penumbra_of_one_width_says_nothing_of_hardening(scored: Scored) -> None:
-    scores = scored(ramp(20), ramp(20))
-    assert scores["width"] == pytest.approx(0, abs=1e-4)
-    assert scores["hardening"] is scores["hardening_intercept"] is None
 
 
 # Laws
@@ -355,11 +311,14 @@ def soft_view(rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarra
     width = rng.uniform(6, 14)
     exact = np.clip((np.hypot(x - rng.uniform(26, 38), y - rng.uniform(26, 38)) - 20) / width + 0.5, 0, 1)
     error = np.where((exact > 0) & (exact < 1), 0.004, 0)
+    visibility = np.clip(exact + error * rng.standard_normal(exact.shape), 0, 1)
     view = {
-        "visibility": np.clip(exact + error * rng.standard_normal(exact.shape), 0, 1),
+        "visibility": visibility,
         "standard_error": error,
         "receivers": rng.random(exact.shape) < 0.995,
         "undecided": rng.random(exact.shape) < 0.0005,
+        "area": visibility,
+        "blocker": np.ones(exact.shape),
         "cosine": rng.random(exact.shape),
         "floor": np.stack([x * METRES, 0 * x, y * METRES], axis=-1),
     }
@@ -367,43 +326,25 @@ def soft_view(rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarra
     return mask, view
 
 
-def scores_of(truth: Callable[..., PreparedTruth], mask: np.ndarray, view: dict[str, np.ndarray]) -> dict:
-    given = dict(view)
-    positions = given.pop("floor")
-    return score(mask, truth(positions=lambda: positions, **given))
+@pytest.mark.parametrize("turn", [np.flipud, np.rot90])  # of which all eight are made
+@given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1e-3, 1, 1e4]))
+def test_neither_turns_nor_the_scenes_size_nor_pixels_that_are_not_scored_change_a_score(
+    truth, turn, seed, scale
+) -> None:
+    def scores_of(mask: np.ndarray, view: dict[str, np.ndarray]) -> dict[str, float | None]:
+        given = dict(view)
+        positions = given.pop("floor")
+        return score(mask, truth(positions=lambda: positions, **given))
 
-
-seeds = st.integers(0, 2**32 - 1)
-
-
-@given(seeds)
-def test_pixels_that_are_not_scored_never_matter(truth: Callable[..., PreparedTruth], seed: int) -> None:
     rng = np.random.default_rng(seed)
     mask, view = soft_view(rng)
-    valid = view["receivers"] & ~view["undecided"]
-    changed = {name: np.where(valid, view[name], rng.random(mask.shape)) for name in ("visibility", "standard_error")}
-    changed |= {"area": view["visibility"], "blocker": np.ones(mask.shape)}
-    before = scores_of(truth, mask, view | {"area": view["visibility"], "blocker": np.ones(mask.shape)})
-    assert scores_of(truth, np.where(valid, mask, rng.random(mask.shape)), view | changed) == before
-
-
-@pytest.mark.parametrize("turn", [np.flipud, np.rot90])  # of which all eight are made
-@given(seed=seeds)
-def test_turning_mask_and_truth_changes_no_score(
-    truth: Callable[..., PreparedTruth], turn: Callable, seed: int
-) -> None:
-    mask, view = soft_view(np.random.default_rng(seed))
-    before = scores_of(truth, mask, view)
-    after = scores_of(truth, turn(mask), {name: turn(array) for name, array in view.items()})
+    before = scores_of(mask, view)
     assert before["width"] is not None
+    after = scores_of(
+        turn(mask), {name: turn(array) for name, array in view.items()} | {"floor": turn(view["floor"]) * scale}
+    )
     for name, value in before.items():
         assert after[name] == (None if value is None else pytest.approx(value, abs=1e-4)), name
-
-
-@given(seed=seeds, scale=st.sampled_from([1e-3, 1e4]))
-def test_the_size_of_the_scene_changes_no_score(truth: Callable[..., PreparedTruth], seed: int, scale: float) -> None:
-    mask, view = soft_view(np.random.default_rng(seed))
-    before = scores_of(truth, mask, view)
-    after = scores_of(truth, mask, view | {"floor": view["floor"] * scale})
-    for name, value in before.items():
-        assert after[name] == (None if value is None else pytest.approx(value, abs=1e-4)), name
+    valid = view["receivers"] & ~view["undecided"]
+    other = {name: np.where(valid, view[name], rng.random(mask.shape)) for name in ("visibility", "standard_error")}
+    assert scores_of(np.where(valid, mask, rng.random(mask.shape)), view | other) == before

@@ -4,7 +4,7 @@ from scipy.ndimage import uniform_filter
 from skimage.metrics import structural_similarity
 
 from shadowbench.scores import quantise, score
-from shadowbench.scores.ssim import INSIDE, RADIUS
+from shadowbench.scores.comparison import INSIDE, RADIUS
 
 
 def scikit_image(a, b, **options):

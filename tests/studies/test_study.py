@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.extremes.stress import default_specs
 from shadowbench.files import data_folder
 from shadowbench.measure.cells import Block
 from shadowbench.options import Measuring
@@ -18,6 +17,7 @@ from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import builtin_names, hard_names
 from shadowbench.studies.measure import study_from_options
+from shadowbench.studies.stress import default_specs
 from shadowbench.studies.study import Study, find_study, read_study, study_names
 
 SCENE = 'scenes = ["cube-on-plane"]\n'

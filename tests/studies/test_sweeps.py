@@ -13,10 +13,9 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import Bias
 from shadowbench.plugin.registry import techniques
-from shadowbench.results.bias_sweeps import SweepPositions, add_factor_columns, read_sweep_positions
-from shadowbench.results.configurations import Configuration
+from shadowbench.results.configurations import Configuration, Interval
 from shadowbench.results.curves import curves
-from shadowbench.results.intervals import Interval
+from shadowbench.results.tables import SweepPositions, add_factor_columns, read_sweep_positions
 from shadowbench.studies.study import Study, read_study
 
 KNOWN = techniques()

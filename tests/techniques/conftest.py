@@ -75,11 +75,10 @@ def mask(build, studio) -> Callable[..., np.ndarray]:
 @pytest.fixture(scope="session")
 def scored() -> Callable[..., dict[str, float | None]]:
     """All scores of a mask against a truth."""
-    names = ("visibility", "receivers", "undecided", "area", "blocker", "cosine", "diagonal")
 
     @lru_cache
     def prepared(truth) -> PreparedTruth:
-        return PreparedTruth(**{name: getattr(truth, name) for name in names})
+        return PreparedTruth(truth.arrays())
 
     return lambda visibility, truth: score(visibility, prepared(truth))
 

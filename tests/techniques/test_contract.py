@@ -10,7 +10,7 @@ import numpy as np
 import psutil
 import pytest
 
-from shadowbench.gl.raw import RawGL
+from shadowbench.gl.device import RawGL
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Camera, Light, View, view_of
@@ -223,7 +223,7 @@ def test_bytes_are_counted_and_freed(spec, kind, device, studio, build, poses) -
     if "size" in one.technique.Params.model_fields:
         half = build(parse_spec(f"{spec}:size={one.technique.params.size // 2}", KNOWN).text, shot)
         assert half.stage.bytes < one.stage.bytes
-    ask = RawGL(device.context, {"glIsTexture": (ctypes.c_ubyte, (ctypes.c_uint,))})
+    ask = RawGL(device.context, {"glIsTexture": (ctypes.c_uint,)})
     textures = [thing for thing in one.stage._resources if isinstance(thing, moderngl.Texture)]
     assert textures and all(ask("glIsTexture", texture.glo) for texture in textures)
     one.draw(shot)

@@ -78,7 +78,7 @@ void main() {
 SCREEN_SPACE = '''\
 """Screen-space shadows in one file."""
 
-from shadowbench.gl.matrices import view_projection
+from shadowbench.gl.gbuffer import view_projection
 from shadowbench.plugin.base import Technique, TechniqueParams, param
 
 RESOLVE = """

@@ -35,7 +35,7 @@ def wrong_at(name: str, values: Sequence[float], light: Any, judged: Callable[..
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize(("name", "light"), walked)
-def test_no_decided_pixel_is_wrong_at_the_ends_of_the_axis(name: str, light: Any, judged: Callable[..., Any]) -> None:
+def test_no_decided_pixel_is_wrong_at_the_ends_of_the_axis(name, light, judged) -> None:
     values = AXES[name].values
     assert wrong_at(name, [values[0], values[-1]], light, judged) == {}
 
@@ -44,5 +44,5 @@ def test_no_decided_pixel_is_wrong_at_the_ends_of_the_axis(name: str, light: Any
 @pytest.mark.exhaustive
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize(("name", "light"), walked)
-def test_no_decided_pixel_is_wrong_within_the_axis(name: str, light: Any, judged: Callable[..., Any]) -> None:
+def test_no_decided_pixel_is_wrong_within_the_axis(name, light, judged) -> None:
     assert wrong_at(name, AXES[name].values[1:-1], light, judged) == {}

@@ -1,7 +1,6 @@
 """The truth compared with brute force in float64, on built-in scenes and on scanned and modelled meshes."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,20 +23,16 @@ def assert_agrees(scene: Scene, size: int, judged: Callable[..., Any]) -> None:
 
 
 @pytest.mark.parametrize("name", ["spot-lamp", "railings"])
-def test_builtin_agrees_with_every_triangle_against_every_ray(name: str, judged: Callable[..., Any]) -> None:
+def test_builtin_agrees_with_every_triangle_against_every_ray(name, judged) -> None:
     assert_agrees(load_scene(name), 512, judged)
 
 
 @pytest.mark.slow
-def test_armadillo_agrees_with_every_triangle_against_every_ray(
-    shared_scenes: Path, judged: Callable[..., Any]
-) -> None:
+def test_armadillo_agrees_with_every_triangle_against_every_ray(shared_scenes, judged) -> None:
     assert_agrees(load_scene(shared_scenes / "armadillo.obj"), 256, judged)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", sampled(FILES, ["2CylinderEngine.glb", "bgfx_tree.obj"]))
-def test_mesh_agrees_with_every_triangle_against_every_ray(
-    file: str, shared_scenes: Path, judged: Callable[..., Any]
-) -> None:
+def test_mesh_agrees_with_every_triangle_against_every_ray(file, shared_scenes, judged) -> None:
     assert_agrees(load_scene(shared_scenes / file), 1024, judged)

@@ -76,13 +76,7 @@ def ground_points(view: View, truth: Truth, pixel_rays: Callable[..., tuple[Floa
 @pytest.mark.parametrize("body", ["box", "sphere"])
 @pytest.mark.parametrize("degrees", ELEVATIONS)
 def test_shadow_on_a_plane_is_the_hull_of_projected_vertices(
-    body: str,
-    kind: str,
-    degrees: float,
-    side: float,
-    shape: Callable[..., Mesh],
-    looking: Callable[..., View],
-    pixel_rays: Callable[..., tuple[Floats, Floats]],
+    body, kind, degrees, side, shape, looking, pixel_rays
 ) -> None:
     elevation = math.radians(degrees)
     mesh = caster(body, shape, side, elevation)

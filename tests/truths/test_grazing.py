@@ -7,14 +7,13 @@ of 100, which is more than 20,000 in all, and prints what each view had.
 import math
 import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.model import Light, Mesh, Scene, view_of
 from shadowbench.scenes.vectors import vec3
 from shadowbench.truths.embree import INFINITE
 from shadowbench.truths.near import NearCasters
@@ -44,7 +43,7 @@ def wall(height: float, at: float = 0.0) -> Mesh:
 @pytest.mark.parametrize("slope", [0.0002, 0.0005, 0.005, 0.015, 0.03, 0.09])
 @pytest.mark.parametrize("height", [0.1, 0.2, 0.6, 3.0])
 def test_shadow_of_a_wall_no_higher_than_the_offset_is_right_and_decided(
-    height: float, slope: float, kind: Any, shape: Callable[..., Mesh], looking: Callable[..., View], judged: Judge
+    height, slope, kind, shape, looking, judged
 ) -> None:
     """Every shadow ray that starts above the surface starts beyond the wall, whose shadow is height/slope long."""
     length = height * OFFSET * DIAGONAL / slope
@@ -59,9 +58,7 @@ def test_shadow_of_a_wall_no_higher_than_the_offset_is_right_and_decided(
     assert found.wrong == 0
 
 
-def test_receivers_about_which_there_are_a_thousand_casters_are_decided_as_by_one(
-    shape: Callable[..., Mesh], looking: Callable[..., View]
-) -> None:
+def test_receivers_about_which_there_are_a_thousand_casters_are_decided_as_by_one(shape, looking) -> None:
     slope, one = 0.005, wall(0.2)
     length = 0.2 * OFFSET * DIAGONAL / slope
     many = Mesh("walls", one.vertices, np.tile(one.faces, (1025, 1)))
@@ -77,7 +74,7 @@ def test_receivers_about_which_there_are_a_thousand_casters_are_decided_as_by_on
 
 
 @pytest.mark.parametrize("count", [10, 1000])
-def test_long_casters_block_only_where_they_are_low(count: int) -> None:
+def test_long_casters_block_only_where_they_are_low(count) -> None:
     """Hairs along the diagonal rise from the ground: their boxes hold every receiver, their low ends none or one."""
     hairs = np.linspace(-0.1, 0.1, count)[:, None] * [1.0, 0.0, -1.0]
     low, high, aside = [-0.5, 1e-7, -0.5], [0.5, 0.1, 0.5], [1e-6, 1e-7, -0.5e-6]
@@ -106,9 +103,7 @@ LOW_SUN = Light("sun", "directional", (1.0, -0.0007, 0.2))
 
 
 @pytest.mark.parametrize("kind", ["directional", "spot", "point"])
-def test_second_copy_of_a_surface_leaves_it_lit_and_decided(
-    kind: Any, shape: Callable[..., Mesh], looking: Callable[..., View]
-) -> None:
+def test_second_copy_of_a_surface_leaves_it_lit_and_decided(kind, shape, looking) -> None:
     light = Light(kind, kind, LOW_SUN.direction, (-3.9, 0.004, -0.5), math.radians(60.0))
     copies = [shape("terrain", (PLANE, 0.001, PLANE), cells=16, waves=1.0, seed=3) for _ in range(2)]
     alone, doubled = (trace(looking(meshes, light, 256), pixel_samples=1) for meshes in (copies[:1], copies))
@@ -119,7 +114,7 @@ def test_second_copy_of_a_surface_leaves_it_lit_and_decided(
 
 @pytest.mark.parametrize("above", [1e-9, 1e-8, 5e-8, 3e-7])
 def test_sheet_that_float32_cannot_tell_from_what_it_lies_on_is_right_or_undecided(
-    above: float, shape: Callable[..., Mesh], looking: Callable[..., View], judged: Judge
+    above, shape, looking, judged
 ) -> None:
     """Above the ground by that share of the diagonal: its own surface is lit, the ground below it is not seen."""
     sheet = shape("plane", PLANE / 2, (0.0, above * DIAGONAL, 0.0))
@@ -182,9 +177,7 @@ def grazing_pixels(truth: Truth) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize(("name", "kind", "low"), sampled(VIEWS, SAMPLE))
-def test_no_decided_receiver_in_grazing_light_is_wrong(
-    name: str, kind: Any, low: float, shared_scenes: Path, judged: Judge
-) -> None:
+def test_no_decided_receiver_in_grazing_light_is_wrong(name, kind, low, shared_scenes, judged) -> None:
     scene = load_scene(shared_scenes / name if "." in name else name)
     light = scene.lights[0] if kind == "as given" else low_light(scene, kind, low)
     view = view_of(scene, scene.cameras[0], light, SIZE)

@@ -1,7 +1,6 @@
 """Shadows do not depend on the position or unit of a scene."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,16 +50,16 @@ def assert_unchanged(scene: Scene, size: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["cube-on-plane", "canopy", "pebbles", "room-with-lamp", "spot-lamp"])
-def test_moving_and_scaling_changes_no_decided_pixel(name: str) -> None:
+def test_moving_and_scaling_changes_no_decided_pixel(name) -> None:
     assert_unchanged(load_scene(name), 256)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sampled(hard_names(), ["deep-street", "lamp-by-wall", "statue"]))
-def test_moving_and_scaling_changes_no_decided_pixel_of_a_large_image(name: str) -> None:
+def test_moving_and_scaling_changes_no_decided_pixel_of_a_large_image(name) -> None:
     assert_unchanged(load_scene(name), 1024)
 
 
 @pytest.mark.slow
-def test_moving_and_scaling_changes_no_decided_pixel_of_a_large_mesh(shared_scenes: Path) -> None:
+def test_moving_and_scaling_changes_no_decided_pixel_of_a_large_mesh(shared_scenes) -> None:
     assert_unchanged(load_scene(shared_scenes / "armadillo.obj"), 1024)

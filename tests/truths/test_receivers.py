@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Light, LightKind, Mesh, View
+from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.trace import OFFSET, trace
 
@@ -17,7 +17,7 @@ OnGround = Callable[[View], Floats]
 Toward = Callable[[Light, Floats], Floats]
 
 
-def test_receivers_face_the_light(light: Light, shape: Shape, looking: Looking) -> None:
+def test_receivers_face_the_light(light, shape, looking) -> None:
     """All points of a plane face a light, or none does."""
     view = looking([shape("plane", 3.0), shape("box", at=(0, 0.5, 0))], light, size=96)
     truth, geometry = trace(view), view.scene.geometry
@@ -33,16 +33,14 @@ def test_receivers_face_the_light(light: Light, shape: Shape, looking: Looking) 
         assert (truth.receivers == expected).all()
 
 
-def test_cosine_is_of_the_angle_between_normal_and_light(
-    light: Light, shape: Shape, looking: Looking, on_ground: OnGround, toward: Toward
-) -> None:
+def test_cosine_is_of_the_angle_between_normal_and_light(light, shape, looking, on_ground, toward) -> None:
     view = looking([shape("plane", 8.0)], light, size=96)
     truth = trace(view)
     ways = np.broadcast_to(toward(light, on_ground(view)), (96, 96, 3))
     assert truth.cosine[truth.receivers] == pytest.approx(ways[truth.receivers][:, 1], rel=1e-6)
 
 
-def test_receivers_lie_inside_a_spots_cone(shape: Shape, looking: Looking, on_ground: OnGround, toward: Toward) -> None:
+def test_receivers_lie_inside_a_spots_cone(shape, looking, on_ground, toward) -> None:
     spot = Light("spot", "spot", (-0.5, -1.0, 0.2), (1.0, 2.0, -0.4), math.radians(40.0))
     view = looking([shape("plane", 8.0)], spot, size=256)
     truth = trace(view)
@@ -55,10 +53,8 @@ def test_receivers_lie_inside_a_spots_cone(shape: Shape, looking: Looking, on_gr
 
 
 @pytest.mark.parametrize("kind", ["directional", "spot"])
-@pytest.mark.parametrize("length", [1e-320, 1e-170, 1e-40, 1e17, 1e200])
-def test_the_length_of_a_direction_changes_nothing(
-    shape: Shape, looking: Looking, kind: LightKind, length: float
-) -> None:
+@pytest.mark.parametrize("length", [1e-320, 1e-170, 1e200])
+def test_the_length_of_a_direction_changes_nothing(shape, looking, kind, length) -> None:
     meshes = [shape("plane", 8.0), shape("box", at=(0, 0.5, 0))]
     usual = Light("light", kind, (-0.5, -1.0, 0.25), (1.0, 2.0, -0.4), math.radians(40.0))
     light = replace(usual, direction=(-0.5 * length, -1.0 * length, 0.25 * length))
@@ -69,19 +65,15 @@ def test_the_length_of_a_direction_changes_nothing(
         assert same[~expected.undecided].all()
 
 
-def test_ground_seen_from_below_is_no_receiver_of_a_light_above(shape: Shape, looking: Looking, sun: Light) -> None:
-    truth = trace(looking([shape("plane", 8.0)], sun, eye=(1.0, -3.0, 2.0)))
-    assert (truth.triangle >= 0).any()
-    assert not truth.receivers.any()
-
-
-def test_ground_wound_downward_is_a_receiver_all_the_same(shape: Shape, looking: Looking, sun: Light) -> None:
+def test_winding_does_not_decide_what_a_receiver_is(shape, looking, sun) -> None:
     ground = shape("plane", 8.0)
-    truth = trace(looking([replace(ground, faces=np.ascontiguousarray(ground.faces[:, ::-1]))], sun))
-    assert (truth.receivers == (truth.triangle >= 0)).all()
+    for faces in (ground.faces, np.ascontiguousarray(ground.faces[:, ::-1])):
+        above, below = (trace(looking([replace(ground, faces=faces)], sun, eye=(1.0, y, 2.0))) for y in (3.0, -3.0))
+        assert (above.receivers == (above.triangle >= 0)).all()
+        assert (below.triangle >= 0).any() and not below.receivers.any()
 
 
-def test_mesh_that_does_not_receive_has_no_receivers(shape: Shape, looking: Looking, sun: Light) -> None:
+def test_mesh_that_does_not_receive_has_no_receivers(shape, looking, sun) -> None:
     box = shape("box", at=(0, 0.5, 0))
     view = looking([shape("plane", 8.0, receives=False), box], sun, size=96)
     truth = trace(view)
@@ -91,7 +83,7 @@ def test_mesh_that_does_not_receive_has_no_receivers(shape: Shape, looking: Look
     assert truth.receivers[~ground].any()
 
 
-def test_mesh_that_does_not_cast_casts_nothing(light: Light, shape: Shape, looking: Looking) -> None:
+def test_mesh_that_does_not_cast_casts_nothing(light, shape, looking) -> None:
     ground, box = shape("plane", 8.0), shape("box", at=(0, 1.0, 0))
     casting = trace(looking([ground, box], light, size=96))
     silent = trace(looking([ground, replace(box, casts=False)], light, size=96))
@@ -103,7 +95,7 @@ def test_mesh_that_does_not_cast_casts_nothing(light: Light, shape: Shape, looki
     assert (trace(looking(nothing_casts, light, size=96)).visibility == 1).all()
 
 
-def test_sky_is_no_part_of_the_scene_s_size(shape: Shape, looking: Looking, sun: Light) -> None:
+def test_sky_is_no_part_of_the_scene_s_size(shape, looking, sun) -> None:
     ground, box = shape("plane", 8.0), shape("box", at=(0, 0.5, 0))
     sky = shape("sphere", 100.0, casts=False, receives=False)
     views = [looking(meshes, sun, target=(0.0, 3.5, 0.0)) for meshes in ([ground, box], [ground, box, sky])]
@@ -113,7 +105,7 @@ def test_sky_is_no_part_of_the_scene_s_size(shape: Shape, looking: Looking, sun:
 
 
 @pytest.mark.parametrize(("above", "visibility"), [(0.5, 1), (-8.0, 0)])
-def test_plate_behind_a_lamp_casts_nothing(shape: Shape, looking: Looking, above: float, visibility: int) -> None:
+def test_plate_behind_a_lamp_casts_nothing(shape, looking, above, visibility) -> None:
     """Half a ray's offset behind the lamp: the way from the offset to the lamp is that much shorter."""
     offset = OFFSET * math.hypot(8, 8)
     meshes = [shape("plane", 8.0), shape("plane", 2.0, (0.0, 1.0 + above * offset, 0.0))]
@@ -123,7 +115,7 @@ def test_plate_behind_a_lamp_casts_nothing(shape: Shape, looking: Looking, above
     assert (truth.visibility == visibility).all()
 
 
-def test_what_a_lamp_on_a_plate_lights_is_undecided(shape: Shape, looking: Looking) -> None:
+def test_what_a_lamp_on_a_plate_lights_is_undecided(shape, looking) -> None:
     """On either side of the plate, however it is turned: rounding alone decides."""
     axis = np.array([0.48, 0.6, 0.64])
     turn = 2 * np.outer(axis, axis) - np.eye(3)
@@ -135,7 +127,7 @@ def test_what_a_lamp_on_a_plate_lights_is_undecided(shape: Shape, looking: Looki
         assert (truth.undecided[truth.receivers]).mean() > 0.99
 
 
-def test_one_receiver_is_as_good_as_many(light: Light, shape: Shape, looking: Looking) -> None:
+def test_one_receiver_is_as_good_as_many(light, shape, looking) -> None:
     """Two pixels see the ground at their centres, and only one of them does at its lower samples."""
     ground = shape("plane", 8.0, (4.0, 0.0, -3.7))
     truth = trace(looking([ground], light, 2, (0.0, 1.0, 0.0), (0.0, 0.0, -1e-4), math.degrees(2 * math.atan(0.5))))

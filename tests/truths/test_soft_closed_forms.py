@@ -111,7 +111,7 @@ def check(truth: Truth, shown: np.ndarray, expected: Floats) -> None:
 
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("degrees", [0.01, 0.2665, 3.0, 15.0, 29.0])
-def test_an_edge_before_a_sun(degrees: float, scale: float, shape: Shape, looking: Looking, pixel_rays: Rays) -> None:
+def test_an_edge_before_a_sun(degrees, scale, shape, looking, pixel_rays) -> None:
     radius = math.radians(degrees)
     light = Light("sun", "directional", direction=vec3(-unit(TOWARD)), radius=radius)
     reach = HEIGHT / math.tan(math.radians(58) - min(radius, 0.5)) + 8
@@ -130,9 +130,7 @@ def test_an_edge_before_a_sun(degrees: float, scale: float, shape: Shape, lookin
 
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("size", [(0.02, 0.03), (1.0, 0.5), (6.0, 3.0)])
-def test_an_edge_before_a_rectangle(
-    size: tuple[float, float], scale: float, shape: Shape, looking: Looking, pixel_rays: Rays
-) -> None:
+def test_an_edge_before_a_rectangle(size, scale, shape, looking, pixel_rays) -> None:
     center = np.array([-2.0, 7.0, 0.5])
     direction, up = unit([0.5, -1.0, -0.1]), (0.0, 0.3, 1.0)
     light = Light(
@@ -157,7 +155,7 @@ def test_an_edge_before_a_rectangle(
 
 
 @pytest.mark.parametrize("radius", [0.1, *(pytest.param(wide, marks=pytest.mark.slow) for wide in (0.5, 2.0))])
-def test_a_sphere_before_a_disc_on_its_axis(radius: float, shape: Shape, looking: Looking, pixel_rays: Rays) -> None:
+def test_a_sphere_before_a_disc_on_its_axis(radius, shape, looking, pixel_rays) -> None:
     light = Light("disc", "disc", (0.0, -1.0, 0.0), (0.0, 4.0, 0.0), radius=radius)
     ball, middle = 0.4, np.array([0.0, 1.5, 0.0])
     sphere = shape("sphere", 2 * ball, middle, subdivisions=6)
@@ -193,7 +191,7 @@ SUN_RADIUS = math.radians(25)
 LOOKING = (5.6, 4.0, 1.3), (2.6, 0.0, 0.3)  # eye and target
 
 
-def test_an_edge_before_a_sphere(shape: Shape, looking: Looking, pixel_rays: Rays) -> None:
+def test_an_edge_before_a_sphere(shape, looking, pixel_rays) -> None:
     center, radius = np.array([-2.0, 7.0, 0.5]), 1.5
     light = Light("bulb", "point", position=vec3(center), radius=radius)
     view = looking(half_plane(shape, 20.0, 1.0), light, 48, *LOOKING, fov=75.0)
@@ -207,14 +205,14 @@ def test_an_edge_before_a_sphere(shape: Shape, looking: Looking, pixel_rays: Ray
     check(truth, shown, np.array([1 - float(cap_beyond(angle, cone)) for angle, cone in each]))
 
 
-def test_of_a_sun_half_below_the_horizon_the_half_above_it_counts(shape: Shape, looking: Looking) -> None:
+def test_of_a_sun_half_below_the_horizon_the_half_above_it_counts(shape, looking) -> None:
     light = Light("sun", "directional", (1.0, -math.tan(math.radians(5.0)), 0.0), radius=math.radians(20.0))
     truth = trace(looking([shape("box", [8.0, 1.0, 8.0], (0.0, -0.5, 0.0))], light, 32), pixel_samples=1)
     assert truth.receivers.any()
     assert (truth.visibility[truth.receivers] == 1).all()
 
 
-def test_what_stands_behind_a_lamp_casts_no_shadow(shape: Shape, looking: Looking) -> None:
+def test_what_stands_behind_a_lamp_casts_no_shadow(shape, looking) -> None:
     light = Light("disc", "disc", (0.0, -1.0, 0.0), (0.0, 2.0, 0.0), radius=0.5)
     truth = trace(looking([shape("plane", 8.0), shape("plane", 1.5, (0.0, 2.5, 0.0))], light, 32), pixel_samples=1)
     on_ground = truth.receivers & (truth.triangle < 2)
@@ -222,9 +220,7 @@ def test_what_stands_behind_a_lamp_casts_no_shadow(shape: Shape, looking: Lookin
     assert (truth.visibility[on_ground] == 1).all()
 
 
-def test_irradiance_weights_the_part_of_the_sun_high_above_the_horizon_more(
-    shape: Shape, looking: Looking, pixel_rays: Rays
-) -> None:
+def test_irradiance_weights_the_part_of_the_sun_high_above_the_horizon_more(shape, looking, pixel_rays) -> None:
     light = Light("sun", "directional", vec3(-unit(TOWARD)), radius=SUN_RADIUS)
     view = looking(half_plane(shape, 20.0, 1.0), light, 48, *LOOKING, fov=75.0)
     truth = trace(view, pixel_samples=1)

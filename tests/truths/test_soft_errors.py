@@ -9,10 +9,9 @@ import pytest
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.vectors import Floats
 from shadowbench.scenes.views import chosen_view
-from shadowbench.truths.estimator import Estimator, Sums
 from shadowbench.truths.light_samples import MOST_SAMPLES, scrambles_of
 from shadowbench.truths.rays import Receivers, ViewRays
-from shadowbench.truths.soft import REPLICATIONS, estimate, find_penumbra
+from shadowbench.truths.soft import REPLICATIONS, Estimator, Sums, estimate, find_penumbra
 from shadowbench.truths.trace import OFFSET, STANDARD_ERROR
 
 STUDENT, SHARE = 4.44, 0.997  # of Student's t with 7 degrees of freedom, 99.7% lies within it
@@ -96,9 +95,7 @@ class ShortSighted(Estimator):
 
 
 @pytest.mark.parametrize(("enough", "told"), [(256, 0), (257, 1), (2000, 0)])
-def test_a_penumbra_that_the_audit_finds_and_256_points_do_not_is_told_once(
-    enough: int, told: int, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_penumbra_that_the_audit_finds_and_256_points_do_not_is_told_once(enough, told, caplog) -> None:
     """Nor is one that the audit, of 1024 points and four replications, does not find."""
     view = chosen_view("cube-on-plane", 64)
     _, receivers = receivers_of(view)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.trace import Truth, trace
 
@@ -87,13 +87,7 @@ def scene(shape: Callable[..., Mesh]) -> list[Mesh]:
 
 
 @pytest.mark.parametrize(("light", "fact"), CASES.values(), ids=CASES)
-def test_an_odd_light_has_a_truth(
-    light: Light,
-    fact: Fact,
-    scene: list[Mesh],
-    looking: Callable[..., View],
-    on_ground: Callable[[View], Floats],
-) -> None:
+def test_an_odd_light_has_a_truth(light, fact, scene, looking, on_ground) -> None:
     view = looking(scene, light, 32, EYE)
     truth = trace(view, pixel_samples=1)
     for name in ("visibility", "standard_error", "irradiance", "area"):
@@ -104,9 +98,7 @@ def test_an_odd_light_has_a_truth(
 
 
 @pytest.mark.parametrize("up", [DOWN, UP])
-def test_a_panel_whose_up_is_its_direction_takes_an_axis_instead(
-    up: tuple[float, float, float], scene: list[Mesh], looking: Callable[..., View]
-) -> None:
+def test_a_panel_whose_up_is_its_direction_takes_an_axis_instead(up, scene, looking) -> None:
     one, other = (
         trace(looking(scene, Light("panel", "rectangle", DOWN, ABOVE, size=(0.5, 2.0), up=way), 32), pixel_samples=1)
         for way in (up, ACROSS)

@@ -4,7 +4,6 @@ import importlib.util
 import os
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -46,7 +45,7 @@ def device_of(instructions: str, width: int | None = None) -> packets.Device:
 @pytest.mark.parametrize("shared", [False, True], ids=["directions", "one direction"])
 @pytest.mark.parametrize("count", [0, 1, 15, 33, 20_000])
 @pytest.mark.parametrize("width", [4, 8, 16])
-def test_packets_and_single_rays_agree(width: int, count: int, shared: bool) -> None:
+def test_packets_and_single_rays_agree(width, count, shared) -> None:
     random = np.random.default_rng(count)
     corners = random.uniform(-0.5, 0.5, (600, 3)).astype(np.float32)
     faces = np.arange(600, dtype=np.int32).reshape(200, 3)
@@ -68,9 +67,7 @@ def test_packets_and_single_rays_agree(width: int, count: int, shared: bool) -> 
 
 @pytest.mark.parametrize("width", [4, 8, 16])
 @pytest.mark.parametrize("instructions", ["sse2", "sse4.2", "avx2"])
-def test_a_truth_of_another_processor_decides_the_same(
-    instructions: str, width: int, view: View, truth: Truth, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_truth_of_another_processor_decides_the_same(instructions, width, view, truth, monkeypatch) -> None:
     """Distances differ in their last bits, and with them single samples of soft shadows."""
     device = device_of(instructions, width)
     monkeypatch.setattr(packets, "default_device", lambda: device)
@@ -83,9 +80,7 @@ def test_a_truth_of_another_processor_decides_the_same(
 
 
 @pytest.mark.parametrize("instructions", ["sse2", "sse4.2", "avx", "avx2"])
-def test_truths_of_processors_with_one_digest_are_equal(
-    instructions: str, view: View, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_truths_of_processors_with_one_digest_are_equal(instructions, view, monkeypatch) -> None:
     """The digest is part of the cache's key, since one folder may serve several machines."""
     digests, truths = [], []
     for device in (device_of("sse4.2"), device_of(instructions)):
@@ -98,31 +93,18 @@ def test_truths_of_processors_with_one_digest_are_equal(
         assert_same(*truths)
 
 
-def test_an_unknown_instruction_set_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unknown_instruction_set_and_one_that_the_processor_lacks_are_refused(monkeypatch) -> None:
     """Embree itself would take its slowest code without a word."""
     monkeypatch.setenv("SHADOWBENCH_ISA", "avx3")
     with pytest.raises(InputError, match=r"SHADOWBENCH_ISA: 'avx3' is not one of sse2, .*, avx512"):
         packets.default_device.__wrapped__()
-
-
-def test_an_instruction_set_that_the_processor_lacks_is_refused() -> None:
     library = SimpleNamespace(rtcNewDevice=lambda _: None)
     with pytest.raises(InputError, match="Embree finds no avx512 on this processor"):
         packets.make_device(library, "avx512")
 
 
-def test_a_truth_is_the_same_where_the_library_cannot_be_loaded(view: View, monkeypatch: pytest.MonkeyPatch) -> None:
-    device = device_of("")  # embreex has no other
-    monkeypatch.setattr(packets, "default_device", lambda: device)
-    by_packets = trace(view, pixel_samples=1)
-    monkeypatch.setattr(packets, "default_device", lambda: None)
-    assert_same(trace(view, pixel_samples=1), by_packets)
-
-
-@pytest.mark.parametrize("content", [None, b"", b"\x7fELF of another processor"], ids=["absent", "empty", "damaged"])
-def test_a_library_that_cannot_be_loaded_is_none(
-    content: bytes | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("content", [None, b"\x7fELF of another processor"], ids=["absent", "damaged"])
+def test_a_library_that_cannot_be_loaded_is_none(content, tmp_path, monkeypatch) -> None:
     (tmp_path / "embreex.libs").mkdir()
     if content is not None:
         (tmp_path / "embreex.libs" / "libembree4-1.so").write_bytes(content)
@@ -133,11 +115,15 @@ def test_a_library_that_cannot_be_loaded_is_none(
 
 
 @pytest.mark.parametrize("cores", [1, 7])
-def test_a_truth_is_the_same_for_any_number_of_threads(
-    cores: int, view: View, truth: Truth, monkeypatch: pytest.MonkeyPatch
+def test_a_truth_is_the_same_for_any_number_of_threads_and_where_the_library_cannot_be_loaded(
+    cores, view, monkeypatch
 ) -> None:
+    device = device_of("")  # embreex has no other
+    monkeypatch.setattr(packets, "default_device", lambda: device)
+    by_packets = trace(view, pixel_samples=1)
+    monkeypatch.setattr(packets, "default_device", lambda: None)
     monkeypatch.setattr(os, "cpu_count", lambda: cores)
-    assert_same(trace(view, pixel_samples=1), truth)
+    assert_same(trace(view, pixel_samples=1), by_packets)
 
 
 def test_rays_are_traced_where_compiled_code_cannot_be_cached() -> None:

@@ -1,11 +1,11 @@
-"""Axes of the light: elevation, passage through the up axis, far/near ratio, distance of a lamp to a wall."""
+"""Axes of the light: elevation, passage through the up axis, far/near ratio, distance of a lamp to a wall, size."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 
-from shadowbench.extremes.axes.model import (
+from shadowbench.extremes.model import (
     NAMES,
     Axis,
     Setting,
@@ -17,8 +17,6 @@ from shadowbench.extremes.axes.model import (
     view_of_meshes,
 )
 from shadowbench.scenes.model import Light, LightKind, Mesh
-
-_LAMP_HEIGHT = 1.5
 
 
 def _elevation(degrees: float, kind: LightKind) -> Setting:
@@ -47,20 +45,16 @@ def _far_near(ratio: float, kind: LightKind) -> Setting:
 
 def _lamp_distance(metres: float, kind: LightKind) -> Setting:
     """A lamp beside a wall on the ground, at half the wall's height."""
-    wall = Mesh(
-        "wall",
-        np.array([[-2.0, 0.0, 2.0], [-2.0, 0.0, -2.0], [-2.0, 3.0, -2.0], [-2.0, 3.0, 2.0]]),
-        np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
-    )
-    light = Light(NAMES[kind], kind, position=(-2.0 + metres, _LAMP_HEIGHT, 0.1))
+    corners = np.array([[-2.0, 0.0, 2.0], [-2.0, 0.0, -2.0], [-2.0, 3.0, -2.0], [-2.0, 3.0, 2.0]])
+    wall = Mesh("wall", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
+    light = Light(NAMES[kind], kind, position=(-2.0 + metres, 1.5, 0.1))
     return Setting((view_of_meshes([*base_meshes(), wall], light, eye=(4.6, 3.4, 3.6), target=(-0.6, 0.7, 0.0)),))
 
 
 def _light_size(degrees: float, kind: LightKind) -> Setting:
     """A light of an angular radius as seen from the scene's centre."""
-    light = light_at(kind)
-    distance = float(np.linalg.norm(light.position)) if kind != "directional" else 0.0
-    angle = math.radians(degrees)
+    light, angle = light_at(kind), math.radians(degrees)
+    distance = float(np.linalg.norm(light.position))
     sized = replace(light, radius=angle if kind == "directional" else distance * math.sin(angle))
     return Setting((view_of_meshes(base_meshes(), sized),))
 
@@ -70,31 +64,11 @@ ELEVATION = Axis(
     about="the light sinks from the zenith to the horizon: long shadows, light at grazing incidence",
     unit="°",
     values=(
-        89.9,
-        85.0,
-        75.0,
-        60.0,
-        50.0,
-        40.0,
-        30.0,
-        20.0,
-        15.0,
-        10.0,
-        7.0,
-        5.0,
-        3.0,
-        2.0,
-        1.0,
-        0.8,
-        0.7,
-        0.6,
-        0.5,
-        0.2,
-        0.1,
+        *(89.9, 85.0, 75.0, 60.0, 50.0, 40.0, 30.0, 20.0, 15.0, 10.0, 7.0),
+        *(5.0, 3.0, 2.0, 1.0, 0.8, 0.7, 0.6, 0.5, 0.2, 0.1),
     ),
     default=50.0,
     quick=(89.9, 50.0, 5.0, 0.1),
-    lights=("directional", "spot", "point"),
     invariant="a low light lengthens shadows and leaks through no surface",
     change=_elevation,
 )
@@ -116,14 +90,12 @@ LIGHT_SIZE = Axis(
     values=(0.01, 0.03, 0.1, 0.2665, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0),
     default=0.01,
     quick=(0.01, 1.0, 20.0),
-    lights=("directional", "spot", "point"),
     invariant="a shadow's penumbra is as wide as the light seen from its caster's edge",
     change=_light_size,
 )
 FAR_NEAR = Axis(
     name="far-near",
     about="the caster approaches the lamp: the ratio of the far to the near plane, and with it depth precision",
-    unit="",
     values=(1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7),
     default=1e1,
     quick=(1e1, 1e4, 1e7),

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from shadowbench.errors import InputError, ShadowbenchError, alternatives
-from shadowbench.extremes.axes import AXES, Axis, Setting, Value
-from shadowbench.extremes.axes.model import VIEW_SIZE
-from shadowbench.extremes.ranges import OperatingRange, operating_ranges, out_of_tolerance, points_frame, ranges_frame
+from shadowbench.extremes.axes import AXES
+from shadowbench.extremes.model import VIEW_SIZE, Axis, Setting, Value
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.failures import Failure, Limits
@@ -15,12 +14,24 @@ from shadowbench.measure.rows import Record
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.folder import read_folders
+from shadowbench.results.ranges import OperatingRange, failure, operating_ranges, points_frame, ranges_frame
 from shadowbench.results.tables import write_table
 from shadowbench.scenes.model import LightKind
 from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.study import Study
 
 Point = tuple[Axis, LightKind, Value]
+
+LIMITS = Limits(seconds=120.0, bytes=4 << 30)  # fixed, so that the same maps are too large on every machine
+
+
+def out_of_tolerance(row: Record) -> bool:
+    """Whether a row's cell is out of tolerance."""
+    return failure(row) is not None
+
+
+SWEEPING: Mapping[str, Any] = {"sweep": True, "keeps_images": out_of_tolerance}
+"""Options of a campaign along axes: images are written of cells out of tolerance."""
 
 
 def points_of(axes: Sequence[Axis], quick: bool) -> list[Point]:
@@ -40,11 +51,9 @@ def block_at(specs: Sequence[Spec], point: Point) -> Block:
 
 def spec_at(spec: Spec, setting: Setting) -> Spec | None:
     """The spec with the parameters of a setting; None if the technique lacks one of them."""
-    known = type(spec.params).model_fields
-    params = {name: value for name, value in setting.params.items() if name in known}
-    if len(params) < len(setting.params):
+    if not setting.params.keys() <= type(spec.params).model_fields.keys():
         return None
-    return spec.with_(**params) if params else spec
+    return spec.with_(**setting.params) if setting.params else spec
 
 
 def default_specs(techniques: Iterable[type[Technique]]) -> tuple[Spec, ...]:
@@ -52,7 +61,12 @@ def default_specs(techniques: Iterable[type[Technique]]) -> tuple[Spec, ...]:
     return tuple(Spec(technique, technique.Params()) for technique in techniques if not technique.catalogue.soft_only)
 
 
-LIMITS = Limits(seconds=120.0, bytes=4 << 30)  # fixed, so that the same maps are too large on every machine
+def select_axes(names: Sequence[str]) -> list[Axis]:
+    """Axes by name, in the order of AXES; all for no name. Raises InputError for an unknown name."""
+    for name in names:
+        if name not in AXES:
+            raise InputError(f"--axis: found {name!r:.60}{alternatives(name, AXES)}")
+    return [axis for axis in AXES.values() if not names or axis.name in names]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,14 +79,6 @@ class StressResult:
     rows: tuple[Record, ...]
     ranges: tuple[OperatingRange, ...]
     failures: tuple[Failure, ...] = ()
-
-
-def select_axes(names: Sequence[str]) -> list[Axis]:
-    """Axes by name, in the order of AXES; all for no name. Raises InputError for an unknown name."""
-    for name in names:
-        if name not in AXES:
-            raise InputError(f"--axis: found {name!r:.60}{alternatives(name, AXES)}")
-    return [axis for axis in AXES.values() if not names or axis.name in names]
 
 
 def stress(
@@ -98,16 +104,9 @@ def stress(
         first = campaign.failures[0]
         raise ShadowbenchError(f"no cell was measured: {first.where}: {first.reason}")
     ranges = operating_ranges(axes, rows)
-    folder = campaign.folder
-    write_table(folder / "ranges.csv", [ranges_frame(ranges)])
-    study = Study.of(
-        [axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0
-    )  # for its entry in `run.json`
+    write_table(campaign.folder / "ranges.csv", [ranges_frame(ranges)])
+    study = Study.of([axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0)
     campaign.finish(study.facts, [], [row["key"] for row in rows])
-    _, (whole,) = read_folders([folder])
-    write_table(folder / "table.csv", [points_frame(whole.rows)])
+    _, (whole,) = read_folders([campaign.folder])
+    write_table(campaign.folder / "table.csv", [points_frame(whole.rows)])
     return StressResult(tuple(rows), tuple(ranges), tuple(dict.fromkeys(campaign.failures)))
-
-
-SWEEPING: Mapping[str, Any] = {"sweep": True, "keeps_images": out_of_tolerance}
-"""Options of a campaign along axes: images are written of cells out of tolerance."""

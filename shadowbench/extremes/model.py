@@ -49,13 +49,13 @@ class Axis:
 
     name: str
     about: str
-    unit: str
     values: tuple[Value, ...]
     default: Value
     quick: tuple[Value, ...]
-    lights: tuple[LightKind, ...]
     invariant: str
     change: Callable[[Any, LightKind], Setting]
+    unit: str = ""
+    lights: tuple[LightKind, ...] = tuple(NAMES)
     ordered: bool = True
 
     def at(self, value: Value, light: LightKind) -> Setting:
@@ -93,10 +93,14 @@ def mesh(
 ) -> Mesh:
     """A named shape, scaled, then rotated about y by `turn` degrees, then translated to `at`."""
     triangles = build_shape(kind, dict(parameters), "axis")
-    cosine, sine = math.cos(math.radians(turn)), math.sin(math.radians(turn))
-    turned = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-    vertices = (triangles.vertices * np.asarray(scale, dtype=np.float64)) @ turned.T + np.asarray(at, dtype=np.float64)
-    return Mesh(kind, vertices, triangles.faces)
+    turned = triangles.vertices * np.asarray(scale, dtype=np.float64) @ turn_about_y(math.radians(turn)).T
+    return Mesh(kind, turned + np.asarray(at, dtype=np.float64), triangles.faces)
+
+
+def turn_about_y(angle: float) -> Floats:
+    """(3, 3) rotation about the y axis by an angle in radians."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
 def ground(side: float = EXTENT) -> Mesh:

@@ -188,8 +188,8 @@ def test_bytes_are_exact() -> None:
 
 def test_time_needs_a_factor_and_a_significance() -> None:
     old = cell(time=TIME)
-    assert verdicts([cell(time=TIME | {"ratio": 2.3})], [old]) == {"time": "regressed"}
-    assert verdicts([cell(time=TIME | {"ratio": 1.7})], [old]) == {"time": "improved"}
+    assert verdicts([cell(time=TIME | {"ratio": 2.3})], [old]) == {"time": "slower"}
+    assert verdicts([cell(time=TIME | {"ratio": 1.7})], [old]) == {"time": "faster"}
     for ratio in (2.1, 1.9, 2.2):
         assert verdicts([cell(time=TIME | {"ratio": ratio})], [old]) == {}, "at most a tenth is below the factor"
     assert compare([cell(time=TIME), cell(size=64)], [old, cell(size=64)]).timed == 1
@@ -239,5 +239,5 @@ def test_the_worst_comes_first() -> None:
     findings = compare([cell(metrics=moved), cell("failed: x", size=64)], [cell(), cell(size=64)])
     assert [change.what for change in findings.changes] == ["status", "iou", "ssim"]
     assert math.isinf(findings.changes[0].excess)
-    assert [change.what for change in findings.with_verdict("regressed", times=False)] == ["status", "iou", "ssim"]
-    assert findings.with_verdict("regressed", times=True) == []
+    assert [change.what for change in findings.of("regressed")] == ["status", "iou", "ssim"]
+    assert findings.of("slower") == []

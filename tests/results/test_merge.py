@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from shadowbench.scores.masks import mask_sha256, write_mask
-from tests.check.test_check import GOOD, WORSE, cell, rows, timed
 from tests.reports.conftest import POINTS
+from tests.results.test_check import GOOD, WORSE, cell, rows, timed
 
 Shadowbench = Callable[..., Any]
 

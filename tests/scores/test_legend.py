@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from shadowbench.engines.difference import with_legend
-from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
+from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW, with_legend
 
 
 @pytest.mark.parametrize("width", [1, 64, 512])

@@ -3,12 +3,13 @@
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Any
 
 import pandas as pd
 
-from shadowbench.extremes.axes.model import Axis, Value, value_label
-from shadowbench.measure.flips import row_metrics
+from shadowbench.extremes.model import Axis, Value, value_label
+from shadowbench.measure.flips import ROW_METRICS, row_metrics
 from shadowbench.measure.rows import Record
 from shadowbench.scores.metrics import METRICS, is_soft
 
@@ -56,8 +57,7 @@ def tolerances_of(metrics: Mapping[str, float | None]) -> dict[str, float]:
 def failure(row: Record) -> Failure | None:
     """Why a row's cell is out of tolerance, by its worst metric; None if it is in tolerance or unsupported.
 
-    Soft shadows have tolerances of their own. IoU or RMSE is given only if the others are in tolerance; of these, a
-    metric without a value is in tolerance.
+    IoU or RMSE is given only if the others are in tolerance, as is a metric without a value.
     """
     status = str(row["status"])
     if status.startswith("failed: "):
@@ -72,18 +72,12 @@ def failure(row: Record) -> Failure | None:
     exceeded = {
         name: value
         for name, limit in tolerances_of(values).items()
-        if (value := values.get(name)) is not None and (value < limit if name == "iou" else value > limit)
+        if (value := values.get(name)) is not None and not ROW_METRICS[name].meets(value, limit)
     }
-    shares = {name: value for name, value in exceeded.items() if name not in _NAMES}
-    if shares:
-        kind = max(shares, key=lambda name: shares[name] / TOLERANCES[name])
-        return Failure(kind, shares[kind])
-    return next((Failure(kind, amount) for kind, amount in exceeded.items()), None)
-
-
-def out_of_tolerance(row: Record) -> bool:
-    """Whether a row's cell is out of tolerance."""
-    return failure(row) is not None
+    if not exceeded:
+        return None
+    worst = max(exceeded, key=lambda name: -1 if name in _NAMES else exceeded[name] / TOLERANCES[name])
+    return Failure(worst, exceeded[worst])
 
 
 @dataclass(frozen=True)
@@ -163,34 +157,34 @@ def operating_range(axis: Axis, rows: Sequence[Record]) -> OperatingRange:
     """Operating range of one spec under one light along an axis; rows: one per swept value."""
     by_value = {row["axis_value"]: row for row in rows}
     values = [value for value in axis.values if value in by_value]
-    failures = {value: failure(by_value[value]) for value in values}
-    refused = tuple(value for value in values if str(by_value[value]["status"]).startswith("unsupported"))
-    first = rows[0]
-    failed = [value for value in values if failures[value] is not None]
+    failures = {value: reason for value in values if (reason := failure(by_value[value])) is not None}
+    refused = [value for value in values if str(by_value[value]["status"]).startswith("unsupported")]
+    held = [value for value in values if value not in failures and value not in refused]
+    broken = list(failures)
     if axis.ordered:
-        in_tolerance, broken = _around(values, values.index(axis.default), set(failed) | set(refused))
-        failed = [value for value in broken if value not in refused]
-    else:
-        in_tolerance = tuple(value for value in values if value not in failed and value not in refused)
-    breaks = tuple(Break(value, reason) for value in failed if (reason := failures[value]) is not None)
-    kinds = dict.fromkeys(reason.kind for reason in failures.values() if reason is not None)
-    light = str(first["light_kind"])
+        held, ends = _around(values, axis.default, held)
+        broken = [value for value in ends if value in failures]
     return OperatingRange(
-        first["technique"], first["home_spec"], axis, light, in_tolerance, breaks, refused, tuple(kinds), tuple(values)
+        technique=rows[0]["technique"],
+        spec=rows[0]["home_spec"],
+        axis=axis,
+        light=str(rows[0]["light_kind"]),
+        in_tolerance=tuple(held),
+        breaks=tuple(Break(value, failures[value]) for value in broken),
+        unsupported=tuple(refused),
+        worst=tuple(dict.fromkeys(reason.kind for reason in failures.values())),
+        swept=tuple(values),
     )
 
 
-def _around(values: list[Value], default: int, failed: set[Value]) -> tuple[tuple[Value, ...], tuple[Value, ...]]:
-    """The contiguous values around index `default` that have not failed, and the first failed ones on either side."""
-    if values[default] in failed:
-        return (), (values[default],)
-    low = high = default
-    while low > 0 and values[low - 1] not in failed:
-        low -= 1
-    while high < len(values) - 1 and values[high + 1] not in failed:
-        high += 1
-    ends = [index for index in (low - 1, high + 1) if 0 <= index < len(values)]
-    return tuple(values[low : high + 1]), tuple(values[index] for index in ends)
+def _around(values: list[Value], default: Value, held: list[Value]) -> tuple[list[Value], list[Value]]:
+    """The contiguous values around the default that held, and the first that did not on either side."""
+    at = values.index(default)
+    if default not in held:
+        return [], [default]
+    low = at - len([*takewhile(held.__contains__, reversed(values[:at]))])
+    high = at + len([*takewhile(held.__contains__, values[at:])])
+    return values[low:high], [*values[:low][-1:], *values[high : high + 1]]
 
 
 def operating_ranges(axes: Iterable[Axis], rows: Iterable[Record]) -> list[OperatingRange]:
@@ -201,14 +195,17 @@ def operating_ranges(axes: Iterable[Axis], rows: Iterable[Record]) -> list[Opera
     groups: dict[tuple[str, str, str], list[Record]] = {}
     for row in rows:
         groups.setdefault((row["axis"], row["home_spec"], row["light_kind"]), []).append(row)
-    known = {axis.name: axis for axis in axes}
-    order = list(known)
-    ranges = [
+    return [
         operating_range(axis, group)
+        for axis in axes
         for (name, _, _), group in groups.items()
-        if (axis := known.get(name)) and (not axis.ordered or any(row["axis_value"] == axis.default for row in group))
+        if name == axis.name and not starts_of(axis).isdisjoint(row["axis_value"] for row in group)
     ]
-    return sorted(ranges, key=lambda one: order.index(one.axis.name))
+
+
+def starts_of(axis: Axis) -> set[Value]:
+    """Values of an axis from which a range can be searched: its default, or any if its order means nothing."""
+    return {axis.default} if axis.ordered else set(axis.values)
 
 
 def ranges_frame(ranges: Sequence[OperatingRange]) -> pd.DataFrame:
@@ -217,11 +214,10 @@ def ranges_frame(ranges: Sequence[OperatingRange]) -> pd.DataFrame:
 
 
 def _line(found: OperatingRange) -> dict[str, Any]:
-    ends = (
-        [value_label(value) for value in (found.in_tolerance[0], found.in_tolerance[-1])]
-        if found.in_tolerance and found.axis.ordered
-        else [None, None]
-    )
+    def joined(parts: Iterable[object]) -> str | None:
+        return "; ".join(map(str, parts)) or None
+
+    held = [value_label(value) for value in found.in_tolerance if found.axis.ordered]
     return {
         "technique": found.technique,
         "spec": found.spec,
@@ -229,20 +225,22 @@ def _line(found: OperatingRange) -> dict[str, Any]:
         "axis": found.axis.name,
         "unit": found.axis.unit or None,
         "home": value_label(found.axis.default),
-        "holds_from": ends[0],
-        "holds_to": ends[1],
-        "breaks_at": "; ".join(value_label(broken.value) for broken in found.breaks) or None,
-        "failure": "; ".join(str(broken.failure) for broken in found.breaks) or None,
-        "unsupported": "; ".join(value_label(value) for value in found.unsupported) or None,
-        "kinds": "; ".join(found.worst) or None,
+        "holds_from": held[0] if held else None,
+        "holds_to": held[-1] if held else None,
+        "breaks_at": joined(value_label(broken.value) for broken in found.breaks),
+        "failure": joined(broken.failure for broken in found.breaks),
+        "unsupported": joined(map(value_label, found.unsupported)),
+        "kinds": joined(found.worst),
         "range": found.text,
     }
 
 
 def points_frame(rows: Iterable[Record]) -> pd.DataFrame:
     """Contents of a sweep's `table.csv`: one line per cell, with its axis value and metrics."""
-    identity = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
-    ours = ["axis", "axis_value", "axis_unit", "light_kind", "flips", "receivers", "undecided", "surface_mismatch",
-            "gpu_bytes", "coordinates", "full_spec", "mask_sha256", "key"]  # fmt: skip
+    columns = [
+        *("scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"),
+        *(*METRICS, "failure", "command", "axis", "axis_value", "axis_unit", "light_kind", "flips", "receivers"),
+        *("undecided", "surface_mismatch", "gpu_bytes", "coordinates", "full_spec", "mask_sha256", "key"),
+    ]
     lines = [{**row, **row.get("metrics", {}), "failure": str(failure(row) or "") or None} for row in rows]
-    return pd.DataFrame(lines, columns=[*identity, *METRICS, "failure", "command", *ours])
+    return pd.DataFrame(lines, columns=columns)

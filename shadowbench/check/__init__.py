@@ -1,1 +1,0 @@
-"""Regression checks: comparison of runs with a baseline and with each other."""
