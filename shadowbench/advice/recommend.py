@@ -20,9 +20,9 @@ from shadowbench.advice.target import Target, least_error
 from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import DEFAULT_REFERENCE, Cell
+from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.measure.session import DeviceInfo
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.folder import write_cells
 from shadowbench.results.tables import cells_frame
@@ -157,14 +157,14 @@ def recommend(
     campaign.reporter.stage("truth", 1)
     study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
     block = study.block(view)
-    truth = block.truth(0)
+    truth = cached_truth(view)
     results: list[Result] = []
     with campaign:
         campaign.reporter.stage("measuring", None)  # the search ends when no spec is left that may be cheaper
 
         def measure(spec: Spec) -> Result:
-            (found,) = campaign.measure([block.of([Cell(spec)])])
-            results.extend(found.values())
+            (found,) = campaign.measure([replace(block, cells=(Cell(spec),))])
+            results.extend(found)
             return results[-1]
 
         found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure, among)

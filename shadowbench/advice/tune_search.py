@@ -5,7 +5,7 @@ A scene is one observation: its views, phases and map sizes are averaged first.
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import optuna
@@ -15,7 +15,7 @@ from shadowbench.advice.tune_space import SceneSplit, SearchSpace, family_of
 from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.failures import CellFailed
+from shadowbench.measure.drawer import CellFailed
 from shadowbench.measure.rows import Record, Result
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.spec import Spec
@@ -115,13 +115,15 @@ class TuningCells:
         campaign, study = self.campaign, self.study
         readable = readable_blocks(study, campaign.failures) if campaign.keep_going else study.blocks()
         blocks = [
-            study.block(view_of(block.scene, camera, block.view.light, block.view.size))
+            study.block(view_of(block.view.scene, camera, block.view.light, block.view.size))
             for block in readable
-            for camera in block.scene.cameras
+            for camera in block.view.scene.cameras
         ]
         kept = []
-        for block, uniform in campaign.trace(blocks):
-            reason = "nothing is in shadow" if uniform == "lit" else campaign.drawer.unsupported(block, Cell(spec))
+        for block, shadows in zip(blocks, campaign.trace(blocks), strict=True):
+            if shadows is None:  # it failed
+                continue
+            reason = "nothing is in shadow" if shadows == "lit" else campaign.drawer.unsupported(block, Cell(spec))
             if reason is None:
                 kept.append(block)
             else:
@@ -149,11 +151,12 @@ class TuningCells:
         """Score rows of each spec, measured block by block, so that each scene is loaded once."""
         cells = {spec: self.cells_of(spec) for spec in specs}
         rows: dict[Spec, list[Record]] = {spec: [] for spec in cells}
-        together = [cell for own in cells.values() for cell in own]
-        for found in self.campaign.measure(block.of(together).fresh() for block in blocks):
+        together = tuple(cell for own in cells.values() for cell in own)
+        for found in self.campaign.measure(replace(block, cells=together) for block in blocks):
+            by_cell = dict(zip(together, found, strict=True))
             for spec, own in cells.items():
-                rows[spec] += [found[cell].score for cell in own]
-            self.results |= {result.score["key"]: result for result in found.values()}
+                rows[spec] += [by_cell[cell].score for cell in own]
+            self.results |= {result.score["key"]: result for result in found}
         return rows
 
 
@@ -176,8 +179,8 @@ class ParameterSearch:
 
     def __init__(self, space: SearchSpace, cells: TuningCells, blocks: Sequence[Block], split: SceneSplit) -> None:
         self.space, self.cells, self.split = space, cells, split
-        self.tuning = [block for block in blocks if block.scene.name in split.tuning]
-        self.held_out = [block for block in blocks if block.scene.name in split.held_out]
+        self.tuning = [block for block in blocks if block.view.scene.name in split.tuning]
+        self.held_out = [block for block in blocks if block.view.scene.name in split.held_out]
         self.default, self.reporter = space.base, cells.campaign.reporter
         self._scores_of: dict[Spec, pd.DataFrame] = {}  # scores on the tuning scenes
         self._failed: set[Spec] = set()  # specs with a failed cell

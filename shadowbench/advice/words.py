@@ -11,8 +11,8 @@ from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES
 from shadowbench.files import replace_file
 from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.drawer import Drawer
-from shadowbench.measure.session import DeviceInfo
+from shadowbench.measure.drawer import DeviceInfo, Drawer
+from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.plugin.params import Component
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
@@ -178,7 +178,8 @@ def export_choice(found: Recommendation, folder: Path, drawer: Drawer) -> None:
     if found.choice is None:
         return
     spec, scene = found.choice.spec, found.view.scene
-    shaders = drawer.shaders(Block((found.view,), ()), Cell(spec))
+    assert isinstance(drawer, GLDrawer)  # what it recommends
+    shaders = drawer.shaders(Block(found.view, ()), Cell(spec))
     parameters = {
         "spec": spec.text,
         "technique": spec.technique.name,

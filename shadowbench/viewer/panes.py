@@ -8,10 +8,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Sampling, link
-from shadowbench.gl.shaders import compose
+from shadowbench.gl.shaders import SHADERS, compose
 from shadowbench.plugin.base import Technique
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.viewer.drawing import Drawn
@@ -112,9 +111,8 @@ class Panes:
 
     def _pass(self, overlay: Overlay) -> Drawable:
         if overlay not in self._passes:
-            roots, defines = [data_folder("shaders")], {f"OVERLAY_{_DEFINES[overlay][0]}": "1"}
-            fragment = compose("viewer/overlay.frag", roots, defines)
-            program = link(self.device, compose("fullscreen.vert", roots), fragment)
+            fragment = compose("viewer/overlay.frag", SHADERS, {f"OVERLAY_{_DEFINES[overlay][0]}": "1"})
+            program = link(self.device, compose("fullscreen.vert", SHADERS), fragment)
             vertices = self.device.context.vertex_array(program.linked, [])
             self._passes[overlay] = Drawable(program, vertices, count=3)
         return self._passes[overlay]

@@ -219,8 +219,7 @@ def test_a_changed_shader_is_read_again(
 
     shaders = tmp_path / "shaders"
     shutil.copytree(files.data_folder("shaders"), shaders)
-    for module in ("gl.gbuffer", "gl.picture", "plugin.stage"):
-        monkeypatch.setattr(f"shadowbench.{module}.data_folder", lambda kind: tmp_path / kind)
+    monkeypatch.setattr("shadowbench.plugin.stage.data_folder", lambda kind: tmp_path / kind)
     state = state_of(builtin("cube-on-plane"), "shadow-map:size=64")
     before = mask_of(drawing, state)
     resolve = shaders / "shadow-map" / "resolve.frag"
