@@ -156,13 +156,14 @@ def gallery(folder: Path, pictures: Sequence[Picture], max_size: int, place: Pla
         cells = list(threads.map(cell_of, pictures))
     if not any(cell["picture"] or cell["mask"] for cell in cells):
         return None
-    absent = {
-        "mask": any(cell["mask"] is None for cell in cells),
-        "truth": any(view["truth"] is None for view in views.values()),
-        "shading": any(views[cell["view"]]["lit"] is None and cell["picture"] is None for cell in cells),
+    images = {
+        "mask": [cell["mask"] for cell in cells],
+        "truth": [view["truth"] for view in views.values()],
+        "shading": [cell["picture"] or views[cell["view"]]["lit"] for cell in cells],
     }
-    missing, size = [name for name, some in absent.items() if some], max(row["view_size"] for row, _ in pictures)
+    missing = [name for name, found in images.items() if None in found]
     notes = [f"{folder.name} has no {' and no '.join(missing)} for some of these cells."] if missing else []
+    size = max(row["view_size"] for row, _ in pictures)
     notes += [f"Scaled down from {size}² to {max_size}² pixels."] if max_size < size else []
     return {"cells": cells, "views": views, "notes": notes}
 

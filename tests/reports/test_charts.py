@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.report import figures
 from shadowbench.reports.vega import COLORS, MAX_SHOWN, SHAPES, styles_of
 from shadowbench.results.configurations import Section, sections, specs_of
@@ -87,7 +87,7 @@ def test_only_what_was_measured_is_drawn(measured: Make) -> None:
         assert not set(values(chart, "spec")) & {"planar-projection", "cube-map"}
     (untimed,) = measured(Cell("a", 512, 0.1, None))
     assert front_chart(untimed, None) is None and pass_chart(untimed, 512) is None
-    assert size_chart(untimed, None) is not None and bias_charts(untimed) == []
+    assert size_chart(untimed, None) is not None
 
 
 def test_figures_say_whose_times_they_have_and_why_passes_do_not_add_up(measured: Make) -> None:
@@ -137,27 +137,3 @@ def test_no_two_of_many_passes_or_specs_look_alike(measured: Make) -> None:
     assert not {*scale["range"][:8]} & {*COLORS[:MAX_SHOWN]}, "those of specs"
     many = len(COLORS) * len(SHAPES)
     assert len(set(styles_of(map(str, range(many))).values())) == many
-
-
-def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size_unless_it_is_soft(
-    run_folder: Callable[..., Any],
-) -> None:
-    def swept(cells: list[Cell], name: str) -> Section:
-        folder = run_folder(cells, name=name)
-        lines = [f"{one.key},{one.spec},{one.map_size},shadow-map,{specs[one.spec]}" for one in cells]
-        (folder / "table.csv").write_text("\n".join(["key,spec,map_size,bias_of,bias_factor", *lines]))
-        ((section,),) = sections(read_runs([folder])).values()
-        return section
-
-    specs = {"shadow-map:bias=texel(scale=4.0)": 4.0, "shadow-map": 1.0, "shadow-map:bias=texel(scale=0.5)": 0.5}
-    cells = [Cell(spec, size, 0.01 * factor, None) for spec, factor in specs.items() for size in (1024, 512)]
-    ((base, chart),) = bias_charts(swept(cells, "hard"))
-    assert base == "shadow-map"
-    points = chart["data"]["values"]
-    assert [(point["map"], point["factor"]) for point in points] == [
-        (size, factor) for size in ("512", "1024") for factor in (0.5, 1.0, 4.0)
-    ]
-    assert [point["factor"] for point in points if point["best"]] == [0.5, 0.5]
-    assert {"×0.5", "×1", "×4", "512", "1024"} <= set(texts(chart))
-    soft = swept([Cell("shadow-map", 512, 0.1, None, rmse_pen=0.2)], "soft")
-    assert soft.run.sweep_positions and bias_charts(soft) == [], "no chart of contact"

@@ -123,8 +123,8 @@ addEventListener("hashchange", () => {
   if (first && hash !== written && (!hash || new URLSearchParams(hash).has("scene"))) window.drawn = restore();
 });
 
-function drawCharts({ front, sizes, passes, pass_size, biases }) {
-  const chartElement = (kind) => document.querySelector(`.chart.${kind}`), choice = byId("pass-size"), bias = byId("biases");
+function drawCharts({ front, sizes, passes, pass_size }) {
+  const chartElement = (kind) => document.querySelector(`.chart.${kind}`), choice = byId("pass-size");
   const points = [front, sizes, ...passes.map(([, chart]) => chart)].flatMap((chart) => chart?.data.values ?? []);
   fillLegend(legendOf(byId("charts")), new Set(points.map((point) => point.spec)), remember);
   const rowOf = (point) => data(currentPanel).rows.find((row) => row.spec === point.spec && row.map === point.size);
@@ -133,14 +133,7 @@ function drawCharts({ front, sizes, passes, pass_size, biases }) {
   choice.closest("label").hidden = passes.length < 2;
   chartElement("passes").closest("section").hidden = !passes.length;
   choice.onchange = () => draw(chartElement("passes"), passes[choice.value]?.[1]);
-  bias.hidden = !biases.length;
-  bias.querySelector(".pair").replaceChildren(...biases.map(([base]) => make("figure", {}, make("figcaption", {}, ...breakable(base)), make("div", { className: "chart" }))));
-  return Promise.all([
-    draw(chartElement("front"), front, onClick),
-    draw(chartElement("sizes"), sizes, onClick),
-    choice.onchange(),
-    ...[...bias.querySelectorAll(".chart")].map((chart, at) => draw(chart, biases[at][1])),
-  ]);
+  return Promise.all([draw(chartElement("front"), front, onClick), draw(chartElement("sizes"), sizes, onClick), choice.onchange()]);
 }
 
 // Lists the scenes of a panel's run and chooses the panel, whose id is returned.
