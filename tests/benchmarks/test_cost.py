@@ -1,19 +1,14 @@
 """The cost of scoring, by counted calls: a truth is prepared once per view."""
 
-from collections.abc import Callable
 from unittest.mock import Mock
 
 import numpy as np
-import pytest
 
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.scores import comparison, loops, prepared
-from shadowbench.truths.trace import Truth
 
 
-def test_values_that_depend_only_on_the_truth_are_computed_once(
-    truth_of: Callable[..., Truth], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_values_that_depend_only_on_the_truth_are_computed_once(truth_of, monkeypatch) -> None:
     spies = []
     for module, name in ((prepared, "squared_distance"), (comparison, "squared_distance"), (loops, "ssim_map")):
         spies.append(Mock(wraps=getattr(module, name)))

@@ -43,7 +43,7 @@ def test_every_technique_is_timed_at_every_map_size() -> None:
         assert f"[cube-on-plane-{named}]" in listed
 
 
-def test_a_benchmark_selection_saves_its_scores_and_two_runs_can_be_compared(tmp_path: Path) -> None:
+def test_a_benchmark_selection_saves_its_scores_and_two_runs_can_be_compared(tmp_path) -> None:
     suite, storage = "benchmarks/test_techniques.py", f"--benchmark-storage={tmp_path / 'saved'}"
     chosen = "cube-on-plane and (unshadowed or (shadow-map and (512 or 1024)))"
     for number in range(2):
@@ -79,7 +79,7 @@ def test_a_benchmark_selection_saves_its_scores_and_two_runs_can_be_compared(tmp
     assert "(0001_" in compared and "(NOW)" in compared
 
 
-def test_the_exponent_of_growth_is_fitted_printed_and_saved(tmp_path: Path) -> None:
+def test_the_exponent_of_growth_is_fitted_printed_and_saved(tmp_path) -> None:
     file = tmp_path / "growth.json"
     chosen = "(test_triangles and unshadowed and (1280 or 20480)) or (test_a_cell and (512 or 1024))"
     printed = bench("benchmarks", "-k", chosen, f"--benchmark-json={file}")

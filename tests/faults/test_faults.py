@@ -89,7 +89,7 @@ class Copy:
 
 
 @pytest.fixture(scope="module")
-def copy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
+def copy(tmp_path_factory) -> Iterator[Copy]:
     copy = Copy(tmp_path_factory.mktemp("sources"))
     yield copy
     os.killpg(copy.process.pid, signal.SIGKILL)
@@ -103,7 +103,7 @@ def ids(tests: str) -> list[str]:
 
 
 @pytest.mark.parametrize("fault", FAULTS + HARMLESS, ids=lambda fault: fault.name)
-def test_the_text_that_a_fault_replaces_occurs_exactly_once(fault: Fault) -> None:
+def test_the_text_that_a_fault_replaces_occurs_exactly_once(fault) -> None:
     for file, before, after in fault.edits:
         assert (ROOT / file).read_text(encoding="utf-8").count(before) == 1, f"{file}: {before!r}"
         assert before != after
@@ -118,14 +118,14 @@ def test_every_fault_has_a_name_of_its_own_and_every_technique_a_fault() -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", sorted({test.partition("::")[0] for tests in TESTS for test in ids(tests)}))
-def test_without_a_fault_the_named_tests_pass(file: str, copy: Copy) -> None:
+def test_without_a_fault_the_named_tests_pass(file, copy) -> None:
     code, _, printed = copy.run([test for tests in TESTS for test in ids(tests) if test.startswith(f"{file}::")])
     assert code == 0, printed
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", IN_TURN)
-def test_a_fault_fails_its_tests_and_a_harmless_change_fails_none(fault: Fault, copy: Copy) -> None:
+def test_a_fault_fails_its_tests_and_a_harmless_change_fails_none(fault, copy) -> None:
     code, raised, printed = copy.run(ids(fault.tests), fault.edits)
     assert code == (fault in FAULTS), printed
     assert set(raised) <= {"AssertionError", "Failed"}, printed

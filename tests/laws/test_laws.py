@@ -29,7 +29,7 @@ from shadowbench.scenes.vectors import unit
 from .answers import Answer, Drawing, traced
 from .changes import LAWS, with_meshes
 from .scenes import Little, littles
-from .table import ANALYSED, TABLE, Claim, Subject, claims, subjects
+from .table import ANALYSED, TABLE, Subject, claims, subjects
 
 PIXELS = {True: 96, False: 48}  # along a side, of the truth and of techniques
 PHASES = 8
@@ -180,7 +180,7 @@ def check(studio: Any, law: str, name: str, kind: str, lights: frozenset, how: s
 
 
 @pytest.mark.parametrize(("law", "name", "claim"), CLAIMED)
-def test_law(studio, law: str, name: str, claim: Claim) -> None:
+def test_law(studio, law, name, claim) -> None:
     check(studio, law, name, claim.kind, claim.lights, MORE if name == "truth" else SOME)
 
 
@@ -189,7 +189,7 @@ def test_law(studio, law: str, name: str, claim: Claim) -> None:
     "how", [pytest.param(MORE, id="10 scenes"), pytest.param(THOROUGH, id="40 scenes", marks=pytest.mark.exhaustive)]
 )
 @pytest.mark.parametrize(("law", "name", "claim"), CLAIMED)
-def test_law_on_many_scenes(studio, law: str, name: str, claim: Claim, how: settings) -> None:
+def test_law_on_many_scenes(studio, law, name, claim, how) -> None:
     check(studio, law, name, claim.kind, claim.lights, how)
 
 
