@@ -1,8 +1,9 @@
 """The report as Markdown tables, for READMEs and papers."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from shadowbench.extremes.model import NAMES
+from shadowbench.reports.html import Scenes
 from shadowbench.reports.panels import Panel, panels_of
 from shadowbench.reports.stability import Stability, range_text, tolerances
 from shadowbench.reports.verdict import target_name, verdict
@@ -26,7 +27,7 @@ from shadowbench.scores.metrics import METRICS
 _TIMES = {"ms": "frame_ms", "camera moves, ms": "camera_ms", "× ref": "ratio"}
 
 
-def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
+def markdown_report(runs: Sequence[Run], scenes: Scenes, swept: Sequence[Stability]) -> str:
     """The Markdown text of a report: verdicts, configurations and costs, over all scenes and by scene; then ranges."""
     every = [section for parts in scenes.values() for section in parts]
     panels = [panel for index, run in enumerate(runs) for panel in panels_of(run, index, every)]

@@ -7,7 +7,7 @@ from typing import Any
 
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
-from shadowbench.reports.gallery import Picture, Place, gallery, no_pictures
+from shadowbench.reports.gallery import Place, gallery, no_pictures, scored_cells
 from shadowbench.reports.verdict import accuracy_text, cell_texts, real_time, verdict_candidate
 from shadowbench.reports.words import COLUMNS, digits
 from shadowbench.results.configurations import Configuration, Section, by_kind
@@ -119,8 +119,8 @@ def panels_of(run: Run, index: int, every: Sequence[Section]) -> list[Panel]:
     return [*overall, *(Panel(ids[one.title], index, one.title, (one,), ids) for one in ours)]
 
 
-def panel_data(panel: Panel, pictures: Sequence[Picture], max_size: int, place: Place) -> dict[str, Any]:
-    """The JSON data of a panel: charts, table, and for a single scene pictures; max_size, place: see `gallery`."""
+def panel_data(panel: Panel, place: Place) -> dict[str, Any]:
+    """The JSON data of a panel: charts, table, and for a single scene pictures."""
     several = len(panel.sections) > 1
     section = mean_section(panel.sections, panel.title) if several else panel.sections[0]
     sizes: list[int | None] = [*sorted({one.map_size for one in section.timed if one.map_size})]
@@ -136,7 +136,7 @@ def panel_data(panel: Panel, pictures: Sequence[Picture], max_size: int, place: 
         "columns": [_COST, "map", error, *(over_scenes if several else []), *_values(panel), "cells"],
         "shown": [_COST, "map", error, *over_scenes, *COLUMNS[panel.soft].values()],
         "rows": [_row(panel, one, (one.mean.spec, one.mean.map_size) in on_front) for one in panel.candidates],
-        "gallery": None if several else gallery(section.run.folder, pictures, max_size, place),
+        "gallery": None if several else gallery(section.run.folder, scored_cells(section), place),
         "no_gallery": no_pictures(section.run),
     }
 

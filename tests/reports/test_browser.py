@@ -338,7 +338,7 @@ def test_zoom_and_pan_are_those_of_both_sides(page) -> None:
         act()
         now = transform()
         assert now != before
-    assert now == whole == "matrix(1, 0, 0, 1, 0, 0)" and box.locator(".readout").inner_text().startswith("pixel ")
+    assert now == whole == "matrix(1, 0, 0, 1, 0, 0)"
 
 
 def test_thumbnails_show_the_errors_worst_or_best_first_and_lead_to_them(page) -> None:

@@ -17,10 +17,9 @@ from PIL import Image
 from shadowbench.commands import console
 from shadowbench.commands import report as command
 from shadowbench.plugin.registry import preset_names
-from shadowbench.reports import gallery
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
-from tests.reports.conftest import CELLS, SIDE, Cell, data_of, galleries, image_of, parts_of
+from tests.reports.conftest import CELLS, SIDE, Cell, data_of, galleries, parts_of
 
 Page = Callable[..., str]
 SOFTWARE = "for trends only, not representative of a GPU"
@@ -130,14 +129,6 @@ def test_missing_pictures_are_named(run_folder, page_of) -> None:
     assert shown["notes"] == ["run has no truth and no shading for some of these cells."]
     page = page_of(run_folder(name="none"))
     assert galleries(page) == [] and "none has neither pictures/ nor masks/" in page
-
-
-def test_many_pictures_are_shown_smaller(run_folder, page_of, monkeypatch) -> None:
-    monkeypatch.setattr(gallery, "MAX_PIXELS", 7 * SIDE * SIDE // 4)
-    monkeypatch.setattr(gallery, "_MIN_SIZE", 4)
-    (shown,) = galleries(page_of(run_folder(pictures=True)))
-    assert shown["notes"] == [f"Scaled down from {SIDE}² to {SIDE // 2}² pixels."]
-    assert {image_of(cell["mask"]).size for cell in shown["cells"]} == {(SIDE // 2, SIDE // 2)}
 
 
 def test_the_difference_is_signed() -> None:

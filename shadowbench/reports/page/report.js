@@ -126,7 +126,7 @@ addEventListener("hashchange", () => {
 function drawCharts({ front, sizes, passes, pass_size }) {
   const chartElement = (kind) => document.querySelector(`.chart.${kind}`), choice = byId("pass-size");
   const points = [front, sizes, ...passes.map(([, chart]) => chart)].flatMap((chart) => chart?.data.values ?? []);
-  fillLegend(legendOf(byId("charts")), new Set(points.map((point) => point.spec)), remember);
+  fillLegend(legendOf(byId("charts")), new Set(points.map((point) => point.spec)), PAGE.specs, remember);
   const rowOf = (point) => data(currentPanel).rows.find((row) => row.spec === point.spec && row.map === point.size);
   const onClick = (point) => showPicture(point.spec, point.size, rowOf(point)?.scene);
   choice.replaceChildren(...passes.map(([size], at) => new Option(size, at, false, size === pass_size)));
@@ -163,8 +163,8 @@ async function begin() {
 }
 
 async function stability(box) {
-  const { charts, gallery } = await loaded(box.id), elements = [...box.querySelectorAll(".chart")], legend = box.querySelector(".legend");
-  if (legend) fillLegend(legend, new Set(JSON.parse(legend.dataset.specs)));
+  const { charts, gallery, specs } = await loaded(box.id), elements = [...box.querySelectorAll(".chart")], legend = box.querySelector(".legend");
+  if (legend) fillLegend(legend, new Set(specs), specs);
   for (const select of box.querySelectorAll("[data-signal]")) {
     select.addEventListener("change", () => {
       for (const { dataset, parentElement, view } of elements) {
