@@ -27,10 +27,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shadowbench import options
-from shadowbench.advice.recommend import has_penumbra, target_of
+from shadowbench.advice.recommend import Recommendation, has_penumbra
 from shadowbench.advice.recommend import recommend as measure_recommendation
-from shadowbench.advice.recommendation import Recommendation
 from shadowbench.advice.space import technique_names
+from shadowbench.advice.target import target_of
 from shadowbench.engines.external_mask import mask_from_array
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError

@@ -10,8 +10,7 @@ from shadowbench.errors import counted
 from shadowbench.options import PHASES, Bounds, SceneOptions, option
 
 if TYPE_CHECKING:
-    from shadowbench.advice.tune_scores import Setting
-    from shadowbench.advice.tune_search import Tuning
+    from shadowbench.advice.tune_search import Setting, Tuning
 
 
 @dataclass(frozen=True)

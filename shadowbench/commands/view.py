@@ -70,8 +70,7 @@ def view(
             chosen = reporter.view(str(scene), asked.view_size, view)
         camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
         first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
-        origin = Origin(str(scene), view.assets, view.up, view.sun, view.no_ground)
-        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
+        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, Origin(str(scene), view))
     show(replace(shown, specs=specs or shown.specs, size=asked.view_size or shown.size), known, asked.plugin)
 
 
