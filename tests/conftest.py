@@ -22,7 +22,7 @@ from shadowbench.gl.device import Device, Releasable, open_device
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.measure import doctor, worker
-from shadowbench.measure.failures import Limits
+from shadowbench.measure.drawer import Limits
 from shadowbench.measure.worker import Worker
 from shadowbench.plugin.registry import forget_components
 from shadowbench.scenes.library import load_scene
