@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from shadowbench.errors import InputError
-from shadowbench.measure.row_files import read_run_file, stream_rows
+from shadowbench.measure.row_store import read_run_file, stream_rows
 from shadowbench.measure.rows import Record, Result, RunFile
 from shadowbench.plugin.spec import without_retired
 from shadowbench.results.tables import (

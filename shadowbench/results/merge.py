@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 from shadowbench.errors import InputError, counted
 from shadowbench.extremes.axes import AXES
 from shadowbench.measure.flips import row_metrics
-from shadowbench.measure.row_files import read_run_file, stream_rows
-from shadowbench.measure.row_store import command_line
+from shadowbench.measure.row_store import command_line, read_run_file, stream_rows
 from shadowbench.measure.rows import SCHEMA, Record, RunFile, StudyFacts
 from shadowbench.results.folder import read_folders, rows_file, write_cells
 from shadowbench.results.ranges import operating_ranges, points_frame, ranges_frame
