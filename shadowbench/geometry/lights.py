@@ -162,3 +162,25 @@ def window(box: Box, space: LightSpace, size: int, padding: float, shift: tuple[
     if space.perspective:
         low[2] = max(low[2], high[2] / 1e4)
     return Box(low, high)
+
+
+def stretched(box: Box, factor: float) -> Box:
+    """The box with its depth range scaled about its middle."""
+    middle, half = (box.low[2] + box.high[2]) / 2, (box.high[2] - box.low[2]) / 2 * factor
+    return Box(np.array([*box.low[:2], middle - half]), np.array([*box.high[:2], middle + half]))
+
+
+def snapped(
+    space: LightSpace, center: Floats, half: Floats, size: int, padding: float, shift: tuple[float, float]
+) -> Box:
+    """A box that contains center ± half and moves by whole texels only (Valient 2008).
+
+    center: (3,) in world space; half: (3,) in light space, with equal x and y; padding: texels added on each side;
+    shift: offset of the texel grid, in texels. The box's size depends on `half` only, and its texel grid is fixed in
+    light space: a camera that moves or turns gets the same texels.
+    """
+    texel = 2 * half[0] / max(size - 2 * padding - 1, 1.0)  # one texel of margin for snapping
+    low = np.floor((space.box(center[None]).low - half) / texel - padding)
+    span = np.array([size, size, np.ceil(2 * half[2] / texel + 2 * padding + 1)])
+    moved = low + np.array([*shift, 0.0])
+    return Box(moved * texel, (moved + span) * texel)

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from shadowbench.geometry.slices import PRACTICAL_WEIGHT, practical_depths
+from shadowbench.geometry.convex import PRACTICAL_WEIGHT, practical_depths
 from shadowbench.plugin.params import Component, param
 from shadowbench.scenes.vectors import Floats
 

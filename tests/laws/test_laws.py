@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from shadowbench.files import data_folder
 from shadowbench.geometry import convex
-from shadowbench.geometry.slices import Slice
+from shadowbench.geometry.convex import Slice
 from shadowbench.gl.program import Stencil
 from shadowbench.maps import passes as maps
 from shadowbench.maps.biases import Constant, FrontCull, NoBias, ReceiverPlane

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
-from shadowbench.geometry.lights import Box, light_space, window
-from shadowbench.geometry.slices import Slice, slices, snapped
+from shadowbench.geometry.convex import Slice, slices
+from shadowbench.geometry.lights import Box, light_space, snapped, window
 from shadowbench.gl.gbuffer import download
 from shadowbench.maps.biases import Bias
 from shadowbench.maps.filters import Filter
