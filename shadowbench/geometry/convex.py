@@ -25,26 +25,12 @@ def box_planes(bounds: Floats) -> Floats:
 
 
 def frustum_planes(eye: Floats, basis: Floats, slope: float, near: float, far: float) -> Floats:
-    """(6, 4) planes of a square frustum between two depths.
-
-    eye: (3,) apex; basis: (3, 3) rows right, up, back; slope: tangent of half the opening angle.
-    """
+    """(6, 4) planes of a square frustum between two depths; basis: rows right, up, back; slope: of its sides."""
     right, up, back = basis
     sides = [slope * -back + sign * axis for axis in (right, up) for sign in (1, -1)]
     normals = np.array([*(side / np.linalg.norm(side) for side in sides), -back, back])
     points = np.array([eye, eye, eye, eye, eye - near * back, eye - far * back])
     return np.column_stack([normals, -np.einsum("ij,ij->i", normals, points)])
-
-
-def camera_planes(camera: Camera, near: float, far: float) -> Floats:
-    """(6, 4) planes of a camera's frustum between two depths, for a square image."""
-    slope = float(np.tan(camera.fov_y / 2))
-    return frustum_planes(np.array(camera.position), camera.basis(), slope, near, far)
-
-
-def view_planes(view: View) -> Floats:
-    """(6, 4) planes of a view's frustum."""
-    return camera_planes(view.camera, *view.near_far)
 
 
 @cache
@@ -53,10 +39,9 @@ def _triples(count: int) -> NDArray[np.intp]:
 
 
 def corners(planes: Floats, extent: float) -> Floats:
-    """(N, 3) corners of the region inside all (P, 4) planes; N = 0 for an empty region.
+    """(N, 3) corners of the region inside all (P, 4) planes: intersections of three planes that are inside all others.
 
-    The corners are the intersections of three planes that are inside all others. extent: largest coordinate of the
-    region, which scales the tolerance for rounding.
+    extent: largest coordinate of the region, which scales the tolerance for rounding.
     """
     a, b, c = planes[_triples(len(planes))]
     bc, ca, ab = np.cross(b[:, :3], c[:, :3]), np.cross(c[:, :3], a[:, :3]), np.cross(a[:, :3], b[:, :3])
@@ -108,6 +93,12 @@ class Slice:
     far: float
 
     @property
+    def planes(self) -> Floats:
+        """(6, 4) planes."""
+        slope = float(np.tan(self.camera.fov_y / 2))
+        return frustum_planes(np.array(self.camera.position), self.camera.basis(), slope, self.near, self.far)
+
+    @property
     def corners(self) -> Floats:
         """(8, 3) corners, the near ones first."""
         right, up, back = self.camera.basis()
@@ -117,8 +108,7 @@ class Slice:
 
     def corners_within(self, bounds: Floats, extent: float) -> Floats:
         """(N, 3) corners of the slice's intersection with a (2, 3) box; its own corners if that is empty."""
-        planes = camera_planes(self.camera, self.near, self.far)
-        shared = corners(np.vstack([box_planes(bounds), planes]), extent)
+        shared = corners(np.vstack([box_planes(bounds), self.planes]), extent)
         return shared if len(shared) else self.corners
 
     @property
@@ -130,6 +120,11 @@ class Slice:
         return np.array(self.camera.position) - self.camera.basis()[2] * along, float(radius)
 
 
+def view_planes(view: View) -> Floats:
+    """(6, 4) planes of a view's frustum."""
+    return Slice(view.camera, *view.near_far).planes
+
+
 def slices(camera: Camera, depths: Floats, overlap: float) -> list[Slice]:
     """The slices between view depths, each extended towards the camera by `overlap` of the previous slice's length."""
     lengths = np.diff(depths)
@@ -138,10 +133,7 @@ def slices(camera: Camera, depths: Floats, overlap: float) -> list[Slice]:
 
 
 class SceneHull:
-    """Bounds of a scene's casters and receivers for fits, computed once.
-
-    bounds: (2, 3) bounding box; extent: largest absolute coordinate; points: (N, 3) vertices of the convex hull.
-    """
+    """A scene's casters and receivers for fits: (2, 3) bounds, largest absolute coordinate, (N, 3) hull points."""
 
     def __init__(self, scene: Scene) -> None:
         self._geometry = scene.geometry

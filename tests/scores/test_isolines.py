@@ -30,9 +30,6 @@ def variance(
     return line.variance(values.astype(np.float32), seen, np.zeros((SIZE, SIZE), np.float32))
 
 
-# Gradients
-
-
 def test_a_step_is_half_the_difference_of_the_neighbours_where_both_are_valid() -> None:
     """A rise by 0.2 a column and 0.1 a row; no neighbours beyond the image, nor where a pixel is not valid."""
     y, x = np.mgrid[:5, :5].astype(np.float32)
@@ -66,9 +63,6 @@ def test_a_circle_is_straight_over_a_segment_that_turns_by_less_than_30_degrees(
     middle = (x == 0) & (y == 0)
     gradient = np.stack([y, x + radius]).astype(np.float32)
     assert len(Isolines.of(gradient, middle).rows) == straight
-
-
-# Variance
 
 
 @pytest.mark.parametrize(("distance", "expected"), [(0, 6 / 7), (1, 1 / 42), (2, 1 / 42), (3, 1 / 42), (4, 0)])

@@ -42,9 +42,6 @@ def rising(*knots: tuple[float, float], columns: int = 81) -> np.ndarray:
     return np.interp(np.arange(columns), *zip(*knots, strict=True))
 
 
-# Lines
-
-
 def test_of_many_edge_pixels_a_thousand_are_taken_at_even_ranks() -> None:
     """A penumbra of 10 px down the middle of 80 by 80 pixels, with lines from 28 of its columns in 78 rows."""
     x = np.arange(80) * np.ones((80, 1))
@@ -73,14 +70,6 @@ def test_a_line_ends_with_the_last_valid_pixel(low, high, found) -> None:
     assert crossed(profile, valid=(column >= low) & (column <= high)) == found
 
 
-@pytest.mark.parametrize(("grazed", "found"), [(0.95e-4, 1), (1.05e-4, 0)])
-def test_a_line_may_graze_an_invalid_pixel_by_a_ten_thousandth(grazed, found) -> None:
-    """Below the line's row none is valid; 15 px from the start, where it is first lit, it is `grazed` rows lower."""
-    valid = np.arange(3)[:, np.newaxis] + np.zeros(81) < 2
-    profile = rising((25, 0.05), (26, 0.2), (54, 0.8), (55, 0.95))
-    assert crossed(profile, slant=grazed / 15, valid=valid) == found
-
-
 @pytest.mark.parametrize("start", [38, 46])
 @pytest.mark.parametrize(
     ("fall", "error", "found"),
@@ -104,20 +93,6 @@ def test_a_line_ends_a_thousandth_of_its_length_off_the_plane(height, found) -> 
         stepped = floor(3, 81)
         stepped[:, 45:, 1] = up * height * 5 * METRES
         assert crossed(rising((30, 0), (50, 1)), positions=stepped) == found
-
-
-def test_a_step_of_the_floor_stops_no_line_beside_it() -> None:
-    """At row 60, along lines through all rows: two of them have no plane about their start."""
-    x = np.arange(81) * np.ones((81, 1))
-    stepped = floor(81, 81)
-    stepped[60:, :, 1] = 0.5
-    visibility = np.clip((x - 40) / 10 + 0.5, 0, 1).astype(np.float32)
-    gradient = np.stack([0 * x, 0 * x + 1]).astype(np.float32)
-    found = crossings(visibility, 0 * visibility, x >= 0, x == 40, gradient, stepped)
-    assert found.lines[0, :, 20].tolist() == [*range(1, 59), *range(61, 80)]
-
-
-# Widths of the truth
 
 
 @pytest.mark.parametrize(
@@ -159,9 +134,6 @@ def test_a_width_is_measured_along_the_steepest_line_on_the_plane(towards, down)
     assert found.pixel == pytest.approx(found.width / found.width_px, rel=1e-5)
 
 
-# Widths of a mask
-
-
 def drawn(*rows: list[float], first: int = 0, last: int | None = None) -> float:
     """Width in pixels of a mask of a few pixels on a line along the middle of its rows, used from `first` to `last`."""
     mask = np.array(rows, np.float32)
@@ -199,9 +171,6 @@ def test_a_mask_that_falls_is_smoothed_by_the_mean_of_its_running_extremes() -> 
 
 def test_between_rows_a_line_sees_their_mean() -> None:
     assert drawn([0, 0, 1, 1], [0, 1, 1, 1]) == drawn([0, 0.5, 1, 1]) == pytest.approx(1.6)
-
-
-# Contact hardening
 
 
 def hardening(true: np.ndarray, mask: np.ndarray, pixels: float = 10) -> tuple[float, float] | None:
