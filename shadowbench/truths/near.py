@@ -75,12 +75,19 @@ def _find_nearest(  # type: ignore[no-untyped-def]
                 if not AT_SURFACE < t < length[i]:
                     continue
                 if _rises(vertices, faces[caster], normals[own[i]], way, vertices[faces[own[i], 0]]):
-                    for j in range(3):
-                        sides[j] = _dot(through[j], point - eye)
-                    if _same_sign(sides) and abs(_dot(normals[caster], corners[0])) < COVERING:
+                    if _covers(through, point - eye, normals[caster], corners[0]):
                         covered[i] = True
                     else:
                         distance[i] = min(distance[i], t)
+
+
+@compiled()
+def _covers(through, seen, normal, corner):  # type: ignore[no-untyped-def]
+    """Whether a triangle also meets the camera's ray to the point, `seen` from the eye, and lies on the point."""
+    sides = np.empty(3)
+    for j in range(3):
+        sides[j] = _dot(through[j], seen)
+    return _same_sign(sides) and abs(_dot(normal, corner)) < COVERING
 
 
 @compiled(error_model="numpy")
