@@ -67,7 +67,7 @@ test-slow:
 test-all: test
 	@$(setup) $(for_slow)
 	$(bin)/pytest -q -m slow $(two_cores)
-	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) tests/gl tests/techniques tests/laws
+	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) tests/gl tests/maps tests/techniques tests/laws
 
 lint: setup
 	$(bin)/ruff format --check

@@ -13,10 +13,9 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import dask
 import pytest
@@ -26,18 +25,16 @@ from distributed.utils import open_port
 
 from shadowbench.measure import dask_tasks as tasks
 from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
+from shadowbench.measure.dask_campaign import ClusterCampaign
 from shadowbench.measure.dask_cluster import Cluster
-from shadowbench.measure.dask_tasks import Setup
+from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Record
-from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
 from shadowbench.options import Measuring
 from shadowbench.plugin.registry import techniques
-from shadowbench.studies.measure import study_from_options
-from shadowbench.studies.run import run_blocks
-from shadowbench.studies.study import Study
+from shadowbench.studies.run import measure
+from shadowbench.studies.study import Study, study_from_options
 from shadowbench.truths.cache import cached_truth
 
 WORKERS, PROCESSES, JOBS_EACH = 64, 4, 15
@@ -68,16 +65,17 @@ def study() -> Study:
 def throughput(study: Study, campaign: Callable[[Path], Campaign], folder: Path) -> float:
     """Cells per second, after a first phase of every cell, for which libraries are loaded."""
     first = study.with_(phases=1)
-    run_blocks(first, [*first.blocks()], campaign(folder / "first"))
+    measure(first, [campaign(folder / "first")])
     start = time.perf_counter()
-    cells = len(run_blocks(study, [*study.blocks()], campaign(folder / "all")).results)
+    cells = len(measure(study, [campaign(folder / "all")]).run.rows)
     return cells / (time.perf_counter() - start)
 
 
 @contextmanager
-def on_dask(where: str, study: Study) -> Iterator[ClusterDrawer]:
+def on_dask(where: str, study: Study) -> Iterator[Callable[[Path], ClusterCampaign]]:
     with Cluster(where, Silent(), (), study.limits) as cluster:
-        yield ClusterDrawer(cluster, cluster.renderers()[0])
+        renderer = cluster.renderers()[0]
+        yield partial(ClusterCampaign, cluster=cluster, reporter=Silent(), renderer=renderer)
 
 
 def begin(stack: ExitStack, *command: str, **environment: str) -> None:
@@ -114,9 +112,7 @@ def test_two_workers_with_a_core_each_measure_1_6_times_as_fast_as_one(study: St
     for turn in range(2):
         for count in found:
             folder = tmp_path / f"{turn}-{count}"
-            with pinned(range(count), tmp_path / "dask") as address, on_dask(address, study) as drawer:
-                assert len(drawer.cluster.facts) == count
-                campaign = partial(ClusterCampaign, drawer=drawer, reporter=Silent())
+            with pinned(range(count), tmp_path / "dask") as address, on_dask(address, study) as campaign:
                 found[count].append(throughput(study, campaign, folder))
     ratio = max(found[2]) / max(found[1])
     print(f"\ncells per second: {found}; two workers are {ratio:.2f} × as fast as one")
@@ -130,8 +126,7 @@ def test_local_workers_are_no_slower_than_a_plain_run(study: Study, tmp_path: Pa
             worker.ready()
             plain = partial(Campaign, drawer=GLDrawer(worker), reporter=Silent())
             found["plain"].append(throughput(study, plain, tmp_path / f"{turn}-plain"))
-        with on_dask("local:2", study) as drawer:
-            campaign = partial(ClusterCampaign, drawer=drawer, reporter=Silent())
+        with on_dask("local:2", study) as campaign:
             found["local:2"].append(throughput(study, campaign, tmp_path / f"{turn}-local"))
     print(f"\ncells per second: {found}")
     assert max(found["local:2"]) >= max(found["plain"])
@@ -147,7 +142,7 @@ def sleeping(row: Record, sizes: Mapping[str, int]) -> Callable[..., tasks.Outco
         rows = [{**row, "key": key, "seconds": seconds / CELLS} for key in keys]
         files = {f"{kind}/{key}.png": os.urandom(size) for key in keys for kind, size in sizes.items()}
         time.sleep(max(end - time.monotonic(), 0))
-        return tasks.Outcome(None, None, rows, files, [("step", key) for key in keys])
+        return tasks.Outcome(rows, files, [])
 
     return measure
 
@@ -155,14 +150,10 @@ def sleeping(row: Record, sizes: Mapping[str, int]) -> Callable[..., tasks.Outco
 async def simulated_workers(address: str, info: DeviceInfo, row: Record, sizes: Mapping[str, int]) -> None:
     """Serve some of the workers, which start no worker processes, until the scheduler ends."""
 
-    async def describe(setup: Setup, expected: object, dask_worker: Any) -> tasks.WorkerFacts:
-        return tasks.WorkerFacts(dask_worker.address, "host", {}, {}, info, {"renderer": info.renderer}, None)
+    def describe(*_: object) -> tasks.WorkerFacts:
+        return tasks.WorkerFacts("host", {}, info, {"renderer": info.renderer})
 
-    @contextmanager
-    def station(setup: Setup) -> Iterator[SimpleNamespace]:
-        yield SimpleNamespace(techniques={}, worker=None)
-
-    tasks.describe, tasks.station, tasks.measure = describe, station, sleeping(row, sizes)
+    tasks.do, tasks.describe, tasks.measure = lambda setup, function, packed: function(), describe, sleeping(row, sizes)
     # What processes of their own would do beside each other; the memory is that of all together.
     dask.config.set({"distributed.worker.profile.enabled": False, "distributed.admin.system-monitor.interval": "10s"})
     count = WORKERS // PROCESSES
@@ -174,8 +165,7 @@ def test_the_scheduler_and_the_writer_keep_up_with_64_workers(study: Study, tmp_
     """The workers are in a few processes, and share the lock of Python with the others there."""
     with Worker((), study.limits) as worker:
         one = study.with_(scenes=("cube-on-plane",), technique=study.technique[:1])
-        campaign = Campaign(tmp_path / "one", GLDrawer(worker), Silent())
-        row = run_blocks(one, [*one.blocks()], campaign).results[0].score
+        row = measure(one, [Campaign(tmp_path / "one", GLDrawer(worker), Silent())]).run.rows[0]
         info = worker.info
     files = {kind: tmp_path / "one" / kind / f"{row['key']}.png" for kind in ("masks", "pictures")}
     sizes = {kind: file.stat().st_size for kind, file in files.items()}
@@ -188,12 +178,11 @@ def test_the_scheduler_and_the_writer_keep_up_with_64_workers(study: Study, tmp_
             begin(stack, sys.executable, "-c", code, address)
         with Client(address, set_as_default=False) as client:
             client.wait_for_workers(WORKERS, timeout=60)
-        drawer = stack.enter_context(on_dask(address, study))
-        campaign = stack.enter_context(ClusterCampaign(tmp_path / "many", drawer, Silent()))
-        list(campaign.measure([block.fresh() for _ in range(WORKERS)]))  # warm up
+        campaign = stack.enter_context(stack.enter_context(on_dask(address, study))(tmp_path / "many"))
+        list(campaign.measure([replace(block) for _ in range(WORKERS)]))  # warm up
         warm = len(campaign.store.scores)
         start, cpu = time.perf_counter(), time.process_time()
-        list(campaign.measure([block.fresh() for _ in range(WORKERS * JOBS_EACH)]))
+        list(campaign.measure([replace(block) for _ in range(WORKERS * JOBS_EACH)]))
         took, spent = time.perf_counter() - start, time.process_time() - cpu
     rows = list(campaign.store.scores.values())[warm:]
     assert len(rows) == WORKERS * JOBS_EACH * CELLS

@@ -48,7 +48,7 @@ def test_frame(scoring_view: ScoringView, cell: Cell, cells: Any, growth: Any, b
     request = CellRequest(cell.spec.full_text, cell.phase)
     cells.time(benchmark, view, request.spec)
     rendering = cells.session.draw(view, request)
-    record = mask_record(rendering.visibility, truth, prepared, cells.session.surface(view))
+    record = mask_record(rendering.visibility, truth, prepared, cells.session.surface(view).triangle)
     benchmark.extra_info |= record["metrics"] | {
         "spec": cell.spec.text,
         "gpu_bytes": rendering.gpu_bytes,

@@ -19,7 +19,6 @@ import logging
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -50,9 +49,10 @@ from shadowbench.scores.metrics import score as score_mask
 from shadowbench.shared_worker import campaign, shared_worker
 from shadowbench.shared_worker import close as close
 from shadowbench.studies.crossing import Techniques
-from shadowbench.studies.measure import Place, measure, study_from_options
+from shadowbench.studies.run import measure
 from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
 from shadowbench.studies.stress import stress as sweep
+from shadowbench.studies.study import study_from_options
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as survey_view
 from shadowbench.truths.cache import cached_truth
@@ -193,7 +193,7 @@ def run(
         view=ViewOptions(view=view, light=light),
     )
     with _folder(folder) as path, shared_worker(files, chosen.limits) as worker:
-        return measure(chosen, path, [Place(partial(campaign, worker=worker))]).run.last.frame
+        return measure(chosen, [campaign(path, worker)]).run.last.frame
 
 
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:

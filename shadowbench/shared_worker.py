@@ -9,7 +9,7 @@ from threading import RLock
 from typing import Any
 
 from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.failures import Limits
+from shadowbench.measure.drawer import Limits
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.worker import Worker
 

@@ -22,7 +22,7 @@ from shadowbench.gl.device import Device, Releasable, open_device
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.measure import doctor, worker
-from shadowbench.measure.failures import Limits
+from shadowbench.measure.drawer import Limits
 from shadowbench.measure.worker import Worker
 from shadowbench.plugin.registry import forget_components
 from shadowbench.scenes.library import load_scene
@@ -32,7 +32,7 @@ from shadowbench.scenes.views import chosen_view
 from shadowbench.truths import packets
 from shadowbench.truths.trace import Truth, trace
 
-pytest_plugins = ["tests.runs"]
+pytest_plugins = ["tests.runs", "tests.drawing"]
 
 # A suite that a script starts in the background ignores SIGINT, and so would the programs that tests interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -110,7 +110,7 @@ def _draw(worker: Worker) -> Iterator[tuple[str, Probe]]:
                 continue
             probe = _probe([drawn.visibility], drawn.facts | {"gpu_bytes": drawn.gpu_bytes}, **drawn.work)
             shaders = sources_of(cell.spec)[:12]
-            yield f"{block.scene.name} {cell.spec.text}", probe | {"shaders": shaders}
+            yield f"{block.view.scene.name} {cell.spec.text}", probe | {"shaders": shaders}
 
 
 def _trace(_: Worker) -> Iterator[tuple[str, Probe]]:

@@ -16,7 +16,6 @@ import psutil
 import pytest
 
 from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.failures import Limits
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker
@@ -25,8 +24,6 @@ from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import techniques
 from shadowbench.results.configurations import Section, sections
 from shadowbench.results.folder import Run
-from shadowbench.studies.run import run_blocks
-from shadowbench.studies.study import Study, read_study
 
 SMALL = """
 scenes = ["cube-on-plane"]
@@ -277,23 +274,6 @@ class Does(Wild):
 
 
 @dataclass
-class Notebook:
-    """A reporter that records its calls."""
-
-    notes: list[str] = field(default_factory=list)
-    steps: list[str] = field(default_factory=list)
-
-    def note(self, line: str) -> None:
-        self.notes.append(line)
-
-    def stage(self, name: str, total: int | None) -> None:
-        pass
-
-    def step(self, what: str) -> None:
-        self.steps.append(what)
-
-
-@dataclass
 class Bench:
     """A worker with plug-ins; runs studies on it in this process."""
 
@@ -304,19 +284,6 @@ class Bench:
     @cached_property
     def techniques(self) -> Mapping[str, type[Technique]]:
         return techniques(self.plugins)
-
-    def study(self, folder: Path, text: str) -> Study:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = folder / "study.toml"
-        file.write_text(text, encoding="utf-8")
-        return read_study(file, self.techniques)
-
-    def run(self, study: Study, folder: Path) -> list[Result]:
-        """Run a study; returns the results. Afterwards `calls` has the worker's calls."""
-        self.worker.limits = Limits(study.time_limit, int(study.memory_limit * 2**30))
-        self.calls.clear()
-        self.notebook = Notebook()
-        return run_blocks(study, [*study.blocks()], self.campaign(folder, self.notebook)).results
 
     def campaign(self, folder: Path, reporter: Any, **options: Any) -> Campaign:
         """A campaign of the worker."""

@@ -12,8 +12,7 @@ import pytest
 
 from shadowbench.maps.biases import Bias
 from shadowbench.maps.filters import Filter
-from shadowbench.maps.fits import Fit
-from shadowbench.maps.splits import Split
+from shadowbench.maps.fits import Fit, Split
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.results.folder import IDENTITY, identity

@@ -40,7 +40,7 @@ def test_the_pytest_plugin_imports_nothing_beside_pytest() -> None:
 def test_a_worker_is_started_and_a_study_read_without_slow_packages() -> None:
     """Together they take more than a second, before the first cell is drawn."""
     assert not {"pandas", "numba", "trimesh", "networkx", "scipy"} & imported_by(
-        "import shadowbench.measure.serve, shadowbench.studies.measure, shadowbench.plugin.registry"
+        "import shadowbench.measure.serve, shadowbench.studies.run, shadowbench.plugin.registry"
     )
     told = imported_by("import shadowbench.measure.worker")
     assert "numpy" in told and not {"pydantic", "moderngl"} & told

@@ -30,7 +30,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 REASONS = ROOT / "tools" / "mutants.toml"
-FITS = ["tests/techniques/test_window.py", "tests/geometry/test_light_view.py", "tests/techniques/test_fits.py"]
+FITS = ["tests/maps/test_window.py", "tests/geometry/test_light_view.py", "tests/maps/test_fits.py"]
 # Tests of each module; only tests that run in one process, since a worker process would import the unchanged module.
 TESTS = {
     "shadowbench/maps/fits.py": FITS,

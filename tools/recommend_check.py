@@ -25,6 +25,7 @@ from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.views import chosen_view
+from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")
 TARGETS = (
@@ -155,18 +156,17 @@ def check(
 ) -> dict[Target, Line]:
     """Results for all targets in one scene."""
     view = chosen_view(scene, size)
-    block = Block((view,), ())
     largest = worker.info.max_map_size
     # As `recommend` does, which ranks by work here.
     space = [spec for spec in full_space(known, view.light.kind, largest) if not spec.technique.extra_work(spec.params)]
     with Campaign(folder, GLDrawer(worker), _SilentReporter()) as campaign:
-        (results,) = campaign.measure([block.of(list(map(Cell, space)))])
-    rows: dict[Spec, Result] = {cell.spec: result for cell, result in results.items()}
+        (results,) = campaign.measure([Block(view, tuple(map(Cell, space)))])
+    rows: dict[Spec, Result] = dict(zip(space, results, strict=True))
     lines = {}
     for target in TARGETS:
         trials = [trial_of(spec, row, target, "work") for spec, row in rows.items() if row.status == "ok"]
         met = [trial for trial in trials if trial.error <= target.limit]
-        found = find_cheapest(view, block.truth(0), target, "work", known, largest, rows.__getitem__)
+        found = find_cheapest(view, cached_truth(view), target, "work", known, largest, rows.__getitem__)
         cheapest = min(met, key=lambda trial: (trial.cost, trial.bytes, trial.error), default=None)
         lines[target] = Line(view.scene.name, found.choice, cheapest, found.measured, len(space))
     return lines

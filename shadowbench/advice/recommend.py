@@ -16,10 +16,10 @@ from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import DEFAULT_REFERENCE, Block, Cell
-from shadowbench.measure.drawer import Drawer
+from shadowbench.measure.drawer import DeviceInfo, Drawer
+from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.measure.session import DeviceInfo
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.folder import write_cells
@@ -97,14 +97,14 @@ def recommend(
     campaign.reporter.stage("truth", 1)
     study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
     block = study.block(view)
-    truth = block.truth(0)
+    truth = cached_truth(view)
     results: list[Result] = []
     with campaign:
         campaign.reporter.stage("measuring", None)  # the search ends when no spec is left that may be cheaper
 
         def measure(spec: Spec) -> Result:
-            (found,) = campaign.measure([block.of([Cell(spec)])])
-            results.extend(found.values())
+            (found,) = campaign.measure([dataclasses.replace(block, cells=(Cell(spec),))])
+            results.extend(found)
             return results[-1]
 
         found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure, among)
@@ -135,7 +135,8 @@ def export_choice(found: Recommendation, folder: Path, drawer: Drawer) -> None:
     if found.choice is None:
         return
     spec = found.choice.spec
-    shaders = drawer.shaders(Block((found.view,), ()), Cell(spec))
+    assert isinstance(drawer, GLDrawer)  # what it recommends
+    shaders = drawer.shaders(Block(found.view, ()), Cell(spec))
     parameters = {
         "spec": spec.text,
         "technique": spec.technique.name,

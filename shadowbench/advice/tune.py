@@ -9,7 +9,7 @@ from shadowbench.advice.tune_search import ParameterSearch, Tuning, TuningCells
 from shadowbench.advice.tune_space import SearchSpace, searched_parameters, split_scenes
 from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.failures import Failure
+from shadowbench.measure.drawer import Failure
 from shadowbench.measure.rows import Record, Result
 from shadowbench.plugin.spec import Spec, spec_of
 from shadowbench.results.folder import write_cells

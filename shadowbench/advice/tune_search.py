@@ -1,7 +1,7 @@
 """Search for a technique's best parameters at each cost, on the tuning scenes; evaluation on the held-out ones."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -11,7 +11,7 @@ from shadowbench.advice.tune_space import SceneSplit, SearchSpace, family_of
 from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign, Reporter
 from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.failures import CellFailed
+from shadowbench.measure.drawer import CellFailed
 from shadowbench.measure.rows import Record, Result
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.times import pareto_front
@@ -44,13 +44,15 @@ class TuningCells:
         going = self.campaign.keep_going
         readable = readable_blocks(self.study, self.campaign.failures) if going else self.study.blocks()
         blocks = [
-            self.study.block(view_of(block.scene, camera, block.view.light, block.view.size))
+            self.study.block(view_of(block.view.scene, camera, block.view.light, block.view.size))
             for block in readable
-            for camera in block.scene.cameras
+            for camera in block.view.scene.cameras
         ]
         kept = []
-        for block, uniform in self.campaign.trace(blocks):
-            reason = "nothing is in shadow" if uniform == "lit" else None
+        for block, shadows in zip(blocks, self.campaign.trace(blocks), strict=True):
+            if shadows is None:  # it failed
+                continue
+            reason = "nothing is in shadow" if shadows == "lit" else None
             reason = reason or self.campaign.drawer.unsupported(block, Cell(spec))
             if reason is None:
                 kept.append(block)
@@ -84,11 +86,12 @@ class TuningCells:
         """Score rows of each spec, measured block by block, so that each scene is loaded once."""
         cells = {spec: self._cells(spec) for spec in specs}
         rows: dict[Spec, list[Record]] = {spec: [] for spec in cells}
-        together = [cell for own in cells.values() for cell in own]
-        for found in self.campaign.measure(block.of(together).fresh() for block in blocks):
+        together = tuple(cell for own in cells.values() for cell in own)
+        for found in self.campaign.measure(replace(block, cells=together) for block in blocks):
+            by_cell = dict(zip(together, found, strict=True))
             for spec, own in cells.items():
-                rows[spec] += [found[cell].score for cell in own]
-            self.results |= {result.score["key"]: result for result in found.values()}
+                rows[spec] += [by_cell[cell].score for cell in own]
+            self.results |= {result.score["key"]: result for result in found}
         return rows
 
     def _cells(self, spec: Spec) -> tuple[Cell, ...]:
@@ -121,8 +124,8 @@ class ParameterSearch:
 
     def __init__(self, space: SearchSpace, cells: TuningCells, blocks: Sequence[Block], split: SceneSplit) -> None:
         self.space, self.cells, self.split = space, cells, split
-        self.tuning = [block for block in blocks if block.scene.name in split.tuning]
-        self.held_out = [block for block in blocks if block.scene.name in split.held_out]
+        self.tuning = [block for block in blocks if block.view.scene.name in split.tuning]
+        self.held_out = [block for block in blocks if block.view.scene.name in split.held_out]
         self.default = space.base
         self._scores_of: dict[Spec, pd.DataFrame] = {}  # scores on the tuning scenes
         self._failed: set[Spec] = set()  # specs with a failed cell

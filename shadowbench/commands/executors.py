@@ -1,106 +1,62 @@
 """Where a command measures: with a worker process here, or on the workers of a Dask cluster."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shadowbench.commands.options import Machines, StudyMachines, TimingMachines
+from shadowbench.commands.options import Machines, StudyMachines
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
     from shadowbench.measure.campaign import Campaign, Reporter
-    from shadowbench.measure.failures import Limits
+    from shadowbench.measure.drawer import Limits
     from shadowbench.measure.worker import Worker
-    from shadowbench.studies.measure import Place
-    from shadowbench.studies.study import Study
 
 HERE = "here"
 
 
 @contextmanager
-def opening(
-    machines: Machines, plugins: Sequence[Path], limits: "Limits | None", reporter: "Reporter", **options: Any
-) -> "Iterator[Callable[[Path], Campaign]]":
-    """What opens the campaign of a command in a folder; options: of the campaign."""
-    if machines.dask is None:
-        from shadowbench.measure.campaign import Campaign
-        from shadowbench.measure.gl_drawer import GLDrawer
-        from shadowbench.measure.worker import Worker
-
-        with Worker(plugins, limits) as worker:
-            yield partial(Campaign, drawer=GLDrawer(worker), reporter=reporter, **options)
-        return
-    from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
-    from shadowbench.measure.dask_cluster import Cluster
-
-    time_on = machines.time_on if isinstance(machines, TimingMachines) else None
-    if time_on == HERE:
-        raise InputError(f"--time-on {time_on}: allowed: one worker, by its address or machine")
-    with Cluster(machines.dask, reporter, plugins, limits, machines.renderer) as cluster:
-        one = cluster.named(time_on) if time_on is not None else None
-        drawer = ClusterDrawer(cluster, cluster.renderers()[0], one)
-        yield partial(ClusterCampaign, drawer=drawer, reporter=reporter, **options)
-
-
-@contextmanager
-def places(
-    study: "Study",
-    machines: StudyMachines,
-    worker: "Worker | None",
+def campaigns(
+    folder: Path,
+    machines: Machines,
     plugins: Sequence[Path],
+    limits: "Limits | None",
     reporter: "Reporter",
+    worker: "Worker | None" = None,
     **options: Any,
-) -> "Iterator[list[Place]]":
-    """Where a study is measured; worker: the one here, without --dask; options: of the campaigns."""
+) -> "Iterator[list[Campaign]]":
+    """Campaigns of a command in a folder, the last of which takes times; worker: the one here, if it has been started.
+
+    With --dask one for each renderer, and one where times are taken. options: of the campaigns.
+    """
     from shadowbench.measure.campaign import Campaign
     from shadowbench.measure.gl_drawer import GLDrawer
     from shadowbench.measure.worker import Worker
-    from shadowbench.studies.measure import Place
 
-    if worker is not None:
-        yield [Place(partial(Campaign, drawer=GLDrawer(worker), reporter=reporter, **options))]
-        return
-    from shadowbench.measure.dask_campaign import ClusterCampaign, ClusterDrawer
-    from shadowbench.measure.dask_cluster import Cluster
-
-    assert machines.dask is not None
-    setup = (plugins, study.limits, machines.renderer, machines.any_renderer)
     with ExitStack() as stack:
-        cluster = stack.enter_context(Cluster(machines.dask, reporter, *setup))
-        on_dask = partial(ClusterCampaign, reporter=reporter, **options)
-        found = [
-            Place(partial(on_dask, drawer=ClusterDrawer(cluster, one), time_again=False), times=False)
-            for one in cluster.renderers()
-        ]
-        if machines.time_on == HERE:
-            here = stack.enter_context(Worker(plugins, study.limits))
-            if here.info.renderer not in cluster.renderers():
-                measured = " and ".join(cluster.renderers())
+        if machines.dask is None:
+            here = worker or stack.enter_context(Worker(plugins, limits))
+            yield [Campaign(folder, GLDrawer(here), reporter, **options)]
+            return
+        from shadowbench.measure.dask_campaign import ClusterCampaign
+        from shadowbench.measure.dask_cluster import Cluster
+
+        time_on, any_renderer = (getattr(machines, name, None) for name in ("time_on", "any_renderer"))
+        if time_on == HERE and not isinstance(machines, StudyMachines):
+            raise InputError(f"--time-on {time_on}: allowed: one worker, by its address or machine")
+        cluster = Cluster(machines.dask, reporter, plugins, limits, machines.renderer, bool(any_renderer))
+        stack.enter_context(cluster)
+        renderers = cluster.renderers()
+        found: list[Campaign] = [ClusterCampaign(folder, cluster, reporter, one, **options) for one in renderers]
+        if time_on == HERE:
+            here = stack.enter_context(Worker(plugins, limits))
+            if here.info.renderer not in renderers:
+                measured = " and ".join(renderers)
                 raise InputError(f"--time-on here: the renderer here is {here.info.renderer}; allowed: {measured}")
-            found.append(Place(partial(Campaign, drawer=GLDrawer(here), reporter=reporter, **options)))
-        elif machines.time_on is not None:
-            one = cluster.named(machines.time_on)
-            found.append(Place(partial(on_dask, drawer=ClusterDrawer(cluster, str(one.renderer), one))))
+            found.append(Campaign(folder, GLDrawer(here), reporter, **options))
+        elif time_on is not None:
+            only = cluster.named(time_on)
+            renderer = cluster.facts[only].info.renderer
+            found.append(ClusterCampaign(folder, cluster, reporter, renderer, only, **options))
         yield found
-
-
-def timed_on(study: "Study", machines: TimingMachines, rounds: int | None, reporter: "Reporter") -> "Study":
-    """The study as it is measured: with --dask it is only timed where --time-on says. rounds: as given by an option.
-
-    Raises InputError.
-    """
-    if machines.dask is None:
-        return study
-    if machines.time_on is None and rounds:
-        raise InputError(
-            f"--rounds {rounds} with --dask: times belong to one machine; allowed: --rounds 0, or --time-on here or a "
-            "worker"
-        )
-    if machines.time_on is not None and study.rounds == 0:
-        raise InputError(f"--time-on {machines.time_on}: found 0 rounds; allowed: 1 or more")
-    if machines.time_on is None and study.rounds:
-        reporter.note("nothing is timed: --time-on says on which machine")
-        return study.with_(rounds=0)
-    return study

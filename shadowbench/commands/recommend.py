@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import opening
+from shadowbench.commands.executors import campaigns
 from shadowbench.commands.options import Plugins, Printed, SceneArgument, TimingMachines, ViewSize, grouped
 from shadowbench.errors import InputError
 from shadowbench.options import ViewOptions
@@ -14,7 +14,7 @@ from shadowbench.options import ViewOptions
 if TYPE_CHECKING:
     from shadowbench.advice.recommendation import Recommendation
     from shadowbench.advice.search import Trial
-    from shadowbench.measure.session import DeviceInfo
+    from shadowbench.measure.drawer import DeviceInfo
 
 app = typer.Typer()
 
@@ -121,11 +121,10 @@ def recommend(
         _make_folder(export)
     with (
         console.Reporter(printed.quiet) as reporter,
-        opening(machines, plugins, None, reporter) as campaign_in,
+        campaigns(output, machines, plugins, None, reporter) as (*_, campaign),
     ):
         chosen = reporter.view(scene, view_size, options)
         target = target_of(min_iou, max_edge_px, budget_ms, max_rmse, soft=has_penumbra(chosen))
-        campaign = campaign_in(output)
         found, info = measure_recommendation(
             chosen,
             target,

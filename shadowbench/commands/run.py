@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import places, timed_on
+from shadowbench.commands.executors import campaigns
 from shadowbench.commands.options import (
     SCENE,
     SPEC,
@@ -27,7 +27,7 @@ from shadowbench.options import Measuring, ViewOptions
 if TYPE_CHECKING:
     from shadowbench.results.folder import Run
     from shadowbench.studies.crossing import Techniques
-    from shadowbench.studies.measure import StudyResult
+    from shadowbench.studies.run import StudyResult
     from shadowbench.studies.study import Study
 
 app = typer.Typer()
@@ -133,26 +133,33 @@ def run(
         worker = None if machines.dask is not None else stack.enter_context(Worker(plugin or ()))
         from shadowbench.measure.plugin_output import techniques_with
         from shadowbench.plugin.spec import parse_spec
-        from shadowbench.studies.measure import estimate, measure, study_from_options
-        from shadowbench.studies.part import part_of
+        from shadowbench.studies.run import Part, estimate, measure
+        from shadowbench.studies.study import study_from_options
 
-        chosen_part = part_of(part)
+        chosen_part = Part.named(part)
         known = techniques_with(plugin or ())
         specs = [parse_spec(text, known) for text in techniques or ()]
+        reporter = stack.enter_context(console.Reporter(printed.quiet))
+        if machines.dask is not None and machines.time_on is None and measuring.rounds != 0:
+            if measuring.rounds:
+                given = f"--rounds {measuring.rounds} with --dask: times belong to one machine"
+                raise InputError(f"{given}; allowed: --rounds 0, or --time-on here or a worker")
+            reporter.note("nothing is timed: --time-on says on which machine")
+            measuring = dataclasses.replace(measuring, rounds=0)
         asked = study_from_options(
             known, scenes or (), specs, study=study, map_size=map_sizes(map_size), measuring=measuring, view=options
         )
-        reporter = stack.enter_context(console.Reporter(printed.quiet))
+        if machines.time_on is not None and asked.rounds == 0:
+            raise InputError(f"--time-on {machines.time_on}: found 0 rounds; allowed: 1 or more")
         if not scenes and not study and part is None:
             cells, seconds = estimate(asked)
             on = f"{len(asked.scenes)} scenes"
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         if worker is not None:
             worker.limits = asked.limits
-        measured = timed_on(asked, machines, measuring.rounds, reporter)
-        of_campaigns = {"time_again": time_again, "keep_going": keep_going}
-        at = stack.enter_context(places(measured, machines, worker, plugin or (), reporter, **of_campaigns))
-        found = measure(measured, output, at, chosen_part, keep_going)
+        where = (output, machines, plugin or (), asked.limits, reporter, worker)
+        at = stack.enter_context(campaigns(*where, time_again=time_again, keep_going=keep_going))
+        found = measure(asked, at, chosen_part)
     _print(found, output, printed)
     raise typer.Exit(_exit_code(found, asked, known))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import opening
+from shadowbench.commands.executors import campaigns
 from shadowbench.commands.options import SPEC, KeepGoing, Machines, PartOption, Plugins, Printed, grouped
 
 if TYPE_CHECKING:
@@ -75,20 +75,20 @@ def stress(
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.results.ranges import ranges_frame
-    from shadowbench.studies.part import part_of
+    from shadowbench.studies.run import Part
     from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
     from shadowbench.studies.stress import stress as walk
 
-    chosen_part = part_of(part)
+    chosen_part = Part.named(part)
     axes = select_axes(axis or ())
     known = techniques_with(plugin or ())
     chosen = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
     specs = chosen or default_specs(known.values())
     with (
         console.Reporter(printed.quiet) as reporter,
-        opening(machines, plugin or (), LIMITS, reporter, keep_going=keep_going, **SWEEPING) as campaign_in,
+        campaigns(output, machines, plugin or (), LIMITS, reporter, keep_going=keep_going, **SWEEPING) as (campaign,),
     ):
-        found = walk(specs, axes, campaign_in(output), quick=quick, part=chosen_part)
+        found = walk(specs, axes, campaign, quick=quick, part=chosen_part)
     if printed.json:
         frame = ranges_frame(found.ranges).astype(object)
         console.print_json(frame.where(lambda frame: frame.notna(), None).to_dict("records"))

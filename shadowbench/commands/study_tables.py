@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from shadowbench.results.curves import Curve
     from shadowbench.results.ranking import CostCell
     from shadowbench.results.tables import SweepPositions
-    from shadowbench.studies.measure import StudyResult
+    from shadowbench.studies.run import StudyResult
 
 
 _COSTS = {"ms": "frame_ms", "× ref": "ratio", "MiB": "gpu_bytes"}  # five cascades need more than one map of their size

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import opening
+from shadowbench.commands.executors import campaigns
 from shadowbench.commands.options import (
     SCENE,
     SPEC,
@@ -115,11 +115,13 @@ def tune(
     known = techniques_with(plugin or ())
     with (
         console.Reporter(printed.quiet) as reporter,
-        opening(machines, plugin or (), None, reporter, keep_going=keep_going, keeps_images=no_image) as campaign_in,
+        campaigns(output, machines, plugin or (), None, reporter, keep_going=keep_going, keeps_images=no_image) as (
+            campaign,
+        ),
     ):
         found = tune_parameters(
             parse_spec(technique, known),
-            campaign_in(output),
+            campaign,
             scenes=listed(scenes),
             held_out=listed(held_out),
             params=params,

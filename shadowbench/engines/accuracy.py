@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from shadowbench.engines.detection import (
     MaskEncoding,
-    RaisedUmbra,
-    ambient_umbra,
     detect_encoding,
-    estimate_shift,
     misorientation,
+    screenshot_encoding,
     shift_image,
     shift_text,
 )
@@ -55,7 +53,7 @@ of other built-in scenes are below, and none of the built-in techniques', even w
 class Accuracy:
     """Scores of a mask of another renderer; record: fields of its score record; comparison: mask and truth.
 
-    truth: of the view, whose digest is that of its contents; umbra: of a mask whose shadow is nowhere dark, else None.
+    truth: of the view, whose digest is that of its contents; encoding: what seems wrong with the whole mask.
     """
 
     external: ExternalMask
@@ -65,7 +63,7 @@ class Accuracy:
     comparison: Comparison
     record: dict[str, Any]
     warnings: tuple[str, ...]
-    umbra: RaisedUmbra | None
+    encoding: MaskEncoding
 
     @property
     def metrics(self) -> dict[str, float | None]:
@@ -82,14 +80,12 @@ class Accuracy:
         """
         causes, undone = self._causes
         metrics = values_of(undone) if causes else self.metrics
-        found = self.record["input"]
         if undone.truth.soft:
-            encoding = MaskEncoding(found["shift_px"], found["srgb_encoded"], found["umbra"])
-            kinds = soft_error_kinds(undone, metrics, encoding)
+            kinds = soft_error_kinds(undone, metrics, self.encoding)
         else:
             kinds = [*error_kinds(undone, metrics), *faint_kinds(undone)]
         if undone is not self.comparison:
-            kinds = [ErrorKind(kind.name, kind.pixels, f"{kind.line}, once that is undone") for kind in kinds]
+            kinds = [replace(kind, line=f"{kind.line}, once that is undone") for kind in kinds]
         return [*causes, *kinds]
 
     @cached_property
@@ -98,29 +94,29 @@ class Accuracy:
 
         Of soft shadows a raised umbra only: `soft_error_kinds` tells the share of the error that others explain.
         """
-        truth, found, visibility = self.comparison.truth, self.record["input"], self.comparison.visibility
+        truth, encoding, visibility = self.comparison.truth, self.encoding, self.comparison.visibility
         causes = []
-        if self.umbra is not None:
+        if encoding.umbra is not None:
             pixels = int(np.count_nonzero(truth.shadow_interior))
-            causes.append(ErrorKind("raised shadow", pixels, _raised_text(self.umbra, self.external)))
-            visibility = self.umbra.undone(visibility)
-        if not truth.soft and found["srgb_encoded"]:
+            causes.append(ErrorKind("raised shadow", pixels, _raised_text(encoding, self.external)))
+            visibility = encoding.lowered(visibility)
+        if not truth.soft and encoding.srgb_encoded:
             soft = truth.valid & (visibility > PENUMBRA[0]) & (visibility < PENUMBRA[1])
             line = "soft values are too light for a linear mask"
             causes.append(ErrorKind("sRGB encoding", int(np.count_nonzero(soft)), line))
             visibility = decode_srgb(visibility).astype(np.float32)
-        if not truth.soft and found["shift_px"]:
-            across, down = found["shift_px"]
-            causes.append(ErrorKind("shift", truth.pixels, f"by {shift_text((across, down))}"))
+        if not truth.soft and encoding.shift:
+            across, down = encoding.shift
+            causes.append(ErrorKind("shift", truth.pixels, f"by {shift_text(encoding.shift)}"))
             visibility = np.clip(shift_image(visibility, (-across, -down)), 0, 1)
-        undone = self.comparison if visibility is self.comparison.visibility else Comparison(visibility, truth)
-        return causes, undone
+        changed = visibility is not self.comparison.visibility
+        return causes, Comparison(visibility, truth) if changed else self.comparison
 
     @cached_property
     def wrong(self) -> tuple[int, int]:
         """Numbers of pixels of false shadow and of false light."""
-        false_shadow, false_light = wrong_pixels(self.comparison)
-        return int(np.count_nonzero(false_shadow)), int(np.count_nonzero(false_light))
+        false_shadow, false_light = map(np.count_nonzero, wrong_pixels(self.comparison))
+        return int(false_shadow), int(false_light)
 
     def values(self) -> dict[str, Any]:
         """JSON object of `score --json`."""
@@ -142,27 +138,26 @@ class Accuracy:
 
     def summary(self) -> list[str]:
         """Lines of text about the errors."""
-        if soft := self.comparison.truth.soft:
+        soft, light = self.comparison.truth.soft, self.view.light
+        if soft:
             error, inside = (METRICS[name].text(self.metrics[name], "{:.2g}".format, self.record) for name in _RMSE)
             told = f"RMSE {error}, in the penumbra {inside}"
         else:
-            false_shadow, false_light = self.wrong
-            told = f"{false_shadow} of false shadow, {false_light} of false light"
+            told = "{} of false shadow, {} of false light".format(*self.wrong)
         lines = [f"{self.comparison.truth.pixels} pixels scored: {told}"]
         if unmeasured := self.record["input"]["unmeasured"]:
             lines.append(f"{unmeasured} more not scored: lit and ambient picture differ there by less than 1/64")
         lines += [f"{kind.name}, {kind.pixels} px: {kind.line}" for kind in self.kinds]
-        if (penumbra := self.record.get("penumbra")) is not None:
+        if soft:
             error, inside, share = (self.record[name] for name in ("truth_error", "truth_error_pen", "width_share"))
-            lines.append(
-                f"penumbra, {penumbra} px: the truth's own error is {inside:.2g} there, {error:.2g} over all pixels"
-            )
+            own = f"the truth's own error is {inside:.2g} there, {error:.2g} over all pixels"
+            lines.append(f"penumbra, {self.record['penumbra']} px: {own}")
             if share is not None:
                 lines.append(f"widths of penumbrae are compared at {share:.0%} of the true edge")
-        if soft and _eight_bit(self.comparison):
-            lines.append(f"the mask has 8 bits: rounding makes an RMSE of {_ROUNDING:.2g} in the penumbra")
-        if not soft and (width := sum(edge_widths(self._causes[1]))) > _SOFT_EDGE:
-            size = "--sun gives it one" if self.view.light.kind == "directional" else "a radius in a scene file does"
+            if _eight_bit(self.comparison):
+                lines.append(f"the mask has 8 bits: rounding makes an RMSE of {_ROUNDING:.2g} in the penumbra")
+        elif (width := sum(edge_widths(self._causes[1]))) > _SOFT_EDGE:
+            size = "--sun gives it one" if light.kind == "directional" else "a radius in a scene file does"
             lines.append(
                 f"the mask's edges are soft, some {width:.2g} px wide, but the light of {self.view.scene.name} has no "
                 f"size and its true shadows are hard: {size}"
@@ -199,11 +194,12 @@ def accuracy_of(external: ExternalMask, against: View | TruthOfView) -> Accuracy
             "allowed: row 0 at the top, column 0 at the left, full = lit, 0 = in shadow"
         )
     comparison = Comparison(external.visibility, prepared)
-    encoding, umbra = _encoding_of(external, comparison)
+    screenshots = external.measurable is not None
+    encoding = screenshot_encoding(comparison) if screenshots else detect_encoding(comparison)
     clipped = 0 if external.clipped is None else int(np.count_nonzero(external.clipped & prepared.valid))
     warnings = list(_warnings(external, comparison, encoding, clipped / max(prepared.pixels, 1)))
     input_record = {
-        "source": "mask" if external.measurable is None else "screenshots",
+        "source": "screenshots" if screenshots else "mask",
         "shift_px": encoding.shift,
         "srgb_encoded": encoding.srgb_encoded,
         "umbra": encoding.umbra,
@@ -213,21 +209,7 @@ def accuracy_of(external: ExternalMask, against: View | TruthOfView) -> Accuracy
     }
     record = {**mask_record(external.visibility, truth, prepared), "input": input_record}
     told = tuple(f"{external.name}: {line}" for line in warnings)
-    return Accuracy(external, view, against.truth, against.digest, comparison, record, told, umbra)
-
-
-def _encoding_of(external: ExternalMask, comparison: Comparison) -> tuple[MaskEncoding, RaisedUmbra | None]:
-    """How a mask seems to be encoded, and its umbra if that is not 0."""
-    if external.measurable is None:
-        encoding = detect_encoding(comparison)
-        if encoding.umbra is None:
-            return encoding, None
-        return encoding, RaisedUmbra(encoding.umbra, np.full(comparison.shape, encoding.umbra, np.float32))
-    umbra = ambient_umbra(comparison)  # of screenshots, which were decoded from sRGB already
-    if umbra is None:
-        return MaskEncoding(estimate_shift(comparison), umbra=None), None
-    leveled = Comparison(umbra.undone(comparison.visibility), comparison.truth)
-    return MaskEncoding(estimate_shift(leveled), umbra=round(umbra.level, 3)), umbra
+    return Accuracy(external, view, against.truth, against.digest, comparison, record, told, encoding)
 
 
 def _warnings(external: ExternalMask, comparison: Comparison, encoding: MaskEncoding, clipped: float) -> Iterator[str]:
@@ -241,7 +223,7 @@ def _warnings(external: ExternalMask, comparison: Comparison, encoding: MaskEnco
     if encoding.srgb_encoded:
         yield "seems to be sRGB-encoded (its soft values are too light for a linear mask); scored as it is"
     if (line := _uniform(comparison)) is not None:
-        yield line
+        yield f"{line} in every scored pixel, so most metrics say little"
     if seems_unrelated(comparison):
         yield "has little in common with the truth; is it a mask of this scene, view and light?"
     if clipped > _NOTED_CLIPPED:
@@ -249,27 +231,27 @@ def _warnings(external: ExternalMask, comparison: Comparison, encoding: MaskEnco
 
 
 def _uniform(comparison: Comparison) -> str | None:
-    """A warning for a truth, else a mask, that is lit or in shadow in every scored pixel."""
-    truth, pixels = comparison.truth, comparison.truth.pixels
-    of_truth = [] if truth.soft else [("in this view the truth", truth.shadow)]
-    for whose, shadow in (*of_truth, ("the mask", comparison.shadow)):
-        count = int(np.count_nonzero(shadow))
-        if pixels and count in (0, pixels):
-            if whose == "the mask" and ((comparison.visibility > 0) & (comparison.visibility < 1))[truth.valid].any():
-                side = "below ½, which counts as shadow," if count else "½ or more, which counts as lit,"
-                return f"the mask's visibility is {side} in every scored pixel, so most metrics say little"
-            return f"{whose} is {'in shadow' if count else 'lit'} in every scored pixel, so most metrics say little"
-    return None
+    """How a truth, else a mask, is that is lit or in shadow everywhere; None if neither is."""
+    truth, mask = comparison.truth, comparison.visibility[comparison.truth.valid]
+    sides = {0: "lit", truth.pixels: "in shadow"} if truth.pixels else {}
+    side = sides.get(int(np.count_nonzero(truth.shadow)))
+    if side and not truth.soft:
+        return f"in this view the truth is {side}"
+    side = sides.get(int(np.count_nonzero(comparison.shadow)))
+    if side and ((mask > 0) & (mask < 1)).any():
+        bound = "½ or more, which counts as lit," if side == "lit" else "below ½, which counts as shadow,"
+        return f"the mask's visibility is {bound}"
+    return f"the mask is {side}" if side else None
 
 
-def _raised_text(umbra: RaisedUmbra, external: ExternalMask) -> str:
+def _raised_text(encoding: MaskEncoding, external: ExternalMask) -> str:
     """What raises an umbra."""
-    told = f"the true shadow's interior has a visibility of {umbra.level:.2f} (median), not 0"
+    told = f"the true shadow's interior has a visibility of {encoding.umbra:.2f} (median), not 0"
     if external.measurable is None:
         return told
     if external.ambient:
         return f"{told}, with --ambient taken off: light that it does not have"
-    if umbra.of is None:
+    if encoding.floor is None:
         return f"{told}; if the pictures have ambient light, give it with --ambient"
     return f"{told}, as ambient light in both pictures leaves it: give it with --ambient"
 

@@ -1,7 +1,7 @@
 """Detection of faults of a whole mask: flipped, rotated, inverted, shifted, sRGB-encoded, or with a raised umbra."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,7 @@ _BLURS = (0.0, 0.7, 1.4, 2.8, 5.6)
 _ALL_BLURS = (*_BLURS, 1.0, 2.0, 4.0, 8.0, 11.0)
 _CLEAR = 0.75
 """Largest misfit of another encoding, relative to that of the mask as it is, to be reported. Over the built-in scenes
-at 256², with blurs and shifts, decoding left 1.13 and more of a linear mask's, 0.41 and less of an encoded one's."""
+at 256², decoding left 1.13 and more of a linear mask's, 0.41 and less of an encoded one's."""
 _RAISED = (0.05, 0.95)
 """Visibility in the umbra that is neither a shadow of 0 nor a missing shadow."""
 _DARKEST = 5
@@ -73,9 +73,8 @@ def misorientation(visibility: Image, prepared: PreparedTruth) -> str | None:
     """How the mask is flipped, rotated or inverted, such as "flipped vertically"; None if it is not.
 
     A mask is flipped or rotated if undoing that at least halves the gap of its correlation (Pearson 1895) with the
-    truth to 1, and raises the correlation above ½; it is inverted if the best correlation is below −½. A poor mask is
-    neither, since its errors correlate with no orientation of the truth. Constant masks and truths, and symmetries of
-    the image, cannot be decided.
+    truth to 1, and raises the correlation above ½; it is inverted if the best correlation is below −½. Constant masks
+    and truths, and symmetries of the image, cannot be decided.
     """
 
     def correlation(mask: Image) -> float:
@@ -152,12 +151,23 @@ class MaskEncoding:
     """Global faults of a mask.
 
     shift: columns to the right and rows down, None for no shift; srgb_encoded: None if too few pixels are soft to
-    decide; umbra: visibility of the mask's umbra if that is not 0.
+    decide; umbra: visibility of the mask's umbra if that is not 0; floor: that of every pixel, None if unknown.
     """
 
     shift: Shift | None
     srgb_encoded: bool | None = None
     umbra: float | None = None
+    floor: Image | np.float32 | None = field(default=None, compare=False)
+
+    def lowered(self, visibility: Image) -> Image:
+        """The visibility that would have been without what raises the umbra."""
+        return visibility if self.floor is None else _lowered(visibility, self.floor)
+
+
+def _lowered(visibility: Image, floor: Image | np.float32) -> Image:
+    level = np.minimum(floor, np.float32(_RAISED[1]))
+    lowered: Image = np.clip((visibility - level) / (1 - level), 0, 1)
+    return lowered
 
 
 def detect_encoding(comparison: Comparison) -> MaskEncoding:
@@ -167,44 +177,26 @@ def detect_encoding(comparison: Comparison) -> MaskEncoding:
     at the best blur. Linear unless another encoding fits clearly better.
     """
     truth, given = comparison.truth, comparison.visibility
-    shift = estimate_shift(comparison)
     soft = truth.valid & (given > PENUMBRA[0]) & (given < PENUMBRA[1])
     if np.count_nonzero(soft) < _FEWEST:
-        return MaskEncoding(shift)
-    found = [(_misfit(comparison, soft, shift), MaskEncoding(shift, False))]
-
-    def consider(values: Image, encoded: bool, umbra: float | None = None) -> None:
-        one = Comparison(values, truth)
-        encoding = MaskEncoding(estimate_shift(one), encoded, umbra)
-        found.append((_misfit(one, soft, encoding.shift), encoding))
-
-    consider(decode_srgb(given).astype(np.float32), True)
+        return MaskEncoding(estimate_shift(comparison))
     inside = given[truth.shadow_interior]
     umbra = float(np.median(inside)) if len(inside) >= _FEWEST else 0.0
+    readings = [(given, MaskEncoding(None, False)), (decode_srgb(given).astype(np.float32), MaskEncoding(None, True))]
     if _RAISED[0] < umbra < _RAISED[1]:
-        consider(np.clip((given - np.float32(umbra)) / np.float32(1 - umbra), 0, 1), False, round(umbra, 3))
+        raised = MaskEncoding(None, False, round(umbra, 3), np.float32(round(umbra, 3)))
+        readings.append((_lowered(given, np.float32(umbra)), raised))
+    found = []
+    for values, encoding in readings:
+        one = Comparison(values, truth)
+        shift = estimate_shift(one)
+        found.append((_misfit(one, soft, shift), replace(encoding, shift=shift)))
     misfit, best = min(found, key=lambda one: one[0])
     return best if misfit < _CLEAR * found[0][0] else found[0][1]
 
 
-@dataclass(frozen=True, eq=False)
-class RaisedUmbra:
-    """An umbra that is nowhere dark. level: its median visibility; of: (H, W) of every pixel, None if unknown."""
-
-    level: float
-    of: Image | None
-
-    def undone(self, visibility: Image) -> Image:
-        """The visibility that would have been without."""
-        if self.of is None:
-            return visibility
-        level = np.minimum(self.of, np.float32(_RAISED[1]))
-        lowered: Image = np.clip((visibility - level) / (1 - level), 0, 1)
-        return lowered
-
-
-def ambient_umbra(comparison: Comparison) -> RaisedUmbra | None:
-    """The umbra of screenshots with ambient light that was not taken off; None if some of it is dark, or all is lit.
+def screenshot_encoding(comparison: Comparison) -> MaskEncoding:
+    """The shift of screenshots, which were decoded from sRGB already, and their umbra with ambient light not taken off.
 
     Ambient light a and light d · N·L leave a / (a + d · N·L) of visibility in the umbra: the same on each plane,
     whatever its colour. The pixels' level is known if the mask without that, or without one value, fits the truth.
@@ -213,23 +205,23 @@ def ambient_umbra(comparison: Comparison) -> RaisedUmbra | None:
     deep = inside & (truth.squared_edge_distance >= _DEEP**2)  # which soft edges do not reach
     inside = deep if np.count_nonzero(deep) >= _FEWEST else inside
     if np.count_nonzero(inside) < _FEWEST:
-        return None
+        return MaskEncoding(estimate_shift(comparison))
     found, cosine = comparison.visibility[inside], truth.cosine[inside]
     umbra = round(float(np.median(found)), 3)
-    if not _RAISED[0] < umbra < _RAISED[1] or np.percentile(found, _DARKEST) < umbra / 4:
-        return None
-    if _misfit(comparison, inside, None, _ALL_BLURS) < _FITS:  # soft edges alone
-        return None
+    lit_or_dark = not _RAISED[0] < umbra < _RAISED[1] or np.percentile(found, _DARKEST) < umbra / 4
+    if lit_or_dark or _misfit(comparison, inside, None, _ALL_BLURS) < _FITS:  # as soft edges alone make it
+        return MaskEncoding(estimate_shift(comparison))
     levels = []
     for percentile in (_DARKEST, 50):  # soft edges may reach most of a narrow umbra
         ratio = np.float32(np.percentile(found * cosine / np.maximum(1 - found, 1e-3), percentile))
         levels.append(ratio / np.maximum(ratio + truth.cosine, np.float32(1e-6)))
         levels.append(np.full_like(truth.cosine, np.percentile(found, percentile)))
-    leveled = [RaisedUmbra(umbra, level) for level in levels]
-    lowered = [Comparison(raised.undone(comparison.visibility), truth) for raised in leveled]
+    lowered = [Comparison(_lowered(comparison.visibility, level), truth) for level in levels]
     best = int(np.argmin([_misfit(one, inside, None, _ALL_BLURS) for one in lowered]))
-    misfit = _misfit(lowered[best], inside, estimate_shift(lowered[best]), _ALL_BLURS)
-    return leveled[best] if misfit < _FITS else RaisedUmbra(umbra, None)
+    shift = estimate_shift(lowered[best])
+    if _misfit(lowered[best], inside, shift, _ALL_BLURS) < _FITS:
+        return MaskEncoding(shift, umbra=umbra, floor=levels[best])
+    return MaskEncoding(estimate_shift(comparison), umbra=umbra)
 
 
 def _misfit(comparison: Comparison, where: Mask, shift: Shift | None, blurs: Sequence[float] = _BLURS) -> float:

@@ -42,29 +42,21 @@ def error_kinds(comparison: Comparison, metrics: dict[str, float | None]) -> lis
     false_shadow, false_light = wrong_pixels(comparison)
     at_edge = prepared.squared_edge_distance < INTERIOR_PX**2  # closer than the interiors of the metrics acne and leak
     dark_edge, acne = _split(false_shadow, at_edge)
-    contact, elsewhere = _split(false_light, prepared.contact)
-    lit_edge, leak = _split(elsewhere, at_edge)
+    contact, far_from_caster = _split(false_light, prepared.contact)
+    lit_edge, leak = _split(far_from_caster, at_edge)
     displaced = dark_edge | lit_edge
     leaks = ", leaks included" if (leak & prepared.contact).any() else ""  # most of their patches lies farther away
     reach = np.sqrt(np.percentile(prepared.squared_edge_distance[displaced], 95)) if displaced.any() else 0.0
-    found = [
-        ErrorKind(
-            "displaced edge",
-            int(np.count_nonzero(displaced)),
-            f"these wrong pixels lie within {reach:.3g} px of the true edge (95% of them)",
-        ),
-        ErrorKind(
-            "peter-panning",
-            int(np.count_nonzero(contact)),
-            f"{_share(metrics['contact'])} of the shadow next to its caster is lit{leaks} (contact)",
-        ),
-        ErrorKind("acne", int(np.count_nonzero(acne)), f"{_share(metrics['acne'])} of the lit interior is dark (acne)"),
-        ErrorKind(
-            "leak",
-            int(np.count_nonzero(leak)),
-            f"{_share(metrics['leak'])} of the shadow's interior is lit{_others(leak, comparison)} (leak)",
-        ),
-    ]
+    elsewhere = comparison.lit & prepared.shadow_interior & ~leak  # what the metric leak counts besides leaks
+    others = ", peter-panning included" if (elsewhere & prepared.contact).any() else ""
+    share = {name: _share(metrics[name]) for name in ("contact", "acne", "leak")}
+    lines = {
+        "displaced edge": (displaced, f"these wrong pixels lie within {reach:.3g} px of the true edge (95% of them)"),
+        "peter-panning": (contact, f"{share['contact']} of the shadow next to its caster is lit{leaks} (contact)"),
+        "acne": (acne, f"{share['acne']} of the lit interior is dark (acne)"),
+        "leak": (leak, f"{share['leak']} of the shadow's interior is lit{others} (leak)"),
+    }
+    found = [ErrorKind(name, int(np.count_nonzero(pixels)), line) for name, (pixels, line) in lines.items()]
     return sorted((kind for kind in found if kind.pixels), key=lambda kind: -kind.pixels)
 
 
@@ -123,12 +115,6 @@ def _split(wrong: Mask, place: Mask) -> tuple[Mask, Mask]:
     return inside, wrong & ~inside
 
 
-def _others(leak: Mask, comparison: Comparison) -> str:
-    """What the metric leak counts besides leaks."""
-    elsewhere = comparison.lit & comparison.truth.shadow_interior & ~leak
-    return ", peter-panning included" if (elsewhere & comparison.truth.contact).any() else ""
-
-
 def _share(value: float | None) -> str:
     if value is None:
         return "none"
@@ -168,26 +154,25 @@ def _causes(comparison: Comparison, encoding: MaskEncoding) -> Iterator[tuple[fl
         return float(np.square(mask - truth).sum(where=comparison.truth.valid, dtype=np.float64))
 
     as_it_is = error(mask, truth.visibility)
-    exact, fitting, rest = truth.visibility, mask, as_it_is
+    exact = truth.visibility
     if encoding.shift is not None:
         shifted = shift_image(exact, encoding.shift)
         share = 1 - error(mask, shifted) / as_it_is
         if share >= EXPLAINED:
-            exact, rest = shifted, error(mask, shifted)
+            exact = shifted
             line = f"by {shift_text(encoding.shift)}; explains {share:.0%} of the squared error"
             yield share, ErrorKind("shift", pixels, line)
     if encoding.srgb_encoded:
         decoded = decode_srgb(mask).astype(np.float32)
         share = 1 - error(decoded, truth.visibility) / as_it_is
         if share >= EXPLAINED:
-            fitting, rest = decoded, error(decoded, exact)
+            mask = decoded
             line = f"soft values are too light for a linear mask; explains {share:.0%} of the squared error"
             yield share, ErrorKind("sRGB encoding", pixels, line)
-
-    def blurred(sigma: float) -> float:
-        return error(fitting, smooth(exact, weight, sigma))
-
-    best = optimize.minimize_scalar(blurred, bounds=BLURS, method="bounded", options={"xatol": 0.05})
+    rest = error(mask, exact)
+    best = optimize.minimize_scalar(
+        lambda sigma: error(mask, smooth(exact, weight, sigma)), bounds=BLURS, method="bounded", options={"xatol": 0.05}
+    )
     share, told = 1 - float(best.fun) / max(rest, 1e-9), "squared error" if rest == as_it_is else "rest"
     if share >= EXPLAINED and rest - float(best.fun) >= LEAST_OF_ALL * as_it_is:
         line = f"the truth, blurred by a Gaussian of σ = {best.x:.2g} px, is much like it"

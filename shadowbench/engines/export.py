@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
+from trimesh.exchange.gltf import export_glb
 
-from shadowbench.engines.model import glb_of
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.scenes.model import Camera, Light, View
+from shadowbench.scenes.model import Camera, Light, Mesh, View
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 from shadowbench.scores.masks import write_mask
 from shadowbench.truths.trace import Truth
@@ -20,6 +21,8 @@ from shadowbench.truths.trace import Truth
 SCHEMA = 1
 _ROW = re.compile(r"\[[^][{}]*\]")  # a list of numbers, which is written on one line
 MODEL, DESCRIPTION, EXAMPLE = "scene.glb", "view.json", "truth.png"
+
+Json = dict[str, Any]
 
 
 def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list[Path]:
@@ -43,20 +46,21 @@ def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list
 
 def inexpressible_in_gltf(view: View) -> list[str]:
     """One line for each mesh that casts or receives no shadow and for a light's size, which glTF cannot express."""
-    lines = [light_in_gltf(view.light)] if view.light.soft or view.light.kind != view.light.hard_kind else []
+    lines, light = [], view.light
+    if light.kind != light.hard_kind:
+        spot = f"a spot of {math.degrees(light.frustum_angle or 0.0):.0f}° in {MODEL}"
+        lines.append(f"light {light.name!r} is a {light.kind}, which glTF cannot say: {spot}; see {DESCRIPTION}")
+    elif light.soft:
+        lines.append(f"light {light.name!r} has a size, which glTF cannot say: see {DESCRIPTION}")
     for mesh in view.scene.meshes:
-        lacking = [what for what, holds in (("cast", mesh.casts), ("receive", mesh.receives)) if not holds]
-        if lacking:
+        if lacking := [name.removesuffix("s") for name in _lacking(mesh)]:
             lines.append(f"{mesh.name} is to {' and '.join(lacking)} no shadow, which glTF cannot say: see view.json")
     return lines
 
 
-def light_in_gltf(light: Light) -> str:
-    """What stands in glTF for a light that is no point or sun, or has a size."""
-    if light.kind == light.hard_kind:
-        return f"light {light.name!r} has a size, which glTF cannot say: see {DESCRIPTION}"
-    spot = f"a spot of {math.degrees(light.frustum_angle or 0.0):.0f}° in {MODEL}"
-    return f"light {light.name!r} is a {light.kind}, which glTF cannot say: {spot}; see {DESCRIPTION}"
+def _lacking(mesh: Mesh) -> dict[str, bool]:
+    """`casts` and `receives`, where a mesh does not."""
+    return {name: False for name in ("casts", "receives") if not getattr(mesh, name)}
 
 
 def size_mismatch(given: Path, view: View) -> str | None:
@@ -100,7 +104,7 @@ def projection_matrix(view: View) -> Floats:
 def describe(view: View, scene_name: str) -> dict[str, Any]:
     """Contents of `view.json`: conventions that glTF leaves open, camera, light, meshes and the format of masks."""
     camera, (near, far) = view.camera, view.near_far
-    names = ["--view", camera.name, "--light", view.light.name]
+    score = ["shadowbench", "score", scene_name, "MASK.png", "--view", camera.name, "--light", view.light.name]
     return {
         "schema": SCHEMA,
         "scene": view.scene.name,
@@ -141,7 +145,7 @@ def describe(view: View, scene_name: str) -> dict[str, Any]:
             "example": EXAMPLE,
             "format": "grey PNG, 8 or 16 bit, linear (no sRGB curve): full where the light is seen, 0 in shadow, "
             "full where no surface faces camera and light",
-            "score": shlex.join(["shadowbench", "score", scene_name, "MASK.png", *names]),
+            "score": shlex.join(score),
         },
         "assumptions": [*view.scene.notes, *inexpressible_in_gltf(view)],
     }
@@ -165,3 +169,75 @@ def _light(light: Light) -> dict[str, Any]:
         "size": list(light.size) if rectangle else None,
         "up": perpendicular_basis(-unit(light.direction), light.up)[1].tolist() if rectangle else None,
     }
+
+
+def glb_of(view: View) -> bytes:
+    """Bytes of a .glb with the view's meshes in float32, its camera and its light (KHR_lights_punctual).
+
+    The light has no size there, and a disc or rectangle is a spot of WIDEST_CONE. Materials have the mesh's linear base
+    colour and are double-sided. A mesh that casts or receives no shadow has `casts` or `receives` in its node's
+    `extras`, since glTF cannot express it. If the scene is farther from the origin than it is large, nodes are
+    translated to its centre, so that float32 vertices keep their precision.
+    """
+    scene, camera, light = view.scene, view.camera, view.light
+    low, high = scene.geometry.bounds
+    center = (low + high) / 2
+    origin = center if np.linalg.norm(center) > np.linalg.norm(high - low) else np.zeros(3)
+
+    def complete(tree: Json) -> None:
+        """Add what trimesh does not write; its meshes are in the order of the scene's."""
+        colors = list(dict.fromkeys(mesh.color for mesh in scene.meshes))
+        surfaces = [
+            {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0} for color in colors
+        ]
+        tree["materials"] = [{"pbrMetallicRoughness": surface, "doubleSided": True} for surface in surfaces]
+        for mesh, written in zip(scene.meshes, tree["meshes"], strict=True):
+            written["name"] = mesh.name
+            written["primitives"][0]["material"] = colors.index(mesh.color)
+        near, far = view.near_far
+        lens = {"yfov": camera.fov_y, "aspectRatio": 1.0, "znear": near, "zfar": far}
+        tree["cameras"] = [{"name": camera.name, "type": "perspective", "perspective": lens}]
+        tree["extensions"] = {"KHR_lights_punctual": {"lights": [_lamp(light)]}}
+        tree["extensionsUsed"] = ["KHR_lights_punctual"]
+        # Both kinds of light that have a direction shine along their node's −z.
+        turn = np.eye(3) if light.kind == "point" else perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
+        punctual = {"KHR_lights_punctual": {"light": 0}}
+        tree["nodes"] = [
+            *(_mesh_node(index, mesh, origin) for index, mesh in enumerate(scene.meshes)),
+            {"name": camera.name, "camera": 0, "matrix": _columns(camera.basis(), camera.position)},
+            {"name": light.name, "extensions": punctual, "matrix": _columns(turn, light.position)},
+        ]
+        tree["scenes"] = [{"name": scene.name, "nodes": list(range(len(tree["nodes"])))}]
+
+    loaded = trimesh.Scene()
+    for index, mesh in enumerate(scene.meshes):
+        shape = trimesh.Trimesh(mesh.vertices - origin, mesh.faces, process=False)
+        loaded.add_geometry(shape, geom_name=f"mesh {index}")
+    written: bytes = export_glb(loaded, include_normals=False, tree_postprocessor=complete)  # type: ignore[no-untyped-call]
+    return written
+
+
+def _lamp(light: Light) -> Json:
+    lamp: Json = {"name": light.name, "type": light.hard_kind, "color": [1.0, 1.0, 1.0], "intensity": 1.0}
+    if light.frustum_angle is not None:
+        half = light.frustum_angle / 2
+        # No falloff: glTF requires the inner cone to be smaller than the outer one.
+        lamp["spot"] = {"innerConeAngle": half * (1 - 1e-6), "outerConeAngle": half}
+    return lamp
+
+
+def _mesh_node(index: int, mesh: Mesh, origin: Floats) -> Json:
+    node: Json = {"name": mesh.name, "mesh": index}
+    if origin.any():
+        node["translation"] = origin.tolist()
+    if lacking := _lacking(mesh):
+        node["extras"] = lacking
+    return node
+
+
+def _columns(basis: Floats, position: tuple[float, float, float]) -> list[float]:
+    """A pose as a glTF matrix: 16 numbers in column-major order. `basis` has the axes as rows."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = basis  # the transpose of the transform, so that ravel is column-major
+    matrix[3, :3] = position
+    return [float(value) for value in matrix.ravel()]

@@ -59,7 +59,8 @@ def mask_from_array(values: ArrayLike, name: str = "mask") -> ExternalMask:
     if array.dtype.kind not in "bf" and full == 1:
         raise InputError(f"{name}: found an array of {array.dtype}; allowed: float in [0, 1], bool, uint8, uint16")
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.size == 0:
-        raise InputError(f"{name}: found {_size(array.shape)} pixels; allowed: a square, as the view is")
+        across = " × ".join(map(str, (*array.shape[1::-1], *array.shape[2:])))
+        raise InputError(f"{name}: found {across} pixels; allowed: a square, as the view is")
     try:
         return ExternalMask(name, quantise(array.astype(np.float64) / full))
     except ValueError as error:
@@ -72,19 +73,16 @@ def from_screenshots(lit: Path, shadowed: Path, ambient: Path | None = None) -> 
     Computed on linear luminance. Where lit − ambient is below 1/64, visibility is 1 and not measurable. Raises
     InputError for files that are no PNG, not square, too large, or of different sizes.
     """
-    files = [lit, shadowed, *([ambient] if ambient else [])]
-    sides = [_side_of(file) for file in files]
-    for file, side in zip(files, sides, strict=True):
-        if side != sides[0]:
-            raise InputError(f"{file}: found {side} × {side} pixels; allowed: {sides[0]} × {sides[0]}, as {lit}")
-    pictures = [read_luminance(file) for file in files]
-    floor = pictures[2] if ambient else np.zeros_like(pictures[0])
-    range_of_light = pictures[0] - floor
-    measurable = range_of_light >= DARKEST
-    seen = np.divide(pictures[1] - floor, range_of_light, out=np.ones_like(floor), where=measurable)
-    return ExternalMask(
-        str(shadowed), quantise(np.clip(seen, 0, 1)), measurable, pictures[0] >= CLIPPED, shadowed, bool(ambient)
-    )
+    sides = {file: _side_of(file) for file in (lit, shadowed, ambient) if file}
+    for file, side in sides.items():
+        if side != sides[lit]:
+            raise InputError(f"{file}: found {side} × {side} pixels; allowed: {sides[lit]} × {sides[lit]}, as {lit}")
+    full, dimmed = read_luminance(lit), read_luminance(shadowed)
+    floor = read_luminance(ambient) if ambient else np.zeros_like(full)
+    measurable = full - floor >= DARKEST
+    seen = np.divide(dimmed - floor, full - floor, out=np.ones_like(floor), where=measurable)
+    visibility = quantise(np.clip(seen, 0, 1))
+    return ExternalMask(str(shadowed), visibility, measurable, full >= CLIPPED, shadowed, bool(ambient))
 
 
 def read_luminance(file: Path) -> NDArray[np.float64]:
@@ -115,28 +113,23 @@ def _side_of(file: Path) -> int:
     return width
 
 
-def _size(shape: tuple[int, ...]) -> str:
-    return " × ".join(str(side) for side in (shape[1], shape[0], *shape[2:])) if len(shape) > 1 else str(shape)
-
-
 def external_mask(
     scene: str, mask: Path | None, lit: Path | None, shadowed: Path | None, ambient: Path | None
 ) -> ExternalMask:
-    """The mask of the options of `score`: a mask file, or screenshots.
+    """The mask of the options of `score`: a mask file, or screenshots; scene: the command's argument, for messages.
 
-    scene: the command's argument, for messages. Raises InputError, with the right usage, for both, neither, or an
-    incomplete set of screenshots.
+    Raises InputError, with the right usage, for both, neither, or an incomplete set of screenshots.
     """
-    if mask is not None and lit is shadowed is ambient is None:
+    options = {"MASK": mask, "--lit": lit, "--shadowed": shadowed, "--ambient": ambient}
+    given = " and ".join(name for name, file in options.items() if file is not None)
+    if mask is not None and given == "MASK":
         return mask_from_file(mask)
     if mask is None and lit is not None and shadowed is not None:
         return from_screenshots(lit, shadowed, ambient)
-    if mask is lit is shadowed is ambient is None:
-        command = f"shadowbench score {shlex.quote(scene)}"
-        raise InputError(
-            f"score: found neither a mask nor screenshots of {scene:.200}; allowed: {command} MASK.png, or "
-            f"{command} --lit LIT.png --shadowed SHADOWED.png; `shadowbench export` writes the scene to draw"
-        )
-    given = {"MASK": mask, "--lit": lit, "--shadowed": shadowed, "--ambient": ambient}
-    found = " and ".join(key for key, value in given.items() if value is not None)
-    raise InputError(f"score: found {found}; allowed: MASK, or --lit and --shadowed, with or without --ambient")
+    if given:
+        raise InputError(f"score: found {given}; allowed: MASK, or --lit and --shadowed, with or without --ambient")
+    command = f"shadowbench score {shlex.quote(scene)}"
+    raise InputError(
+        f"score: found neither a mask nor screenshots of {scene:.200}; allowed: {command} MASK.png, or "
+        f"{command} --lit LIT.png --shadowed SHADOWED.png; `shadowbench export` writes the scene to draw"
+    )

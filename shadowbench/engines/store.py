@@ -6,7 +6,6 @@ import re
 import shutil
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -35,10 +34,19 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
     after the older one. Raises InputError if the folder cannot be written or another run writes into it.
     """
     check_name(name)
-    content, view, renderer = content_key(accuracy, name), accuracy.view, f"external: {name}"
-    cell = identity(view, technique=name, spec=name, full_spec=name)
-    named = {**cell, "renderer": renderer}
+    view = accuracy.view
+    cell, renderer = identity(view, technique=name, spec=name, full_spec=name), f"external: {name}"
+    content = _digest(  # of everything that the row depends on
+        {
+            "engine": name,
+            "view": (view.scene.name, view.camera.name, view.light.name, accuracy.digest),
+            "mask": accuracy.record["mask_sha256"],
+            "input": accuracy.record["input"],
+            "versions": of_scores(),
+        }
+    )
     with closing(RowStore(folder)) as store:
+        named = {**cell, "renderer": renderer}
         same = [row for row in store.scores.values() if all(row.get(part) == named[part] for part in _IDENTITY)]
         if same and same[-1].get("content") == content:
             return False
@@ -46,22 +54,9 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
         key = content if content not in store.scores else _digest([content, same[-1]["key"]])
         _write_pictures(accuracy, folder, key)
         row = {"kind": "score", "key": key, **cell, "content": content, "renderer": renderer, "status": "ok"}
-        measured: dict[str, Any] = {"gpu_bytes": None, "work": {}, "facts": {}, "assumptions": list(view.scene.notes)}
-        store.append({**row, **accuracy.record, **measured})
+        row |= {**accuracy.record, "gpu_bytes": None, "work": {}, "facts": {}, "assumptions": list(view.scene.notes)}
+        store.append(row)
         return True
-
-
-def content_key(accuracy: Accuracy, name: str) -> str:
-    """Hex key of everything the row depends on: engine, view, mask and versions."""
-    view = accuracy.view
-    parts = {
-        "engine": name,
-        "view": (view.scene.name, view.camera.name, view.light.name, accuracy.digest),
-        "mask": accuracy.record["mask_sha256"],
-        "input": accuracy.record["input"],
-        "versions": of_scores(),
-    }
-    return _digest(parts)
 
 
 def _digest(parts: object) -> str:
@@ -77,5 +72,5 @@ def _write_pictures(accuracy: Accuracy, folder: Path, key: str) -> None:
     write_mask(folder / "truth" / f"{view.name}.png", truth.visibility)
     write_mask(folder / "truth" / f"{view.name}.undecided.png", truth.undecided.astype(np.float32))
     if accuracy.external.picture is not None:
-        with replace_file(folder / "pictures" / f"{key}.png") as extra_files:
-            shutil.copyfile(accuracy.external.picture, extra_files)
+        with replace_file(folder / "pictures" / f"{key}.png") as temporary:
+            shutil.copyfile(accuracy.external.picture, temporary)

@@ -18,6 +18,7 @@ from shadowbench.scenes.model import LONGEST_VIEW_NAME, Camera, Light, Scene, Vi
 from shadowbench.scenes.tables import LIGHT_TABLES, NAME
 from shadowbench.scenes.vectors import vec3
 from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.strict import short
 from shadowbench.truths.cache import read_arrays, truth_of, write_truth
 from shadowbench.truths.trace import Truth
 
@@ -76,38 +77,30 @@ def stored_truth_of(scene: str | Path, options: ViewOptions) -> TruthOfView | No
 
 def read_stored_truth(file: Path) -> TruthOfView:
     """Read what `write_stored_truth` wrote. Raises InputError for any other file."""
-    arrays = _arrays_of(file)
-    missing = [name for name in ("depth", "about") if name not in arrays]
-    if missing:
-        raise InputError(f"{file}: found no array {missing[0]!r}; {_ALLOWED}")
-    depth, about = arrays.pop("depth"), arrays.pop("about")
-    side = len(depth) if depth.ndim else 0
-    fits = (
-        0 < side <= LARGEST and depth.dtype == np.float64 and depth.shape == (side, side) and np.isfinite(depth).all()
-    )
-    truth = truth_of(arrays, side, np.iinfo(np.int32).max) if fits else None
-    if truth is None:
-        raise InputError(f"{file}: found arrays of other names, types, shapes or ranges than a truth has; {_ALLOWED}")
-    try:
-        told = json.loads(str(about))
-        return TruthOfView(truth, _view_of(told, side), told["digest"], depth)
-    except Exception:
-        raise InputError(f"{file}: found no view of a truth in its array 'about'; {_ALLOWED}") from None
-
-
-def _arrays_of(file: Path) -> dict[str, NDArray[Any]]:
     if not file.is_file():  # reading a named pipe would block
         raise InputError(f"{file}: {'is not a file' if file.exists() else 'no such file'}; {_ALLOWED}")
     try:
-        with zipfile.ZipFile(file) as archive:
-            size = sum(entry.file_size for entry in archive.infolist())
-        if size > _MOST_BYTES:
-            raise InputError(f"{file}: found {size} bytes of arrays; allowed: at most {_MOST_BYTES}")
-        return read_arrays(file)
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"{file}: cannot be read as an .npz ({type(error).__name__}); {_ALLOWED}") from None
+        return _read(file)
+    except Exception as error:  # of many types in zipfile, NumPy and json
+        raise InputError(f"{file}: found no truth of a view in it ({short(error)}); {_ALLOWED}") from None
+
+
+def _read(file: Path) -> TruthOfView:
+    """The truth in a file. Raises an exception of some kind for any other file."""
+    with zipfile.ZipFile(file) as archive:
+        size = sum(entry.file_size for entry in archive.infolist())
+    if size > _MOST_BYTES:
+        raise ValueError(f"{size} bytes of arrays, of at most {_MOST_BYTES}")
+    arrays = read_arrays(file)
+    depth, about = arrays.pop("depth"), json.loads(str(arrays.pop("about")))
+    side = len(depth)
+    fits = (
+        0 < side <= LARGEST and depth.shape == (side, side) and depth.dtype == np.float64 and np.isfinite(depth).all()
+    )
+    truth = truth_of(arrays, side, np.iinfo(np.int32).max) if fits else None
+    if truth is None:
+        raise ValueError("arrays of other names, types, shapes or ranges")
+    return TruthOfView(truth, _view_of(about, side), about["digest"], depth)
 
 
 def _view_of(told: dict[str, Any], side: int) -> View:
@@ -122,5 +115,5 @@ def _view_of(told: dict[str, Any], side: int) -> View:
     named = all(map(NAME.fullmatch, names)) and len(view.name.encode()) <= LONGEST_VIEW_NAME
     texts = told["digest"], *view.scene.notes
     if not (fits and named and all(isinstance(text, str) and printable(text) == text for text in texts)):
-        raise ValueError
+        raise ValueError("another description of a view")
     return view

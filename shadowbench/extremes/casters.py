@@ -1,5 +1,7 @@
 """Axes of the casters: thickness, gap to the receiver, overlap, number of triangles, defects of meshes."""
 
+from functools import partial
+
 import numpy as np
 
 from shadowbench.extremes.model import TEXEL, Axis, Setting, base_meshes, ground, light_at, mesh, view_of_meshes
@@ -12,7 +14,17 @@ _SECTIONS = {1024: 32, 16384: 128, 262144: 512, 1048576: 1024}  # sections of a 
 _FLAT = 1e-7  # height of a sliver relative to its longest edge
 
 
-def _thickness(texels: float, kind: LightKind) -> Setting:
+@partial(
+    Axis,
+    name="thickness",
+    about="a wall gets thinner than a shadow-map texel: light leaks through it",
+    unit="texels of 5.9 mm",
+    values=(30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01),
+    default=10.0,
+    quick=(10.0, 1.0, 0.01),
+    invariant="a thin wall shadows as a thick one does",
+)
+def thickness(texels: float, kind: LightKind) -> Setting:
     """A wall on the ground, roughly perpendicular to the light's azimuth, and a plate above the ground."""
     thick = texels * TEXEL
     wall = mesh("box", (thick, 1.2, 1.8), (-0.9, 0.6, 0.3), turn=-30.0)
@@ -20,7 +32,17 @@ def _thickness(texels: float, kind: LightKind) -> Setting:
     return Setting((view_of_meshes([ground(), wall, plate], light_at(kind)),))
 
 
-def _gap(share: float, kind: LightKind) -> Setting:
+@partial(
+    Axis,
+    name="gap",
+    about="a caster is lowered onto its receiver: peter-panning where the bias exceeds the gap",
+    unit="of the caster",
+    values=(1.0, 0.3, 0.1, 0.03, 1e-2, 3e-3, 1e-3, 1e-4, 1e-5),
+    default=0.3,
+    quick=(0.3, 1e-2, 1e-5),
+    invariant="the shadow of a lowered caster ends at its foot",
+)
+def gap(share: float, kind: LightKind) -> Setting:
     """A plate above the ground, at a height given as a share of its side; its shadow is visible beside and below it."""
     gap, high = share * _PLATE, 0.2 * _PLATE
     plate = mesh("box", (_PLATE, high, _PLATE), (-0.3, gap + high / 2, -0.2), turn=25.0)
@@ -28,7 +50,18 @@ def _gap(share: float, kind: LightKind) -> Setting:
     return Setting((view_of_meshes([ground(), plate], light_at(kind), eye=eye, target=target),))
 
 
-def _overlap(count: float, kind: LightKind) -> Setting:
+@partial(
+    Axis,
+    name="overlap",
+    about="stacked casters: the stencil count of a shadow volume overflows 8 bits at 256",
+    unit="casters",
+    values=(1, 3, 10, 30, 100, 127, 128, 255, 256, 257, 512, 1000),
+    default=1,
+    quick=(1, 256, 1000),
+    lights=("directional", "point"),
+    invariant="a point behind many casters is in shadow",
+)
+def overlap(count: float, kind: LightKind) -> Setting:
     """A stack of plates, 5 cm high in all, so that a shadow ray crosses nearly all of them."""
     step = 0.05 / int(count)
     heights = 0.5 + np.arange(int(count)) * step
@@ -38,7 +71,17 @@ def _overlap(count: float, kind: LightKind) -> Setting:
     return Setting((view_of_meshes([ground(), Mesh("plates", corners, faces)], light_at(kind, 75.0)),))
 
 
-def _layers(ratio: float, kind: LightKind) -> Setting:
+@partial(
+    Axis,
+    name="layers",
+    about="the upper of two casters rises: their distance over that of the lower one to the ground; maps that are"
+    " filtered let light through where casters overlap (bleeding), the more, the farther they are apart",
+    values=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
+    default=0.1,
+    quick=(0.1, 1.0, 10.0),
+    invariant="a caster behind another changes no shadow",
+)
+def layers(ratio: float, kind: LightKind) -> Setting:
     """A plate, and above it along the light a smaller one, whose shadow's edge lies in the first one's shadow."""
     light = light_at(kind, 75.0)
     height = 0.6
@@ -50,7 +93,17 @@ def _layers(ratio: float, kind: LightKind) -> Setting:
     return Setting((view_of_meshes([ground(), *plates], light, eye=eye, target=target),))
 
 
-def _triangles(count: float, kind: LightKind) -> Setting:
+@partial(
+    Axis,
+    name="triangles",
+    about="triangles of one caster, up to two million",
+    values=(1, 12, 1024, 16384, 262144, 1048576, 2097152),
+    default=1024,
+    quick=(1, 1024, 16384),
+    lights=("directional", "point"),
+    invariant="a finer mesh of the same surface casts the same shadow",
+)
+def triangles(count: float, kind: LightKind) -> Setting:
     """One caster with a number of triangles: a triangle, a box, tori of more and more sections, finally two tori."""
     copies = 2 if count > max(_SECTIONS) else 1
     if count == 1:
@@ -64,7 +117,19 @@ def _triangles(count: float, kind: LightKind) -> Setting:
     return Setting((view_of_meshes([ground(), *casters], light_at(kind, 65.0)),))
 
 
-def _defective(name: str, kind: LightKind) -> Setting:
+@partial(
+    Axis,
+    name="mesh",
+    about="defects of casters: slivers, duplicated triangles, T-junctions, inconsistent winding, holes",
+    values=("closed", "slivers", "zero-area", "duplicated", "t-junctions", "inconsistent-winding", "open"),
+    default="closed",
+    quick=("closed", "slivers", "inconsistent-winding", "open"),
+    lights=("directional", "point"),
+    invariant="triangles cast shadows whatever the mesh's topology",
+    ordered=False,
+)
+def defects(name: str, kind: LightKind) -> Setting:
+    """The base scene, its casters with a kind of defect."""
     floor, *casters = base_meshes()
     meshes = [Mesh(caster.name, *_with_defect(name, caster.vertices, caster.faces)) for caster in casters]
     return Setting((view_of_meshes([floor, *meshes], light_at(kind)),))
@@ -100,67 +165,3 @@ def _loose(parts: list[tuple[Floats, Floats, Floats]]) -> Triangles:
     """Triangles from their first, second and third corners, (N, 3) each, no vertex shared."""
     corners = np.concatenate([np.stack(part, axis=1) for part in parts])
     return Triangles(corners.reshape(-1, 3), np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3))
-
-
-THICKNESS = Axis(
-    name="thickness",
-    about="a wall gets thinner than a shadow-map texel: light leaks through it",
-    unit="texels of 5.9 mm",
-    values=(30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01),
-    default=10.0,
-    quick=(10.0, 1.0, 0.01),
-    invariant="a thin wall shadows as a thick one does",
-    change=_thickness,
-)
-GAP = Axis(
-    name="gap",
-    about="a caster is lowered onto its receiver: peter-panning where the bias exceeds the gap",
-    unit="of the caster",
-    values=(1.0, 0.3, 0.1, 0.03, 1e-2, 3e-3, 1e-3, 1e-4, 1e-5),
-    default=0.3,
-    quick=(0.3, 1e-2, 1e-5),
-    invariant="the shadow of a lowered caster ends at its foot",
-    change=_gap,
-)
-OVERLAP = Axis(
-    name="overlap",
-    about="stacked casters: the stencil count of a shadow volume overflows 8 bits at 256",
-    unit="casters",
-    values=(1, 3, 10, 30, 100, 127, 128, 255, 256, 257, 512, 1000),
-    default=1,
-    quick=(1, 256, 1000),
-    lights=("directional", "point"),
-    invariant="a point behind many casters is in shadow",
-    change=_overlap,
-)
-LAYERS = Axis(
-    name="layers",
-    about="the upper of two casters rises: their distance over that of the lower one to the ground; maps that are"
-    " filtered let light through where casters overlap (bleeding), the more, the farther they are apart",
-    values=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
-    default=0.1,
-    quick=(0.1, 1.0, 10.0),
-    invariant="a caster behind another changes no shadow",
-    change=_layers,
-)
-TRIANGLES = Axis(
-    name="triangles",
-    about="triangles of one caster, up to two million",
-    values=(1, 12, 1024, 16384, 262144, 1048576, 2097152),
-    default=1024,
-    quick=(1, 1024, 16384),
-    lights=("directional", "point"),
-    invariant="a finer mesh of the same surface casts the same shadow",
-    change=_triangles,
-)
-MESH = Axis(
-    name="mesh",
-    about="defects of casters: slivers, duplicated triangles, T-junctions, inconsistent winding, holes",
-    values=("closed", "slivers", "zero-area", "duplicated", "t-junctions", "inconsistent-winding", "open"),
-    default="closed",
-    quick=("closed", "slivers", "inconsistent-winding", "open"),
-    lights=("directional", "point"),
-    invariant="triangles cast shadows whatever the mesh's topology",
-    change=_defective,
-    ordered=False,
-)

@@ -47,13 +47,13 @@ class Axis:
     of values is meaningful.
     """
 
+    change: Callable[[Any, LightKind], Setting]
     name: str
     about: str
     values: tuple[Value, ...]
     default: Value
     quick: tuple[Value, ...]
     invariant: str
-    change: Callable[[Any, LightKind], Setting]
     unit: str = ""
     lights: tuple[LightKind, ...] = tuple(NAMES)
     ordered: bool = True

@@ -27,7 +27,17 @@ _DIRECTION = np.array([0.8, 0.36, -0.48])  # unit length, along no axis
 _REVERSED = "d32f-reversed"
 
 
-def _volume_wall(metres: float, kind: LightKind) -> Setting:
+@partial(
+    Axis,
+    name="volume-wall",
+    about="the eye crosses the side of a shadow volume: z-pass counts go wrong at the near plane",
+    unit="m",
+    values=(0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0, -1e-6, -1e-5, -1e-4, -1e-3, -1e-2, -0.1, -0.5),
+    default=0.5,
+    quick=(0.5, 1e-4, 0.0, -0.1),
+    invariant="the position of the eye moves no shadow",
+)
+def volume_wall(metres: float, kind: LightKind) -> Setting:
     """The eye at a distance from the side of a plate's shadow volume, inside it if `metres` is negative."""
     light = light_at(kind, 70.0)
     plate = mesh("box", (1.0, 0.1, 1.6), (0.3, 1.6, 0.0))
@@ -42,7 +52,18 @@ def _volume_wall(metres: float, kind: LightKind) -> Setting:
     return Setting((view_of_meshes([ground(), plate, post], light, eye=vec3(eye), target=target, fov=70.0),))
 
 
-def _camera_steps(texels: float, kind: LightKind) -> Setting:
+@partial(
+    Axis,
+    name="camera-step",
+    about="the camera moves by fractions of a texel: shimmering edges",
+    unit="texels of 5.9 mm",
+    values=(0.05, 0.1, 0.25, 0.5, 0.75),
+    default=0.05,
+    quick=(0.05, 0.5),
+    invariant="a pixel changes only if it does in the truth",
+)
+def camera_step(texels: float, kind: LightKind) -> Setting:
+    """The camera moves by that many texels per frame."""
     first = base_view(kind)
     step = np.array([0.8, 0.0, -0.6]) * texels * TEXEL
     cameras = [_moved(first.camera, 1.0, step * frame) for frame in range(FRAMES)]
@@ -59,11 +80,49 @@ def _light_steps(texels: float, kind: LightKind) -> Setting:
     return Setting(tuple(replace(first, light=light) for light in lights))
 
 
+light_step = replace(
+    camera_step,
+    name="light-step",
+    about="the light moves so that shadow edges shift by fractions of a texel: shimmering edges",
+    change=_light_steps,
+)
+
+
 def _translated(metres: float, kind: LightKind, coordinates: Coordinates) -> Setting:
     return Setting((_transformed(base_view(kind), 1.0, _DIRECTION * metres),), coordinates)
 
 
-def _scaled(factor: float, kind: LightKind) -> Setting:
+distance = Axis(
+    partial(_translated, coordinates="relative"),
+    name="distance",
+    about="the whole scene moves away from the world origin; coordinates are taken relative to its centre",
+    unit="m",
+    values=(0.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7),
+    default=0.0,
+    quick=(0.0, 1e4, 1e7),
+    invariant="moving everything changes nothing",
+)
+distance_absolute = replace(
+    distance,
+    name="distance-absolute",
+    about="the whole scene moves away from the world origin, in absolute float32 coordinates",
+    invariant="moving everything changes nothing, until float32 coordinates are too coarse for the scene",
+    change=partial(_translated, coordinates="absolute"),
+)
+
+
+@partial(
+    Axis,
+    name="scale",
+    about="the whole scene is scaled: lengths that are hard-coded in metres show",
+    unit="×",
+    values=(1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6),
+    default=1.0,
+    quick=(1e-6, 1.0, 1e6),
+    invariant="scaling everything changes nothing",
+)
+def scale(factor: float, kind: LightKind) -> Setting:
+    """The base scene, scaled about the origin."""
     return Setting((_transformed(base_view(kind), factor, np.zeros(3)),))
 
 
@@ -81,83 +140,24 @@ def _moved(camera: Camera, factor: float, offset: Floats) -> Camera:
     return replace(camera, position=position, target=target, near=None, far=None)
 
 
-def _depth_format(name: str, kind: LightKind) -> Setting:
-    params = {"reversed": True, "depth": "d32f"} if name == _REVERSED else {"depth": name}
-    return Setting((base_view(kind),), params=params)
-
-
-def _map_size(texels: float, kind: LightKind) -> Setting:
-    return Setting((base_view(kind),), params={"size": int(texels)})
-
-
-def _view_size(pixels: float, kind: LightKind) -> Setting:
-    return Setting((base_view(kind, int(pixels)),))
-
-
-VOLUME_WALL = Axis(
-    name="volume-wall",
-    about="the eye crosses the side of a shadow volume: z-pass counts go wrong at the near plane",
-    unit="m",
-    values=(0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0, -1e-6, -1e-5, -1e-4, -1e-3, -1e-2, -0.1, -0.5),
-    default=0.5,
-    quick=(0.5, 1e-4, 0.0, -0.1),
-    invariant="the position of the eye moves no shadow",
-    change=_volume_wall,
-)
-CAMERA_STEP = Axis(
-    name="camera-step",
-    about="the camera moves by fractions of a texel: shimmering edges",
-    unit="texels of 5.9 mm",
-    values=(0.05, 0.1, 0.25, 0.5, 0.75),
-    default=0.05,
-    quick=(0.05, 0.5),
-    invariant="a pixel changes only if it does in the truth",
-    change=_camera_steps,
-)
-LIGHT_STEP = replace(
-    CAMERA_STEP,
-    name="light-step",
-    about="the light moves so that shadow edges shift by fractions of a texel: shimmering edges",
-    change=_light_steps,
-)
-DISTANCE = Axis(
-    name="distance",
-    about="the whole scene moves away from the world origin; coordinates are taken relative to its centre",
-    unit="m",
-    values=(0.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7),
-    default=0.0,
-    quick=(0.0, 1e4, 1e7),
-    invariant="moving everything changes nothing",
-    change=partial(_translated, coordinates="relative"),
-)
-DISTANCE_ABSOLUTE = replace(
-    DISTANCE,
-    name="distance-absolute",
-    about="the whole scene moves away from the world origin, in absolute float32 coordinates",
-    invariant="moving everything changes nothing, until float32 coordinates are too coarse for the scene",
-    change=partial(_translated, coordinates="absolute"),
-)
-SCALE = Axis(
-    name="scale",
-    about="the whole scene is scaled: lengths that are hard-coded in metres show",
-    unit="×",
-    values=(1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6),
-    default=1.0,
-    quick=(1e-6, 1.0, 1e6),
-    invariant="scaling everything changes nothing",
-    change=_scaled,
-)
-DEPTH_FORMAT = Axis(
+@partial(
+    Axis,
     name="depth-format",
     about="depth formats from reversed 32-bit float to 16 bits: precision of the depth comparison",
     values=(_REVERSED, "d32f", "d24", "d16"),
     default="d32f",
     quick=(_REVERSED, "d32f", "d16"),
     invariant="the bias suits the precision of each depth format",
-    change=_depth_format,
     ordered=False,
 )
-MAP_TEXELS = Axis(
+def depth_format(name: str, kind: LightKind) -> Setting:
+    """The base scene, with a depth format."""
+    params = {"reversed": True, "depth": "d32f"} if name == _REVERSED else {"depth": name}
+    return Setting((base_view(kind),), params=params)
+
+
+@partial(
+    Axis,
     name="map-size",
     about="texels along a side of the shadow map: aliasing of a small map, memory of a large one",
     unit="texels",
@@ -165,9 +165,14 @@ MAP_TEXELS = Axis(
     default=MAP_SIZE,
     quick=(16, 256, MAP_SIZE, 2048),
     invariant="a coarse map blurs edges, a fine one is right, and none leaks light",
-    change=_map_size,
 )
-VIEW_PIXELS = Axis(
+def map_size(texels: float, kind: LightKind) -> Setting:
+    """The base scene, with a map size."""
+    return Setting((base_view(kind),), params={"size": int(texels)})
+
+
+@partial(
+    Axis,
     name="view-size",
     about="pixels along a side of the picture, over a shadow map of fixed size",
     unit="px",
@@ -176,5 +181,7 @@ VIEW_PIXELS = Axis(
     quick=(16, VIEW_SIZE, 512),
     lights=("directional", "point"),
     invariant="the same shadows, sampled finer",
-    change=_view_size,
 )
+def view_size(pixels: float, kind: LightKind) -> Setting:
+    """The base scene, at a view size."""
+    return Setting((base_view(kind, int(pixels)),))

@@ -4,7 +4,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from shadowbench.maps.biases import MapKind
+from shadowbench.maps.biases import ALL_MAPS, MapKind
 from shadowbench.plugin.params import Component, param
 from shadowbench.scenes.model import Light, Placement
 
@@ -32,7 +32,11 @@ class Filter(Component):
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
     radius_shader: ClassVar[str] = "filter/radius.glsl"  # defines `radius`, for the bias
-    of_number = "pcf"
+
+    @classmethod
+    def missing(cls) -> list[str]:
+        shader = [] if cls.shader else ["shader, a file or text with the functions of filter.glsl"]
+        return super().missing() + shader
 
     @abstractmethod
     def radius(self, size: int) -> float:
@@ -48,11 +52,6 @@ class Filter(Component):
         The tangent of a sun's angular radius; of other lights a local length.
         """
         return 0.0
-
-    @property
-    def note(self) -> str:
-        """What it does otherwise than its parameters say; empty if nothing."""
-        return ""
 
     @property
     def contents(self) -> Contents | None:
@@ -75,7 +74,7 @@ class Hard(Filter):
 
     name = "hard"
     shader = "filter/hard.glsl"
-    maps = frozenset({"2d", "array", "cube"})
+    maps = ALL_MAPS
 
     def radius(self, size: int) -> float:
         return 0.5
@@ -90,7 +89,7 @@ class Hardware(Filter):
 
     name = "hardware"
     shader = "filter/hardware.glsl"
-    maps = frozenset({"2d", "array", "cube"})
+    maps = ALL_MAPS
 
     def radius(self, size: int) -> float:
         return 1.0
@@ -105,7 +104,7 @@ class PCF(Filter):
 
     name = "pcf"
     shader = "filter/pcf.glsl"
-    maps = frozenset({"2d", "array", "cube"})
+    maps = ALL_MAPS
     taps: Literal[3, 5, 7] = param(3, "texels along a side of the box")
 
     def radius(self, size: int) -> float:
@@ -124,7 +123,7 @@ class Castano(Filter):
 
     name = "castano"
     shader = "filter/castano.glsl"
-    maps = frozenset({"2d", "array", "cube"})
+    maps = ALL_MAPS
     taps: Literal[3, 5] = param(3, "texels along a side of the kernel: 3 by 4 comparisons, 5 by 9")
 
     def radius(self, size: int) -> float:

@@ -1,19 +1,31 @@
-"""Fits: the part of light space that a shadow map covers. All but `fixed` pad it by the filter radius."""
+"""What maps cover: fits, the part of light space of one map; splits, the view depths between cascades.
 
+All fits but `fixed` pad the covered part by the filter radius.
+"""
+
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from shadowbench.geometry.convex import SceneHull, box_planes, corners, frustum_planes, view_planes
+from shadowbench.geometry.convex import (
+    PRACTICAL_WEIGHT,
+    SceneHull,
+    box_planes,
+    corners,
+    frustum_planes,
+    practical_depths,
+    view_planes,
+)
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.gl.clock import Changes
-from shadowbench.plugin.params import Component, param
+from shadowbench.maps.reduction import VisibleBounds
+from shadowbench.plugin.base import Frame, Stage
+from shadowbench.plugin.params import Component, TechniqueParams, param
 from shadowbench.scenes.model import Light, Placement, View
 from shadowbench.scenes.vectors import Floats
-
-VisibleBoundsFunction = Callable[[LightSpace], Box | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +38,7 @@ class FitContext:
     view: View
     placement: Placement
     hull: SceneHull
-    visible_bounds: VisibleBoundsFunction
+    visible_bounds: Callable[[LightSpace], Box | None]
     light_radius: float = 0.0
 
 
@@ -93,9 +105,7 @@ class SceneFit(Fit):
     name = "scene"
 
     def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
-        if not space.perspective:
-            return space.box(context.hull.points)
-        return _region(space, context, [])
+        return _region(space, context) if space.perspective else space.box(context.hull.points)
 
     @property
     def invalidated_by(self) -> Changes:
@@ -108,7 +118,7 @@ class ViewFit(Fit):
     name = "view"
 
     def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
-        return _region(space, context, [view_planes(context.view)])
+        return _region(space, context, view_planes(context.view))
 
 
 class VisibleFit(Fit):
@@ -118,6 +128,29 @@ class VisibleFit(Fit):
 
     def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         return context.visible_bounds(space)
+
+
+class FittedParams(TechniqueParams):
+    """Parameters of a technique with one 2-D map that is fitted each frame."""
+
+    fit: Fit = param(VisibleFit(), "part of the scene that the map covers")
+    size: int = param(1024, "texels along a side of the map", ge=1, le=65536)
+
+
+class FittedView:
+    """Fits the light view of one 2-D map to each frame. filter_radius: of a lookup, in texels."""
+
+    def __init__(self, stage: Stage, fit: Fit, size: int, filter_radius: float) -> None:
+        self.hull = SceneHull(stage.scene)
+        self._stage, self._fit, self._size, self._padding = stage, fit, size, filter_radius + 1
+        self._bounds = VisibleBounds(stage)
+
+    def __call__(self, frame: Frame, light_radius: float = 0.0) -> LightView:
+        """The light view for a frame. light_radius: see `Filter.light_radius`."""
+        context = FitContext(
+            frame.view, self._stage.placement, self.hull, lambda space: self._bounds(frame, space), light_radius
+        )
+        return self._fit.light_view(context, self._size, self._padding, frame.phase.shift)
 
 
 def widened(box: Box, space: LightSpace, hull: SceneHull, light: Light, light_radius: float) -> Box:
@@ -140,7 +173,7 @@ def widened(box: Box, space: LightSpace, hull: SceneHull, light: Light, light_ra
     return Box(low, high)
 
 
-def _region(space: LightSpace, context: FitContext, more: list[Floats]) -> Box | None:
+def _region(space: LightSpace, context: FitContext, *more: Floats) -> Box | None:
     """Light-space box of the scene's bounds inside `more` planes and inside a spot's cone; None if that is empty."""
     planes = [box_planes(context.hull.bounds), *more]
     if space.perspective:
@@ -148,3 +181,47 @@ def _region(space: LightSpace, context: FitContext, more: list[Floats]) -> Box |
         planes.append(frustum_planes(space.origin, space.basis, space.half, reach * 1e-6, 4 * reach))
     found = corners(np.vstack(planes), context.hull.extent)
     return space.box(found) if len(found) else None
+
+
+class Split(Component):
+    """Base class of the split schemes. slices: how many a scheme always has; None if any number."""
+
+    slices: ClassVar[int | None] = None
+
+    @abstractmethod
+    def depths(self, near: float, far: float, count: int) -> Floats:
+        """(count + 1,) non-decreasing view depths from near to far, which bound the slices."""
+
+
+class PracticalSplit(Split):
+    """The practical split λ · n (f/n)^(i/m) + (1 − λ) (n + (f − n) i/m) (Zhang, Sun, Xu and Lun 2006)."""
+
+    name = "practical"
+    weight: float = param(PRACTICAL_WEIGHT, "λ: 1 is the logarithmic split, 0 the uniform one", ge=0, le=1)
+
+    def depths(self, near: float, far: float, count: int) -> Floats:
+        return practical_depths(near, far, count, self.weight)
+
+
+class FixedSplit(Split):
+    """Five slices that end at far/50, far/25, far/10, far/2 and far; a slice that ends before near is empty."""
+
+    name = "fixed"
+    slices = 5
+
+    def depths(self, near: float, far: float, count: int) -> Floats:
+        return np.maximum(near, [near, far / 50, far / 25, far / 10, far / 2, far])
+
+
+class ShareSplit(Split):
+    """Four slices that end at shares of far, as engines set them. One that ends before the slice in front is empty."""
+
+    name = "shares"
+    slices = 4
+    first: float = param(0.1, "end of the first slice as a share of far", gt=0, le=1)
+    second: float = param(0.2, "end of the second slice", gt=0, le=1)
+    third: float = param(0.5, "end of the third slice", gt=0, le=1)
+
+    def depths(self, near: float, far: float, count: int) -> Floats:
+        ends = np.array([0.0, self.first, self.second, self.third, 1.0]) * far
+        return np.maximum.accumulate(np.maximum(near, ends))

@@ -3,19 +3,17 @@
 import math
 from typing import Literal
 
-from shadowbench.maps.biases import MapKind
+from shadowbench.maps.biases import ALL_MAPS
 from shadowbench.maps.filters import Contents, Filter, Kernel
 from shadowbench.plugin.params import param
 
 Bits = Literal[16, 32]
-_HALF = 5.54  # largest exponent whose warp's square is a half float, as in evsm.glsl
-_ALL: frozenset[MapKind] = frozenset({"2d", "array", "cube"})
 
 
 class Filterable(Filter):
     """Base class of filters whose contents are blurred: reads once per pixel, however wide the blur."""
 
-    maps = _ALL
+    maps = ALL_MAPS
     blur: int = param(5, "texels along a side of the blur's kernel; 1 for none", ge=1, le=64)
     kernel: Kernel = param("box", "weights of the blur; a Gaussian's standard deviation is a quarter of its width")
     mips: bool = param(False, "mip levels, with a footprint from the receiver's plane")
@@ -77,12 +75,6 @@ class EVSM(Filterable):
     negative: float = param(5.0, "exponent of the negative warp", gt=0, le=42)
     bleed: float = param(0.0, "light bleeding reduction: a bound below it is shadow", ge=0, lt=1)
     min_variance: float = param(1e-8, "least variance, in squared depth at the receiver", ge=0, le=0.01)
-
-    @property
-    def note(self) -> str:
-        exponents = {"positive": self.positive, "negative": self.negative}
-        limited = [f"{name}={value:g}" for name, value in exponents.items() if value > _HALF]
-        return f"bits=16 limits {' and '.join(limited)} to {_HALF}" if self.bits == 16 and limited else ""
 
     @property
     def contents(self) -> Contents:

@@ -3,20 +3,17 @@
 import math
 from typing import Literal
 
-from shadowbench.maps.biases import MapKind
+from shadowbench.maps.biases import ALL_MAPS
 from shadowbench.maps.filters import Contents, Filter
 from shadowbench.plugin.params import param
 from shadowbench.scenes.model import Light, Placement
-
-Pattern = Literal["vogel", "poisson"]
-_ALL: frozenset[MapKind] = frozenset({"2d", "array", "cube"})
 
 
 class Disc(Filter):
     """Base class of filters of taps over a disc, each compared with the receiver's plane there."""
 
-    maps = _ALL
-    pattern: Pattern = param(
+    maps = ALL_MAPS
+    pattern: Literal["vogel", "poisson"] = param(
         "vogel", "positions of the taps: a spiral of equal areas (Vogel 1979), or 32 Poisson-disc points"
     )
     rotate: bool = param(True, "turns the pattern from pixel to pixel by interleaved gradient noise (Jimenez 2014)")

@@ -1,9 +1,9 @@
 """The one way to make rows: blocks are drawn, scored against their truths and timed, into a folder."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Protocol, Self
@@ -12,21 +12,25 @@ from weakref import WeakKeyDictionary
 from shadowbench.errors import InputError, MetricError, Unsupported, message, quoted
 from shadowbench.files import check_folder
 from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.drawer import Drawer
-from shadowbench.measure.failures import CellFailed, Failure, status_of
+from shadowbench.measure.drawer import CellFailed, Drawer, Failure, status_of
 from shadowbench.measure.flips import Stepped, flips
-from shadowbench.measure.gl_drawer import reference_cell
 from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.machine import machine_key, write_run_file
 from shadowbench.measure.pictures import Pictures, Writer
-from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.rendering import Rendering, Surface
 from shadowbench.measure.row_store import RowStore, identity
 from shadowbench.measure.rows import Record, Result, StudyFacts
-from shadowbench.measure.scoring import mask_record
+from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.time_rows import time_row
+from shadowbench.scenes.model import View
+from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 from shadowbench.truths.trace import Truth
 
-Uniform = Literal["lit", "in shadow"]
+Shadows = Literal["lit", "in shadow", "with edges"]
+"""What a view shows: whether all that is decided is lit, or in shadow."""
+
+_FLIP_SAMPLES = 1  # along a pixel's side, of truths that flips are counted with
 
 
 class Reporter(Protocol):
@@ -40,6 +44,27 @@ class Reporter(Protocol):
 
     def step(self, what: str) -> None:
         """Count one step of the stage as done."""
+
+
+class _Truths:
+    """Truths of a block's views by index, each traced, or read from the cache, when it is first asked for.
+
+    Only the first one's `area` is sampled finely, since no other is scored. InputError for a view that shows nothing.
+    """
+
+    def __init__(self, views: Sequence[View]) -> None:
+        self.views = views
+        self._found: dict[int, Truth] = {}
+
+    def __getitem__(self, index: int) -> Truth:
+        if index not in self._found:
+            self._found[index] = cached_truth(self.views[index], _FLIP_SAMPLES if index else PIXEL_SAMPLES)
+        return self._found[index]
+
+    @cached_property
+    def prepared(self) -> PreparedTruth:
+        """The first as the input of metrics."""
+        return prepare_truth(self[0])
 
 
 class Campaign:
@@ -68,6 +93,7 @@ class Campaign:
         self._sweep, self._keeps_images, self._time_again = sweep, keeps_images, time_again
         self._pictures = Pictures(folder)
         self._keys = WeakKeyDictionary[Block, dict[Cell, str]]()  # a scene takes long to hash
+        self._truths = _Truths(())
 
     def __enter__(self) -> Self:
         self.store = RowStore(self.folder, self._sweep)
@@ -76,41 +102,41 @@ class Campaign:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.store.close()
 
-    def trace(self, blocks: Sequence[Block]) -> list[tuple[Block, Uniform | None]]:
-        """The blocks, once the truths of their views are in the cache, and which of these show no edge of a shadow.
+    def trace(self, blocks: Sequence[Block]) -> list[Shadows | None]:
+        """What each block's view shows, whose truth is in the cache then; None for one that fails, if it keeps going.
 
-        Raises InputError for a view that shows nothing; blocks that fail are left out if the campaign keeps going. It
-        need not be entered yet: nothing is written into its folder.
+        Raises InputError for a view that shows nothing. The campaign need not be entered yet: nothing is written.
         """
         self.reporter.stage("truth", len(blocks))
-        traced = []
+        found: list[Shadows | None] = []
         for block in blocks:
+            found.append(None)
             with self._attempt("truth", block.view.name):
-                traced.append((block, uniform(block.fresh().truth(0))))
+                found[-1] = shadows_in(cached_truth(block.view))
             self.reporter.step(block.view.name)
-        return traced
+        return found
 
-    def measure(self, blocks: Iterable[Block]) -> Iterator[dict[Cell, Result]]:
+    def measure(self, blocks: Iterable[Block]) -> Iterator[list[Result]]:
         """Results of each block's cells, measured now or found. Reports a step for each cell, and one when it is timed.
 
         Cells of a block that failed are left out if the campaign keeps going.
         """
         for block in blocks:
-            with self._attempt(*block.called):
+            with self._attempt(*called(block)):
                 self._score(block)
                 self._time(block)
             yield self.results(block)
 
-    def results(self, block: Block) -> dict[Cell, Result]:
+    def results(self, block: Block) -> list[Result]:
         """Rows of a block's cells, without those that have none."""
-        scores, machine = self.store.scores, self.machine
-        found = {cell: key for cell, key in self.keys(block).items() if key in scores}
-        return {cell: Result(scores[key], self.store.time_on(machine, key)) for cell, key in found.items()}
+        scores, machine = self.store.scores, machine_key(self.drawer)
+        found = [key for key in self.keys(block).values() if key in scores]
+        return [Result(scores[key], self.store.time_on(machine, key)) for key in found]
 
     def keys(self, block: Block) -> dict[Cell, str]:
         """Keys of the rows of a block's cells."""
         if block not in self._keys:
-            views, drawer = [view_key(view) for view in block.views], self.drawer.identity
+            views, drawer = [view_key(view) for view in (block.view, *block.later)], self.drawer.identity
             frames = {cell: [cell_key(cell, view, block.coordinates, drawer) for view in views] for cell in block.cells}
             self._keys[block] = {
                 cell: keys[0]
@@ -123,11 +149,6 @@ class Campaign:
     def unscored(self, block: Block) -> dict[Cell, str]:
         """Keys of the cells of a block that will be drawn: those without a row, and those that failed."""
         return {cell: key for cell, key in self.keys(block).items() if self.store.finished_score(key) is None}
-
-    @property
-    def machine(self) -> str:
-        """Key of what times depend on besides the cell."""
-        return machine_key(self.drawer)
 
     def finish(self, study: StudyFacts, notes: Sequence[str], keys: Iterable[str]) -> None:
         """Write `run.json`; keys: of the cells that the command asked for."""
@@ -147,107 +168,122 @@ class Campaign:
 
     def _score(self, block: Block) -> None:
         """Make the score rows that are missing."""
-        missing = self.unscored(block)
-        name, pictures, shading_written = block.scene.name, self._pictures, False
+        missing, view, pictures = self.unscored(block), block.view, self._pictures
+        if self._truths.views != (view, *block.later):
+            self._truths = _Truths((view, *block.later))
+        surface = cache(partial(self.drawer.surface, block))
+        shown = False
         with Writer() as writer:
             if self._keeps_images is None:
-                writer.add(partial(pictures.write_truth, block.view, block.truth(0)))
+                writer.add(partial(pictures.write_truth, view, self._truths[0]))
             for cell, key in missing.items():
                 if block.times(cell):
                     writer.finish()  # its build is timed: nothing may run beside it
-                row, rendering = self._score_cell(block, cell, key)
+                row, rendering = self._score_cell(block, cell, key, surface)
                 writer.finish()  # which bounds the images in memory
                 writes: list[Callable[[], None]] = []
-                if rendering is not None and (self._keeps_images is None or self._keeps_images(row)):
-                    if not shading_written:
-                        writes.append(partial(pictures.write_truth, block.view, block.truth(0)))
-                        writes.append(partial(pictures.write_shading, block.view, *self.drawer.shading(block)))
-                        shading_written = True
+                if rendering is not None and self._keeps(row):
+                    if not shown:
+                        writes.append(partial(pictures.write_truth, view, self._truths[0]))
+                        writes.append(partial(pictures.write_shading, view, surface()))
+                        shown = True
                     writes.append(partial(pictures.write_cell, key, rendering))
                 writer.add(*writes, partial(self.store.append, row))  # after the images, which its presence promises
-                self.reporter.step(f"{name} {cell.spec.text}")
+                self.reporter.step(f"{view.scene.name} {cell.spec.text}")
         for _ in range(len(block.cells) - len(missing)):
-            self.reporter.step(f"{name}: measured before")
+            self.reporter.step(f"{view.scene.name}: measured before")
 
-    def _score_cell(self, block: Block, cell: Cell, key: str) -> tuple[Record, Rendering | None]:
+    def _keeps(self, row: Record) -> bool:
+        """Whether images of a row are written."""
+        return self._keeps_images is None or self._keeps_images(row)
+
+    def _score_cell(
+        self, block: Block, cell: Cell, key: str, surface: Callable[[], Surface]
+    ) -> tuple[Record, Rendering | None]:
         """Score row of a cell, and the rendering of its first view; None if the cell was unsupported or failed."""
-        row = {"kind": "score", "key": key, **_identity(block, cell), "renderer": self.drawer.info.renderer}
+        spec = cell.spec
+        row: dict[str, Any] = {"kind": "score", "key": key}
+        row |= identity(block.view, spec.technique.name, spec.sizeless_text, spec.full_text)
+        row |= {"phase": cell.phase, "map_size": spec.map_size, "coordinates": block.coordinates, **block.place}
+        row |= {"home_spec": cell.home.text} if cell.home else {}
+        row["renderer"] = self.drawer.info.renderer
         try:
-            surface = self.drawer.surface(block)
-            first, *later = self.drawer.draw(block, cell, keep=block.times(cell) and len(block.views) == 1)
+            triangle = surface().triangle
+            first, *later = self.drawer.draw(block, cell, keep=block.times(cell) and not block.later)
         except (Unsupported, CellFailed) as reason:
             return row | {"status": status_of(reason)}, None
         try:
-            scores = mask_record(first.visibility, block.truth(0), block.prepared, surface)
+            scores = mask_record(first.visibility, self._truths[0], self._truths.prepared, triangle)
         except MetricError as error:
             return row | {"status": f"failed: {error}"}, None
         row |= {"status": "ok", **scores}
         row |= {"gpu_bytes": first.gpu_bytes, "work": dict(first.work), "facts": dict(first.facts)}
-        row["assumptions"] = list(block.scene.notes)
+        row["assumptions"] = list(block.view.scene.notes)
         if later:
-            truths = [block.truth(index) for index in range(len(block.views))]
+            masks = [drawn.visibility for drawn in (first, *later)]
             count = Stepped(block.view, block.step).count if block.step else flips
-            row["flips"] = count([drawn.visibility for drawn in (first, *later)], truths)
+            row["flips"] = count(masks, [self._truths[index] for index in range(len(masks))])
         return row | ({"step": block.step} if block.step else {}), first
 
     def _time(self, block: Block) -> None:
-        """Time the successful cells that lack a time."""
+        """Time the successful cells that lack a time, and those without a ratio since their reference failed."""
         wanted = {cell: key for cell, key in self.keys(block).items() if block.times(cell)}
         if not wanted:
             return
-        store, name = self.store, block.scene.name
-        (reference,) = self.keys(replace(block, cells=(reference_cell(block),))).values()
-        sizes: dict[Cell, int] = {}
-        retried: dict[Cell, int] = {}  # timed before, without a ratio
-        for cell, key in wanted.items():
-            row, time = store.scores[key], store.time_on(self.machine, key)
-            if row["status"] == "ok":
-                if time is None or self._time_again or not _suffices(time, block.rounds, reference):
-                    sizes[cell] = int(row["gpu_bytes"])
-                elif _lacks_ratio(time):
-                    retried[cell] = int(row["gpu_bytes"])
-        timed = 0
-        for timing in self.drawer.time(block, sizes, retried) if sizes or retried else ():
-            if timing.failed is not None:
-                lacking = "no time" if timing.cell in sizes else "no ratios to this reference"
-                self.reporter.note(f"{name} {timing.cell.spec.text}: {lacking}: {timing.failed}")
-            if timing.times is not None or timing.cell in sizes:
-                store.append(time_row(timing, wanted[timing.cell], reference, self.machine))
-            if timing.cell in sizes:
-                timed += 1
-                self.reporter.step(f"{name}: timed")
-        for _ in range(len(wanted) - timed):
+        name, machine = block.view.scene.name, machine_key(self.drawer)
+        reference = self.keys(replace(block, cells=(block.reference_cell,)))[block.reference_cell]
+        lacking = self._to_time(block, wanted, reference)
+        sizes = {cell: int(self.store.scores[wanted[cell]]["gpu_bytes"]) for cell in lacking}
+        for cell, times in self.drawer.time(block, sizes) if sizes else ():
+            if isinstance(times, str):
+                what = "no time" if cell in sizes else "no ratios to this reference"
+                self.reporter.note(f"{name} {cell.spec.text}: {what}: {times}")
+            if cell in sizes:
+                self._keep_time(time_row(times, wanted[cell], reference, machine), name, lacking[cell])
+        for _ in range(len(wanted) - sum(lacking.values())):
             self.reporter.step(f"{name}: nothing to time")
 
+    def _to_time(self, block: Block, wanted: Mapping[Cell, str], reference: str) -> dict[Cell, bool]:
+        """The cells to time: whether each lacks a time, or only a ratio."""
+        found, machine = {}, machine_key(self.drawer)
+        for cell, key in wanted.items():
+            time = self.store.time_on(machine, key)
+            if self.store.scores[key]["status"] == "ok":
+                if self._time_again or not _suffices(time, block.rounds, reference):
+                    found[cell] = True
+                elif _may_have_a_ratio(time):
+                    found[cell] = False
+        return found
 
-def uniform(truth: Truth) -> Uniform | None:
-    """Whether all that is decided is lit, or in shadow; None if there is an edge."""
+    def _keep_time(self, row: Record, scene: str, lacking: bool) -> None:
+        """Append the time of a cell that lacked one, or only a ratio, unless it has none again."""
+        if lacking or row.get("ratio") is not None:
+            self.store.append(row)
+        if lacking:
+            self.reporter.step(f"{scene}: timed")
+
+
+def shadows_in(truth: Truth) -> Shadows:
+    """What a view with this truth shows."""
     visibility = truth.visibility[truth.receivers & ~truth.undecided]
     if not (visibility < 1).any():
         return "lit"
-    return None if visibility.any() else "in shadow"
+    return "with edges" if visibility.any() else "in shadow"
 
 
-def _suffices(time: Record, rounds: int, reference: str) -> bool:
+def called(block: Block) -> tuple[str, str]:
+    """What a block is, and its name, for a user who reads that it failed."""
+    place = block.place
+    return ("axis", f"{place['axis']} {place['light_kind']}") if place else ("cells", block.view.name)
+
+
+def _suffices(time: Record | None, rounds: int, reference: str) -> bool:
     """Whether a time record suffices: enough rounds, and the same reference."""
-    enough = time.get("n", 0) >= rounds and "reference_ms" in time
-    return bool(enough and time.get("reference_key") == reference)
+    if time is None or "reference_ms" not in time:
+        return False
+    return bool(time.get("n", 0) >= rounds and time.get("reference_key") == reference)
 
 
-def _lacks_ratio(time: Record) -> bool:
+def _may_have_a_ratio(time: Record | None) -> bool:
     """Whether a time has no ratio because its reference failed, which may work now; an unsupported one never will."""
-    return time["ratio"] is None and not time["no_ratio"].startswith("unsupported")
-
-
-def _identity(block: Block, cell: Cell) -> dict[str, Any]:
-    spec = cell.spec
-    named = identity(
-        block.view,
-        technique=spec.technique.name,
-        spec=spec.sizeless_text,
-        full_spec=spec.full_text,
-        map_size=spec.map_size,
-        phase=cell.phase,
-        coordinates=block.coordinates,
-    )
-    return {**named, **block.place, **({"home_spec": cell.home.text} if cell.home else {})}
+    return time is not None and time["ratio"] is None and not time["no_ratio"].startswith("unsupported")

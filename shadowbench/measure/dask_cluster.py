@@ -1,37 +1,35 @@
-"""A Dask scheduler, or one started in this process, and those of its workers that measure for one command."""
+"""A Dask cluster, or one started in this process, and the tasks that its workers do."""
 
 import asyncio
 import logging
 import os
 import re
-import secrets
 import time
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from shadowbench.errors import InputError, ShadowbenchError, how_to_install, message, quoted
 from shadowbench.measure import dask_tasks as tasks
 from shadowbench.measure.campaign import Reporter
-from shadowbench.measure.dask_tasks import Setup, WorkerFacts
-from shadowbench.measure.failures import Limits
+from shadowbench.measure.drawer import Limits
 from shadowbench.measure.worker import sigint_blocked
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster
 
-CONNECT_S = 10.0
-WORKERS_S = 60.0
+CONNECT_S, WORKERS_S, _LOOK_S = 10.0, 60.0, 1.0
 _MOST_LOCAL = 256
-_RETRIES = 2  # of a task that raised an exception that is none of ours, such as a full disk
+AHEAD = 2  # tasks that a worker has at a time, so that it need not wait for this process
+_TRIES = 4  # of a task whose worker dies, or that raises an exception that is none of ours, such as a full disk
 
 
 class Cluster:
-    """Workers with our versions and an OpenGL device, on one renderer or on any.
+    """The workers of a scheduler with our versions and an OpenGL device, on one renderer or on any.
 
     where: address of a scheduler, or `local:N`; renderer: name of the study's, None for that of most workers at the
     start; any_renderer: whether workers of other renderers are admitted too. A context manager; within it, `facts` has
@@ -53,10 +51,11 @@ class Cluster:
             raise InputError(f"--dask needs Dask; {how_to_install('dask')}") from None
         self.where, self.local = where, _local_workers(where)
         self.reporter, self.renderer, self.any_renderer = reporter, renderer, any_renderer
-        self.setup = Setup(secrets.token_hex(8), tuple(map(tasks.plugin_files, plugins)), limits or Limits())
-        self.facts: dict[str, WorkerFacts] = {}
-        self._judged: set[str] = set()
-        self._watcher = Thread(target=self._watch)
+        self.setup = tasks.Setup([*map(tasks.plugin_files, plugins)], limits or Limits())
+        self.facts: dict[str, tasks.WorkerFacts] = {}
+        self._refused: dict[str, str] = {}  # why, by address
+        self._asked: dict[str, Future[Any]] = {}
+        self._looked = 0.0
         self._started: LocalCluster | None = None
 
     def __enter__(self) -> "Cluster":
@@ -80,80 +79,95 @@ class Cluster:
 
     def __exit__(self, *_: object) -> None:
         with suppress(Exception):  # workers or a scheduler that have gone, or were never there
-            self.client.run(tasks.close_station, self.setup.number, workers=list(self.facts), on_error="ignore")
+            self.client.run(tasks.close_station, workers=list(self.facts), on_error="ignore")
         with suppress(Exception):
             self.client.close(timeout=2)
         if self._started is not None:
             self._started.close(timeout=5)
 
-    def submit(
-        self, renderer: str, worker: WorkerFacts | None, function: Callable[..., Any], *arguments: object
-    ) -> "Future[Any]":
-        """A task on a worker, or on any of a renderer, given the setup before its arguments."""
-        resource = (worker or self.on(renderer)[0]).resource
-        return self.client.submit(
-            function,
-            self.setup,
-            *arguments,
-            key=f"{function.__name__}-{secrets.token_hex(8)}",
-            resources={resource: 1},  # every worker has one: its tasks run one after the other
-            workers=[worker.address] if worker else None,
-            retries=_RETRIES,
-        )
-
     def renderers(self) -> list[str]:
         """Renderers of the admitted workers, the study's first."""
-        found = dict.fromkeys([self.renderer, *(one.renderer for one in self.facts.values())])
-        return [name for name in found if name is not None]
+        return list(dict.fromkeys([str(self.renderer), *(one.info.renderer for one in self.facts.values())]))
 
-    def on(self, renderer: str) -> list[WorkerFacts]:
-        """Admitted workers with a renderer."""
-        return [one for one in self.facts.values() if one.renderer == renderer]
+    def on(self, renderer: str) -> list[str]:
+        """Addresses of the admitted workers with a renderer."""
+        return [address for address, one in self.facts.items() if one.info.renderer == renderer]
 
-    def named(self, name: str) -> WorkerFacts:
-        """The worker of --time-on, by its address or the name of its machine. Raises InputError."""
-        known = [] if self.local else list(self.facts.values())
-        for one in known:
-            if name in (one.address, one.host):
-                return one
-        others = dict.fromkeys(["here", *(one.host for one in known), *(one.address for one in known)])
+    def named(self, name: str) -> str:
+        """Address of the worker of --time-on, given by that or the name of its machine. Raises InputError."""
+        known = {} if self.local else {address: one.host for address, one in self.facts.items()}
+        for address, host in known.items():
+            if name in (address, host):
+                return address
+        others = dict.fromkeys(["here", *known.values(), *known])
         raise InputError(f"--time-on {name}: no such worker; allowed: {', '.join(others)}")
 
-    def wait_until_idle(self, machine: WorkerFacts) -> None:
-        """Wait until no worker on the machine of a worker runs a task, of whatever program."""
-        beside = [one.address for one in self.facts.values() if one.host == machine.host]
+    def run(
+        self, workers: Callable[[], Sequence[str]], jobs: Sequence[Sequence[Any]], ahead: int = AHEAD
+    ) -> Iterator[tuple[int, Any]]:
+        """Results of jobs as they end, or our errors that they raised, with their index.
+
+        workers: addresses of those that may do them; jobs: a function of `dask_tasks` and its arguments each; ahead:
+        tasks that a worker has at a time; if 1, they begin when its machine does nothing else. Jobs of a worker that
+        dies go to another; after a restart of the scheduler they begin again. Raises ShadowbenchError for a job that is
+        lost several times.
+        """
+        waiting, lost = deque(range(len(jobs))), Counter[int]()
+        running: dict[Future[Any], tuple[int, str]] = {}
         try:
-            while any(self.client.processing(workers=beside).values()):
+            while waiting or running:
+                try:
+                    if time.monotonic() > self._looked + _LOOK_S:
+                        self._look()
+                    busy = Counter(address for _, address in running.values())
+                    for address in [*workers()] * ahead:
+                        if waiting and busy[address] < ahead and (ahead > 1 or self._is_idle(address)):
+                            busy[address] += 1
+                            index = waiting.popleft()
+                            running[self._submit(address, *jobs[index])] = index, address
+                    for future, answer in self._ended(running).items():
+                        index, address = running.pop(future)
+                        if not isinstance(answer, Exception) or isinstance(answer, ShadowbenchError):
+                            yield index, answer
+                            continue
+                        waiting.appendleft(index)
+                        lost[index] += 1
+                        self._check_lost(lost[index], address, answer)
+                except (OSError, CancelledError):  # the scheduler has gone
+                    waiting.extendleft(index for index, _ in running.values())
+                    running.clear()
+                    self._reconnect()
+        finally:
+            with suppress(OSError, CancelledError, RuntimeError):  # the scheduler has gone
+                self.client.cancel([*running])
+
+    def _check_lost(self, times: int, address: str, reason: Exception) -> None:
+        """Raises ShadowbenchError for a task that was lost too often."""
+        if times == _TRIES:
+            last = f"the last time with {address}: {quoted(message(reason))}"
+            raise ShadowbenchError(f"a task was lost {times} times, {last}; what was measured is kept")
+
+    def _submit(self, address: str, function: Callable[..., Any], *arguments: object) -> "Future[Any]":
+        packed = tasks.pack(*arguments)
+        return self.client.submit(tasks.do, self.setup, function, packed, workers=[address], pure=False)
+
+    def _ended(self, running: "Mapping[Future[Any], tuple[int, str]]") -> "dict[Future[Any], Any]":
+        """Results or exceptions of the tasks that have ended, or whose worker has; waits for one, but not long."""
+        from distributed import wait
+
+        with suppress(TimeoutError), self.client.as_current():
+            if running:
+                wait([*running], timeout=_LOOK_S, return_when="FIRST_COMPLETED")
+            else:
                 time.sleep(0.1)
-        except OSError:
-            raise self._gone() from None
+        ended = {future: future.exception() or future.result() for future in running if future.done()}
+        gone = {future: RuntimeError("it has gone") for future, (_, at) in running.items() if at not in self.facts}
+        return gone | ended
 
-    def reconnect(self) -> None:
-        """Wait for a scheduler that was restarted, and for workers, all of which are new. Raises ShadowbenchError."""
-        end = time.monotonic() + WORKERS_S
-        self.client.close(timeout=2)
-        while True:
-            try:
-                self.client = self._connect()
-                break
-            except InputError:
-                if time.monotonic() > end:
-                    raise self._gone() from None
-        if self._watcher.is_alive():
-            self._watcher.join()
-        self.facts.clear()
-        self._judged.clear()
-        self._wait()
-
-    def watch(self) -> None:
-        """Begin to admit workers that have joined, unless it is being done: one that dies meanwhile takes long."""
-        if not self._watcher.is_alive():
-            self._watcher = Thread(target=self._watch, daemon=True)
-            self._watcher.start()
-
-    def _watch(self) -> None:
-        with suppress(Exception):  # the scheduler has gone, which the tasks tell
-            self._join()
+    def _is_idle(self, address: str) -> bool:
+        """Whether no worker on the machine of a worker has a task, of whatever program."""
+        beside = [other for other, one in self.facts.items() if one.host == self.facts[address].host]
+        return not any(self.client.processing(workers=beside).values())
 
     def _connect(self) -> "Client":
         from distributed import Client
@@ -170,6 +184,20 @@ class Cluster:
                 "or the address of a scheduler, such as tcp://host:8786"
             ) from None
 
+    def _reconnect(self) -> None:
+        """Wait for a scheduler that was restarted, and for workers, all of which are new. Raises ShadowbenchError."""
+        end = time.monotonic() + WORKERS_S
+        self.client.close(timeout=2)
+        for known in (self.facts, self._refused, self._asked):
+            known.clear()
+        while True:
+            try:
+                self.client = self._connect()
+                return self._wait()
+            except InputError:
+                if time.monotonic() > end:
+                    raise self._gone() from None
+
     def _gone(self) -> ShadowbenchError:
         return ShadowbenchError(
             f"--dask {self.where}: the scheduler has gone; what was measured is kept, and the same command goes on"
@@ -178,62 +206,58 @@ class Cluster:
     def _wait(self) -> None:
         """Admit workers, of which at least one must come."""
         end = time.monotonic() + WORKERS_S
-        reasons: dict[str, str] = {}
-        while not (self.on(self.renderer) if self.renderer else self.facts):
-            if reasons:
-                name, reason = next(iter(reasons.items()))
-                more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
-                raise InputError(f"--dask {self.where}: no worker can measure; {name}: {reason}{more}")
-            if time.monotonic() > end:
-                raise InputError(
-                    f"--dask {self.where}: no worker within {WORKERS_S:g} s; allowed: a cluster with at least one"
-                )
-            try:
-                reasons = self._join()
-            except OSError:
-                raise self._gone() from None
-            time.sleep(0 if self.facts or reasons else 0.2)
+        try:
+            while not self._refused and time.monotonic() < end:
+                self._look(patient=True)
+                if self.on(self.renderer) if self.renderer else self.facts:
+                    return
+                time.sleep(0.1)
+        except (OSError, CancelledError):
+            raise self._gone() from None
+        line = f"no worker within {WORKERS_S:g} s; allowed: a cluster with at least one"
+        if self._refused:
+            (address, reason), *others = self._refused.items()
+            line = f"no worker can measure; {address}: {reason}{f' (and {len(others)} more)' if others else ''}"
+        raise InputError(f"--dask {self.where}: {line}")
 
-    def _join(self) -> dict[str, str]:
-        """Admit workers that have joined since the last call; returns why others were left out, by name."""
-        known = self.client.scheduler_info(n_workers=-1)["workers"]
-        joined = [address for address in known if address not in self._judged]
-        self.facts = {address: one for address, one in self.facts.items() if address in known}
-        self._judged &= set(known)
-        if not joined:
-            return {}
-        self._judged.update(joined)
-        found = self.client.run(tasks.describe, self.setup, tasks.own_versions(), workers=joined, on_error="return")
+    def _look(self, patient: bool = False) -> None:
+        """Ask workers that have joined, and admit or refuse them; patient: none before all have answered."""
+        self._looked = time.monotonic()
+        present = self.client.scheduler_info()["workers"].keys()
+        if self.client.status != "running":
+            raise CancelledError
+        for known in (self.facts, self._refused, self._asked):
+            for address in known.keys() - present:
+                del known[address]
+        for address in present - self.facts.keys() - self._refused.keys() - self._asked.keys():
+            self._asked[address] = self._submit(address, tasks.describe, tasks.own_versions())
+        answered = [address for address, future in self._asked.items() if future.done()]
+        if patient and len(answered) < len(self._asked):
+            return
+        answers = {address: self._asked.pop(address) for address in answered}
+        self._judge({address: one.exception() or one.result() for address, one in answers.items()})
+
+    def _judge(self, answers: "Mapping[str, tasks.WorkerFacts | Exception]") -> None:
+        """Admit or refuse workers by what they are."""
         if self.renderer is None:
-            counts = Counter(one.renderer for one in found.values() if isinstance(one, WorkerFacts) and one.renderer)
+            counts = Counter(one.info.renderer for one in answers.values() if isinstance(one, tasks.WorkerFacts))
             self.renderer = min(counts, key=lambda name: (-counts[name], name), default=None)
-        reasons, admitted = {}, {}
-        for address, one in found.items():
+        for address, one in answers.items():
             reason = self._objection(one)
-            if isinstance(one, OSError):  # it has gone
-                self._judged.discard(address)
-            elif reason is None:
-                admitted[address] = one
+            if not isinstance(one, Exception) and reason is None:
+                self.facts[address] = one
             else:
-                name = f"{address} on {one.host}" if isinstance(one, WorkerFacts) else address
-                reasons[name] = reason
-                self.reporter.note(f"worker {name} is left out: {reason}")
-        for resource in {one.resource for one in admitted.values()}:
-            equal = [address for address, one in admitted.items() if one.resource == resource]
-            self.client.run(tasks.admit, resource, workers=equal, on_error="ignore")
-        self.facts |= admitted
-        return reasons
+                self._refused[address] = str(reason)
+                self.reporter.note(f"worker {address} is left out: {reason}")
 
-    def _objection(self, one: WorkerFacts | BaseException) -> str | None:
+    def _objection(self, one: "tasks.WorkerFacts | Exception") -> str | None:
         """Why a worker must not measure."""
-        if isinstance(one, ModuleNotFoundError):
-            return f"shadowbench is not installed there ({quoted(message(one))})"
-        if isinstance(one, BaseException):
-            return quoted(f"{type(one).__name__}: {message(one)}")
-        if one.reason is not None or self.any_renderer or one.renderer == self.renderer:
-            return one.reason
+        if isinstance(one, Exception):
+            return quoted(message(one)) or type(one).__name__
+        if self.any_renderer or one.info.renderer == self.renderer:
+            return None
         return (
-            f"its renderer is {one.renderer}, that of the study {self.renderer}; --renderer chooses another, "
+            f"its renderer is {one.info.renderer}, that of the study {self.renderer}; --renderer chooses another, "
             "--any-renderer makes rows for each"
         )
 

@@ -11,9 +11,9 @@ import numpy as np
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.files import check_outputs
 from shadowbench.gl.clock import WALL, Sample
-from shadowbench.measure.failures import CellFailed
+from shadowbench.measure.drawer import CellFailed, DeviceInfo
 from shadowbench.measure.machine import machine, versions
-from shadowbench.measure.session import CellRequest, DeviceInfo, Session
+from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of

@@ -1,25 +1,64 @@
-"""Interface of what draws and times cells: OpenGL in a process of its own, or another renderer."""
+"""What draws and times cells: its interface, its limits, and how it fails."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from shadowbench.errors import ShadowbenchError, Unsupported
 
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.failures import Limits
-from shadowbench.measure.rendering import Rendering
-from shadowbench.measure.session import DeviceInfo
-from shadowbench.measure.time_rows import Timing
-from shadowbench.plugin.stage import ShaderText
+if TYPE_CHECKING:  # the worker's start does not wait for these imports
+    from shadowbench.measure.cells import Block, Cell
+    from shadowbench.measure.rendering import Rendering, Surface
+    from shadowbench.measure.time_rows import Times
+
+
+class CellFailed(ShadowbenchError):
+    """Raised when a call raised an exception, crashed, hung or exceeded its memory; the message says which."""
+
+
+class MemoryExceeded(CellFailed):
+    """Raised when the drawing process exceeded its memory limit."""
+
+
+def status_of(reason: CellFailed | Unsupported) -> str:
+    """Row status of a cell that was unsupported or failed."""
+    return f"{'unsupported' if isinstance(reason, Unsupported) else 'failed'}: {reason}"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of one call: seconds, and bytes of resident memory of the drawing process."""
+
+    seconds: float = 120.0
+    bytes: int = 8 << 30
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What failed as a whole and was left out; what: `scene`, `truth`, `cells` or `axis`; where: its name."""
+
+    what: str
+    where: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """Facts about what draws: for OpenGL, the device."""
+
+    renderer: str
+    vendor: str
+    version: int
+    software: bool
+    clock: str
+    max_map_size: int
+    subpixel_bits: int
+    pipeline_statistics: bool
+    clip_control: bool
 
 
 class Drawer(Protocol):
     """What draws cells: a process with limits, replaced after a failure."""
-
-    @property
-    def limits(self) -> Limits:
-        """Limits of each call."""
 
     @property
     def info(self) -> DeviceInfo:
@@ -33,26 +72,17 @@ class Drawer(Protocol):
     def machine(self) -> Mapping[str, Any]:
         """The computer, as by `measure.machine.machine`."""
 
-    def unsupported(self, block: Block, cell: Cell) -> str | None:
+    def unsupported(self, block: "Block", cell: "Cell") -> str | None:
         """Why a cell's technique does not support a block's view; None if it does."""
 
-    def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
+    def draw(self, block: "Block", cell: "Cell", keep: bool = False) -> "Iterator[Rendering]":
         """A cell drawn in each view of a block, in their order. Raises Unsupported and CellFailed.
 
         keep: it will be timed, so that what was built for it stays if there is room.
         """
 
-    def surface(self, block: Block) -> NDArray[np.int32]:
-        """(N, N) triangle ids of the surfaces that masks of a block's view are drawn over, row 0 at the top."""
+    def surface(self, block: "Block") -> "Surface":
+        """What masks of a block's view are drawn over. Raises CellFailed."""
 
-    def shading(self, block: Block) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-        """Two pictures of a block's view, (N, N, 3) uint8 sRGB: visibility 1 everywhere, and 0 everywhere."""
-
-    def time(self, block: Block, sizes: Mapping[Cell, int], retried: Mapping[Cell, int]) -> Iterator[Timing]:
-        """Timings of cells of a block, by GPU bytes; retried: cells with times but no ratio, as their reference failed.
-
-        The latter are skipped if it fails again.
-        """
-
-    def shaders(self, block: Block, cell: Cell) -> Sequence[ShaderText]:
-        """GLSL of a cell as passed to the driver, with all includes and defines resolved. Raises as `draw` does."""
+    def time(self, block: "Block", sizes: "Mapping[Cell, int]") -> "Iterator[tuple[Cell, Times | str]]":
+        """Times of cells of a block, or why one has none; sizes: their GPU bytes. Also why a reference failed."""

@@ -3,37 +3,30 @@
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Concatenate
 
-import numpy as np
-from numpy.typing import NDArray
-
 from shadowbench.errors import InputError, ShadowbenchError, Unsupported
-from shadowbench.measure.cells import Block, Cell, reference_for, reference_name
-from shadowbench.measure.failures import CellFailed, Limits, MemoryExceeded, status_of
-from shadowbench.measure.rendering import Rendering
-from shadowbench.measure.session import CellRequest, DeviceInfo, Session
-from shadowbench.measure.time_rows import Times, Timing
+from shadowbench.measure.cells import UNSHADOWED, Block, Cell, reference_name
+from shadowbench.measure.drawer import CellFailed, DeviceInfo, MemoryExceeded, status_of
+from shadowbench.measure.rendering import Rendering, Surface
+from shadowbench.measure.session import CellRequest, Session
+from shadowbench.measure.time_rows import Samples, Times
 from shadowbench.measure.worker import P, R, Worker
 from shadowbench.plugin.spec import Spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import View
-from shadowbench.techniques.unshadowed import Unshadowed
 
 _GROUP_SHARE = 0.5  # share of the memory limit for the cells of a group
 _CELL_SHARE = 0.5  # share of the memory limit for the textures and buffers of a cell
 _KEPT_SHARE = 0.25  # share of the memory limit for cells that were drawn and wait to be timed
-_FLOOR = Cell(Spec(Unshadowed, Unshadowed.Params()))
+_FLOOR = Cell(UNSHADOWED)
 
 
 class GLDrawer:
-    """Drawer of a worker process."""
+    """Drawer of a worker process; identity, machine: of one elsewhere."""
 
-    def __init__(self, worker: Worker) -> None:
-        self.worker = worker
-
-    @property
-    def limits(self) -> Limits:
-        """Limits of each call to the worker."""
-        return self.worker.limits
+    def __init__(
+        self, worker: Worker, identity: Mapping[str, str] | None = None, machine: Mapping[str, Any] | None = None
+    ) -> None:
+        self.worker, self._identity, self._machine = worker, identity, machine
 
     @property
     def info(self) -> DeviceInfo:
@@ -45,17 +38,17 @@ class GLDrawer:
         """The renderer, and how Embree rounds on this computer, which traces for some techniques and for the truth."""
         from shadowbench.truths.embree import answers_digest
 
-        return {"renderer": self.info.renderer, "embree": answers_digest()}
+        return self._identity or {"renderer": self.info.renderer, "embree": answers_digest()}
 
     @property
     def machine(self) -> Mapping[str, Any]:
-        """This computer."""
+        """The computer."""
         from shadowbench.measure.machine import machine  # the worker's start does not wait for this import
 
-        return machine()
+        return self._machine or machine()
 
     def _request(self, block: Block, cell: Cell) -> CellRequest:
-        room = int(_CELL_SHARE * self.limits.bytes)
+        room = int(_CELL_SHARE * self.worker.limits.bytes)
         return CellRequest(cell.spec.full_text, cell.phase, block.coordinates, room)
 
     def unsupported(self, block: Block, cell: Cell) -> str | None:
@@ -64,85 +57,60 @@ class GLDrawer:
 
     def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
         """See `Drawer`. In a new worker if memory runs out."""
-        room = int(_KEPT_SHARE * self.limits.bytes) if keep else 0
-        for view in block.views:
+        room = int(_KEPT_SHARE * self.worker.limits.bytes) if keep else 0
+        for view in (block.view, *block.later):
             try:
                 yield self.worker.call(Session.draw, view, self._request(block, cell), keep=room)
             except MemoryExceeded:
                 # Cells kept for timing may have taken the memory, or what the driver has not yet freed of earlier ones.
                 yield self.worker.call(Session.draw, view, self._request(block, cell))
 
-    def surface(self, block: Block) -> NDArray[np.int32]:
+    def surface(self, block: Block) -> Surface:
         """See `Drawer`."""
         return self.worker.call(Session.surface, block.view, block.coordinates)
 
-    def shading(self, block: Block) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-        """See `Drawer`."""
-        return self.worker.call(Session.shading, block.view, block.coordinates)
-
     def shaders(self, block: Block, cell: Cell) -> list[ShaderText]:
-        """See `Drawer`."""
+        """GLSL of a cell as passed to the driver, with all includes and defines resolved. Raises as `draw` does."""
         return self.worker.call(Session.shaders, block.view, self._request(block, cell))
 
-    def time(self, block: Block, sizes: Mapping[Cell, int], retried: Mapping[Cell, int]) -> Iterator[Timing]:
-        """See `Drawer`. Timed in groups that fit in memory, each with the reference and `unshadowed`."""
-        reference: Cell | None = reference_cell(block)
-        no_ratio = None
-        if reference not in sizes:
-            assert reference is not None
-            try:  # now, so that a failing reference does not fail every group
-                self.worker.call(Session.draw, block.view, self._request(block, reference))
-            except (CellFailed, Unsupported) as reason:
-                yield Timing(reference, failed=str(reason))
-                reference, no_ratio = None, status_of(reason)
-        wanted = {**sizes, **(retried if reference else {})}
-        limit = _GROUP_SHARE * self.limits.bytes
-        group: list[Cell] = []
-        group_bytes = 0
-        for cell, size in wanted.items():
-            if group and group_bytes + size > limit:
-                yield from self._time_group(block, group, reference, no_ratio)
-                group, group_bytes = [], 0
-            group.append(cell)
-            group_bytes += size
-        yield from self._time_group(block, group, reference, no_ratio)
+    def time(self, block: Block, sizes: Mapping[Cell, int]) -> Iterator[tuple[Cell, Times | str]]:
+        """See `Drawer`. Timed in groups that fit in memory, each with the reference and `unshadowed`.
 
-    def _time_group(
-        self, block: Block, group: list[Cell], reference: Cell | None, no_ratio: str | None
-    ) -> Iterator[Timing]:
-        """Time one group together. A cell that fails is dropped, and the rest is timed again without it."""
-        name = reference_name(reference_cell(block).spec)
-        retried = False
-        while group:
-            cells = list(dict.fromkeys([_FLOOR, *([reference] if reference else []), *group]))
+        A cell that fails is dropped, and the rest of its group is timed again without it.
+        """
+        name, no_ratio = reference_name(block.reference_cell.spec), None
+        reference = [block.reference_cell]
+        if reference[0] not in sizes:
+            try:  # now, so that a failing reference does not fail every group
+                self.worker.call(Session.draw, block.view, self._request(block, reference[0]))
+            except (CellFailed, Unsupported) as reason:
+                yield reference[0], str(reason)
+                reference, no_ratio = [], status_of(reason)
+        groups, ate = _groups(sizes, _GROUP_SHARE * self.worker.limits.bytes), set[Cell]()
+        while groups:
+            group = groups.pop(0)
             try:
-                times = self._measure(block, cells)
+                times = self._measure(block, list(dict.fromkeys([_FLOOR, *reference, *group])))
             except _GroupFailed as failure:
                 self._release_timed()
-                failed_cell = failure.cell
-                together = failed_cell is not None and len(group) > 1
-                if together and isinstance(failure.reason, MemoryExceeded):  # perhaps not its own fault
-                    middle = len(group) // 2
-                    yield from self._time_group(block, group[:middle], reference, no_ratio)
-                    yield from self._time_group(block, group[middle:], reference, no_ratio)
-                    return
-                if failed_cell is not None and isinstance(failure.reason, MemoryExceeded) and not retried:
-                    retried = True  # the worker may have held memory of earlier cells; a fresh one has none
-                    continue
-                if failed_cell is None or failed_cell not in (*group, reference):  # no other can be left out
-                    what = "opening the view" if failed_cell is None else "the floor, unshadowed"
-                    yield from (Timing(cell, failed=f"{what}: {failure}") for cell in group)
-                    return
-                yield Timing(failed_cell, failed=str(failure))
-                group = [cell for cell in group if cell != failed_cell]
-                if reference == failed_cell:
-                    reference, no_ratio = None, status_of(failure.reason)
-                continue
-            for cell in group:
-                yield Timing(cell, times[cell], times[_FLOOR], name, times[reference] if reference else None, no_ratio)
-            return
+                failed = failure.cell
+                if again := failure.tried_again(group, ate):
+                    groups[:0] = again
+                elif failed is None or failed not in (*group, *reference):  # no other can be left out
+                    what = "opening the view" if failed is None else "the floor, unshadowed"
+                    yield from ((cell, f"{what}: {failure}") for cell in group)
+                else:
+                    yield failed, str(failure)
+                    if failed in reference:
+                        reference, no_ratio = [], status_of(failure.reason)
+                    if left := [cell for cell in group if cell != failed]:
+                        groups.insert(0, left)
+            else:
+                of_reference = times[reference[0]] if reference else None
+                for cell in group:
+                    yield cell, Times(times[cell], times[_FLOOR], name, of_reference, no_ratio)
 
-    def _measure(self, block: Block, cells: list[Cell]) -> dict[Cell, Times]:
+    def _measure(self, block: Block, cells: list[Cell]) -> dict[Cell, Samples]:
         """Prepare all cells, then time them in turn: whole frames in each round, passes in a third as many."""
         indices = range(len(cells))
 
@@ -154,10 +122,10 @@ class GLDrawer:
             except (CellFailed, Unsupported) as reason:
                 raise _GroupFailed(None if index is None else cells[index], reason) from None
 
-        def sample() -> list[Times]:
+        def sample() -> list[Samples]:
             frames = [[call(n, Session.time_frame, n) for n in indices] for _ in range(block.rounds)]
             passes = [[call(n, Session.time_passes, n) for n in indices] for _ in range(max(block.rounds // 3, 1))]
-            return [Times([row[n] for row in frames], [row[n] for row in passes], prepare_ms[n]) for n in indices]
+            return [Samples([row[n] for row in frames], [row[n] for row in passes], prepare_ms[n]) for n in indices]
 
         call(None, Session.open, block.view, block.coordinates)
         prepare_ms = [call(n, Session.prepare_timing, block.view, self._request(block, cells[n])) for n in indices]
@@ -180,13 +148,30 @@ class _GroupFailed(Exception):
 
     def __init__(self, cell: Cell | None, reason: CellFailed | Unsupported) -> None:
         super().__init__(str(reason))
-        self.cell = cell
-        self.reason = reason
+        self.cell, self.reason = cell, reason
+
+    def tried_again(self, group: list[Cell], ate: set[Cell]) -> list[list[Cell]]:
+        """Groups to time instead, if memory ran out, perhaps for other cells; ate: cells that were alone before."""
+        if self.cell is None or not isinstance(self.reason, MemoryExceeded):
+            return []
+        if len(group) > 1:
+            return [group[: len(group) // 2], group[len(group) // 2 :]]
+        first = self.cell not in ate
+        ate.add(self.cell)  # the worker may have held memory of earlier cells; a fresh one has none
+        return [group] if first else []
 
 
-def reference_cell(block: Block) -> Cell:
-    """The cell that times in a block are divided by."""
-    return Cell(reference_for(block.reference, block.view.light.hard_kind))
+def _groups(sizes: Mapping[Cell, int], limit: float) -> list[list[Cell]]:
+    """Cells in groups of at most `limit` bytes each, or of a single cell."""
+    groups: list[list[Cell]] = []
+    total = limit
+    for cell, size in sizes.items():
+        if not groups or total + size > limit:
+            groups.append([])
+            total = 0
+        groups[-1].append(cell)
+        total += size
+    return groups
 
 
 def render(

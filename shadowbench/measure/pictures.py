@@ -10,7 +10,7 @@ from PIL import Image
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.rendering import Rendering, Surface
 from shadowbench.scenes.model import View
 from shadowbench.scores.masks import mask_sha256, read_mask, write_mask
 from shadowbench.truths.trace import Truth
@@ -27,13 +27,6 @@ class Pictures:
         write_mask(self._subfolder("masks") / f"{key}.png", rendering.visibility)
         write_picture(self._subfolder("pictures") / f"{key}.png", rendering.picture)
 
-    def write(self, name: str, data: bytes) -> None:
-        """Write the bytes of an image by its path in the folder."""
-        file = self.folder / name
-        file.parent.mkdir(exist_ok=True)
-        with replace_file(file) as temporary:
-            temporary.write_bytes(data)
-
     def write_truth(self, view: View, truth: Truth) -> None:
         """Write the truth's visibility and undecided pixels, unless the files hold them already.
 
@@ -44,11 +37,11 @@ class Pictures:
             if not _holds_mask(folder / f"{name}.png", mask):
                 write_mask(folder / f"{name}.png", mask)
 
-    def write_shading(self, view: View, lit: NDArray[np.uint8], ambient: NDArray[np.uint8]) -> None:
-        """The view without and with shadow everywhere, from which a mask's picture is blended."""
+    def write_shading(self, view: View, surface: Surface) -> None:
+        """Write the pictures from which that of a mask is blended."""
         folder = self._subfolder("truth")
-        write_picture(folder / f"{view.name}.lit.png", lit)
-        write_picture(folder / f"{view.name}.ambient.png", ambient)
+        write_picture(folder / f"{view.name}.lit.png", surface.lit)
+        write_picture(folder / f"{view.name}.ambient.png", surface.ambient)
 
     def _subfolder(self, name: str) -> Path:
         folder = self.folder / name

@@ -1,17 +1,25 @@
-"""Result of drawing a cell: its images, GPU memory, work counts and facts."""
+"""A scene on the GPU, and what drawing a cell in it yields: images, GPU memory, work counts and facts."""
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.files import png_of
-from shadowbench.gl.gbuffer import download
+from shadowbench.gl.device import Device
+from shadowbench.gl.gbuffer import GBufferPass, download
+from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.library import moderngl
+from shadowbench.gl.picture import PicturePass
 from shadowbench.maps.filters import Filter
-from shadowbench.plugin.base import Technique
+from shadowbench.plugin.base import Stage, Technique
+from shadowbench.plugin.registry import shader_folder
+from shadowbench.plugin.spec import Spec
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
 from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.scores.masks import quantise
 
@@ -41,6 +49,18 @@ class Rendering:
     def _repr_png_(self) -> bytes:
         """PNG of the picture, for notebooks."""
         return png_of(self.picture)
+
+
+class Surface(NamedTuple):
+    """What masks of a view are drawn over; row 0 is at the top.
+
+    triangle: (N, N) int32 triangle ids, None if the renderer does not tell; lit, ambient: pictures, (N, N, 3) uint8
+    sRGB, with visibility 1 everywhere and 0 everywhere, from which a mask's picture is blended.
+    """
+
+    triangle: NDArray[np.int32] | None
+    lit: NDArray[np.uint8]
+    ambient: NDArray[np.uint8]
 
 
 def checked_texture(spec: str, texture: object, size: int) -> moderngl.Texture:
@@ -88,3 +108,45 @@ def finite_facts(spec: str, facts: Mapping[str, float]) -> dict[str, float]:
         if not math.isfinite(value):
             raise ValueError(f"{spec}: fact {name!r} is {value}; allowed: finite numbers")
     return {name: float(value) for name, value in facts.items()}
+
+
+class LoadedScene:
+    """A scene on the GPU: its buffers and passes, in the coordinates in which it is drawn."""
+
+    def __init__(self, device: Device, file_scene: Scene, coordinates: Coordinates) -> None:
+        self.device, self.file_scene, self.coordinates = device, file_scene, coordinates
+        self.placement = file_scene.placement if coordinates == "relative" else IDENTITY_PLACEMENT
+        self.scene = self.placement.scene(file_scene)
+        self.geometry = DeviceGeometry(device, self.scene.geometry)
+        self.surface_pass = GBufferPass(device, self.geometry)
+        self.picture_pass = PicturePass(device, self.geometry)
+
+    def matches(self, scene: Scene, coordinates: Coordinates) -> bool:
+        """Whether it is a scene in these coordinates."""
+        return scene is self.file_scene and coordinates == self.coordinates
+
+    def to_drawing_coordinates(self, view: View) -> View:
+        """A view of this scene converted from file coordinates (near and far planes known) to drawing coordinates."""
+        return View(self.scene, self.placement.camera(view.camera), self.placement.light(view.light), view.size)
+
+    def build(self, spec: Spec, size: int, room: int = sys.maxsize) -> tuple[Technique, Stage]:
+        """A technique built for images of size × size pixels. Raises any exception of the technique.
+
+        room: most bytes that its textures and buffers may take. Raises Unsupported if they would take more.
+        """
+        folder = shader_folder(spec.technique)
+        stage = Stage(self.scene, self.device, (size, size), self.geometry, self.placement, folder, room)
+        technique = spec.technique(spec.params)
+        try:
+            technique.build(stage)
+            self.device.check(f"building {spec.full_text}")
+        except BaseException:
+            stage.release()
+            raise
+        return technique, stage
+
+    def release(self) -> None:
+        """Free GPU memory."""
+        self.picture_pass.release()
+        self.surface_pass.release()
+        self.geometry.release()

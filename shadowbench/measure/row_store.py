@@ -1,64 +1,84 @@
-"""Appending to `rows.jsonl`: one JSON object a line, synced to disk at once, so that a killed run can resume."""
+"""Reading and appending to `rows.jsonl`: a JSON object a line, synced to disk at once, so that a killed run resumes."""
 
 import json
 import os
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, BinaryIO
 
 from filelock import FileLock, Timeout
+from pydantic import ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.files import remove_temporaries
-from shadowbench.measure.row_files import stream_rows
-from shadowbench.measure.rows import SCHEMA, CellIdentity, Record
-from shadowbench.scenes.model import Coordinates, View
+from shadowbench.measure.rows import ROW, RUN_FILE, SCHEMA, CellIdentity, Record, RunFile
+from shadowbench.scenes.model import View
+from shadowbench.strict import explain
 
 IMAGES = ("masks", "pictures", "truth", "differences")
 """Folders of images in a run folder, written by the program that has locked it."""
 
 
-class Rows:
-    """Score and time records in memory. The last score of each key, and the last time of it on each machine, count."""
-
-    def __init__(self, known: Iterable[Record] = ()) -> None:
-        self.scores: dict[str, Record] = {}
-        self._times: dict[tuple[str, str | None], Record] = {}
-        for record in known:
-            self._keep(record)
-
-    def append(self, *records: Record) -> None:
-        """Add records."""
-        for record in records:
-            self._keep(record)
-
-    def _keep(self, record: Record) -> None:
-        if record["kind"] == "score":
-            self.scores[record["key"]] = record
-        else:
-            self._times[record["key"], record.get("machine")] = record
-
-    def time_on(self, machine: str, key: str) -> Record | None:
-        """Time record of a key on a machine, given by its `machine_key`."""
-        return self._times.get((key, machine))
-
-    def finished_score(self, key: str) -> Record | None:
-        """Score record of a key; None if missing or failed, since a failure may be the machine's and is tried again."""
-        row = self.scores.get(key)
-        return None if row is None or row["status"].startswith("failed") else row
+_HEAD = b'{"schema": 1'  # prefix of every line, a truncated one included
 
 
-class RowStore(Rows):
+def stream_rows(file: Path) -> Iterator[tuple[Record, int]]:
+    """Each row of a `rows.jsonl`, and the position in bytes where it ends; after the last, a truncated one may follow.
+
+    Raises InputError, with the line number, for a line that is no row, and for a file that cannot be read.
+    """
+    end = 0
+    try:
+        with _opened(file) as stream:
+            for number, line in enumerate(stream, start=1):
+                if line.endswith(b"\n"):
+                    end += len(line)
+                    yield _valid(ROW, line[:-1], f"{file} line {number}"), end
+                elif not (line.startswith(_HEAD) or _HEAD.startswith(line)):
+                    raise InputError(f"{file} line {number}: found no valid row; allowed: a row of schema {SCHEMA}")
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from None
+
+
+def read_run_file(file: Path) -> RunFile:
+    """Contents of a `run.json`; empty if there is no file. Raises InputError for any other content."""
+    if not file.exists():
+        return {}
+    try:
+        with _opened(file) as stream:
+            found: RunFile = _valid(RUN_FILE, stream.read(), str(file))
+            return found
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from None
+
+
+def _opened(file: Path) -> BinaryIO:
+    if not file.is_file():  # reading a named pipe would block
+        raise InputError(f"{file}: is not a file")
+    return file.open("rb")
+
+
+def _valid(schema: Any, text: bytes, where: str) -> Any:
+    try:
+        return schema.validate_json(text)
+    except ValidationError as error:
+        raise explain(where, error) from None
+
+
+class RowStore:
     """The `rows.jsonl` of a run folder, locked for writing.
 
-    sweep: whether the rows are of `stress` (on axes) or of `run`. Raises InputError for a folder with rows of the other
-    command, one that cannot be written, and one that another process writes into.
+    The last score of each key, and the last time of it on each machine, count. sweep: whether the rows are of `stress`
+    (on axes) or of `run`. Raises InputError for a folder with rows of the other command, one that cannot be written,
+    and one that another process writes into.
     """
 
     def __init__(self, folder: Path, sweep: bool = False) -> None:
-        super().__init__()
         self.file = folder / "rows.jsonl"
+        self.scores: dict[str, Record] = {}
+        self._times: dict[tuple[str, str | None], Record] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = FileLock(folder / "writing.lock", timeout=0, thread_local=False, fallback_to_soft=False)
@@ -75,6 +95,21 @@ class RowStore(Rows):
                 raise _cannot_write(self.file, error) from None
             raise
 
+    def time_on(self, machine: str, key: str) -> Record | None:
+        """Time record of a key on a machine, given by its `machine_key`."""
+        return self._times.get((key, machine))
+
+    def finished_score(self, key: str) -> Record | None:
+        """Score record of a key; None if missing or failed, since a failure may be the machine's and is tried again."""
+        row = self.scores.get(key)
+        return None if row is None or row["status"].startswith("failed") else row
+
+    def _keep(self, record: Record) -> None:
+        if record["kind"] == "score":
+            self.scores[record["key"]] = record
+        else:
+            self._times[record["key"], record.get("machine")] = record
+
     def _open(self, sweep: bool) -> None:
         for images in IMAGES:  # written under the lock, so that whoever left one there is dead
             remove_temporaries(self.file.parent / images)
@@ -82,9 +117,8 @@ class RowStore(Rows):
         for row, end in stream_rows(self.file) if self.file.exists() else ():
             if row["kind"] == "score" and ("axis" in row) != sweep:
                 found, allowed = ("run", "stress") if sweep else ("stress", "run")
-                raise InputError(
-                    f"{self.file}: found cells of `{found}`; allowed: a folder of `{allowed}`, or a new one"
-                )
+                line = f"{self.file}: found cells of `{found}`; allowed: a folder of `{allowed}`, or a new one"
+                raise InputError(line)
             self._keep(row)
             complete = end
         self._stream = self.file.open("ab", buffering=0)  # after a failed write, a buffer would be written on close
@@ -95,7 +129,8 @@ class RowStore(Rows):
 
         Raises InputError, with nothing written, if the disk is full.
         """
-        made = [_complete(record) for record in records]
+        signed = {"command": command_line()}
+        made = [{"schema": SCHEMA, **record, **(signed if record["kind"] == "score" else {})} for record in records]
         # A lone surrogate, from a file name that is not UTF-8, cannot be encoded.
         lines = "".join(json.dumps(record, allow_nan=False, ensure_ascii=False) + "\n" for record in made)
         left = lines.encode(errors="replace")
@@ -107,7 +142,8 @@ class RowStore(Rows):
         except OSError as error:
             self._stream.truncate(end)
             raise _cannot_write(self.file, error) from None
-        super().append(*made)
+        for record in made:
+            self._keep(record)
 
     def close(self) -> None:
         """Close the file and unlock the folder."""
@@ -120,33 +156,20 @@ class RowStore(Rows):
         self._lock.release()
 
 
-def identity(
-    view: View,
-    *,
-    technique: str,
-    spec: str,
-    full_spec: str,
-    map_size: int | None = None,
-    phase: int = 0,
-    coordinates: Coordinates = "relative",
-) -> CellIdentity:
-    """Identity of a cell for people and for `check`, independent of versions."""
+def identity(view: View, technique: str, spec: str, full_spec: str) -> CellIdentity:
+    """Identity of a cell for people and for `check`, independent of versions: without a map, at phase 0."""
     return {
         "scene": view.scene.name,
         "view": view.camera.name,
         "light": view.light.name,
-        "phase": phase,
+        "phase": 0,
         "technique": technique,
         "spec": spec,
         "full_spec": full_spec,
-        "map_size": map_size,
+        "map_size": None,
         "view_size": view.size,
-        "coordinates": coordinates,
+        "coordinates": "relative",
     }
-
-
-def _complete(record: Record) -> Record:
-    return {"schema": SCHEMA, **record, **({"command": command_line()} if record["kind"] == "score" else {})}
 
 
 def command_line() -> str:

@@ -17,9 +17,9 @@ import psutil
 from shadowbench.errors import NO_PROCESS, ShadowbenchError, Unsupported, message, quoted
 from shadowbench.files import PACKAGE
 from shadowbench.gl.program import ShaderError
-from shadowbench.measure.failures import CellFailed, MemoryExceeded
-from shadowbench.measure.pipe import Pipe
+from shadowbench.measure.drawer import CellFailed, MemoryExceeded
 from shadowbench.measure.session import Session
+from shadowbench.measure.worker import Pipe
 
 _PR_SET_CHILD_SUBREAPER = 36
 

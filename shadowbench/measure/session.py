@@ -12,21 +12,26 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from shadowbench.errors import Unsupported, quoted
 from shadowbench.gl.arithmetic import arithmetic
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
-from shadowbench.gl.device import Device, open_device
-from shadowbench.measure.loaded_scene import BuiltCell, LoadedScene, OpenView
-from shadowbench.measure.rendering import Rendering, declared_work, finite_facts, visibility_of
+from shadowbench.gl.device import open_device
+from shadowbench.gl.gbuffer import GBuffer
+from shadowbench.measure.drawer import DeviceInfo
+from shadowbench.measure.rendering import (
+    LoadedScene,
+    Rendering,
+    Surface,
+    declared_work,
+    finite_facts,
+    visibility_of,
+)
 from shadowbench.measure.rows import renderer_of
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.plugin.stage import ShaderText
-from shadowbench.scenes.model import Coordinates, Scene, View
+from shadowbench.scenes.model import Coordinates, View
 
 WARM_UP = 2  # untimed draws before a cell is timed
 
@@ -44,19 +49,30 @@ class CellRequest:
     room: int = sys.maxsize
 
 
-@dataclass(frozen=True)
-class DeviceInfo:
-    """Facts about the worker's OpenGL device."""
+@dataclass(frozen=True, eq=False)
+class _OpenView:
+    """A view with its G-buffer: `file_view` in file coordinates, `view` in drawing coordinates."""
 
-    renderer: str
-    vendor: str
-    version: int
-    software: bool
-    clock: str
-    max_map_size: int
-    subpixel_bits: int
-    pipeline_statistics: bool
-    clip_control: bool
+    file_view: View
+    loaded: LoadedScene
+    view: View
+    surface: GBuffer
+
+    def matches(self, other: View, coordinates: Coordinates) -> bool:
+        """Whether this is the given view."""
+        own = self.file_view
+        same = (own.camera, own.light, own.size) == (other.camera, other.light, other.size)
+        return same and self.loaded.matches(other.scene, coordinates)
+
+
+@dataclass(frozen=True, eq=False)
+class _BuiltCell:
+    """A technique built for a view and ready to draw; prepare_ms: its build time."""
+
+    technique: Technique
+    stage: Stage
+    frame: Frame
+    prepare_ms: float
 
 
 class Session:
@@ -64,12 +80,12 @@ class Session:
 
     def __init__(self, plugins: Sequence[Path] = ()) -> None:
         self.techniques = techniques(plugins)
-        self.device: Device = open_device()
+        self.device = open_device()
         self.clock = Clock(self.device)
         self._loaded: LoadedScene | None = None
-        self._open_view: OpenView | None = None
-        self._kept: dict[CellRequest, BuiltCell] = {}  # built for the open view, for a later draw or timing
-        self._timed: list[BuiltCell] = []
+        self._open_view: _OpenView | None = None
+        self._kept: dict[CellRequest, _BuiltCell] = {}  # built for the open view, for a later draw or timing
+        self._timed: list[_BuiltCell] = []
 
     def info(self) -> DeviceInfo:
         """Facts about the device and its clock."""
@@ -90,15 +106,10 @@ class Session:
         """Load a view's scene and draw its G-buffer, unless done already. Every call about a view does this first."""
         self._ensure_open(view, coordinates)
 
-    def surface(self, view: View, coordinates: Coordinates = "relative") -> NDArray[np.int32]:
-        """(N, N) int32 triangle ids of a view's G-buffer, row 0 at the top."""
-        open_view = self._ensure_open(view, coordinates)
-        return open_view.surface.triangles()
-
-    def shading(self, view: View, coordinates: Coordinates = "relative") -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-        """Two pictures of a view, (N, N, 3) uint8 sRGB: visibility 1 everywhere, and 0 everywhere."""
-        open_view = self._ensure_open(view, coordinates)
-        return open_view.loaded.picture_pass.extremes(open_view.surface, open_view.view)
+    def surface(self, view: View, coordinates: Coordinates = "relative") -> Surface:
+        """What masks of a view are drawn over."""
+        opened = self._ensure_open(view, coordinates)
+        return Surface(opened.surface.triangles(), *opened.loaded.picture_pass.extremes(opened.surface, opened.view))
 
     def unload(self) -> None:
         """Free the view and its scene."""
@@ -107,19 +118,15 @@ class Session:
             self._loaded.release()
             self._loaded = None
 
-    def _load(self, scene: Scene, coordinates: Coordinates) -> LoadedScene:
-        if self._loaded is None or not self._loaded.matches(scene, coordinates):
-            self.unload()
-            self._loaded = LoadedScene(self.device, scene, coordinates)
-        return self._loaded
-
-    def _ensure_open(self, view: View, coordinates: Coordinates) -> OpenView:
+    def _ensure_open(self, view: View, coordinates: Coordinates) -> _OpenView:
         if self._open_view is None or not self._open_view.matches(view, coordinates):
             self._close()
-            loaded = self._load(view.scene, coordinates)
-            drawn = loaded.to_drawing_coordinates(view)
+            if self._loaded is None or not self._loaded.matches(view.scene, coordinates):
+                self.unload()
+                self._loaded = LoadedScene(self.device, view.scene, coordinates)
+            drawn = self._loaded.to_drawing_coordinates(view)
             self.device.reset()
-            self._open_view = OpenView(view, loaded, drawn, loaded.surface_pass.draw(drawn))
+            self._open_view = _OpenView(view, self._loaded, drawn, self._loaded.surface_pass.draw(drawn))
         return self._open_view
 
     def _close(self) -> None:
@@ -133,7 +140,8 @@ class Session:
 
     def unsupported(self, view: View, request: CellRequest) -> str | None:
         """Why a cell's technique does not support a view; None if it does."""
-        reason = self._unsupported(self._ensure_open(view, request.coordinates), self._spec(request))
+        open_view = self._ensure_open(view, request.coordinates)
+        reason = self._unsupported(open_view, parse_spec(request.spec, self.techniques))
         return None if reason is None else quoted(reason)
 
     def shaders(self, view: View, request: CellRequest) -> list[ShaderText]:
@@ -164,7 +172,7 @@ class Session:
         return rendering
 
     def _draw_built(
-        self, open_view: OpenView, request: CellRequest, built: BuiltCell, with_map: bool, tinted: bool
+        self, open_view: _OpenView, request: CellRequest, built: _BuiltCell, with_map: bool, tinted: bool
     ) -> Rendering:
         technique, frame, view = built.technique, built.frame, open_view.view
         self.device.reset()
@@ -231,26 +239,20 @@ class Session:
             gc.enable()
         self.device.check("timing")
 
-    def _spec(self, request: CellRequest) -> Spec:
-        return parse_spec(request.spec, self.techniques)
-
-    def _unsupported(self, open_view: OpenView, spec: Spec) -> str | None:
+    def _unsupported(self, open_view: _OpenView, spec: Spec) -> str | None:
         size, largest = spec.map_size or 0, self.device.max_map_size
         if size > largest:
             return f"map size {size}: {self.info().renderer} allows 1 to {largest}"
         return spec.technique.declines(spec.params, open_view.view, self.device)
 
-    def _build(self, open_view: OpenView, request: CellRequest) -> BuiltCell:
+    def _build(self, open_view: _OpenView, request: CellRequest) -> _BuiltCell:
         self.device.context.finish()
         start = time.perf_counter()
-        technique, stage, frame = self._assemble(open_view, request)
-        self.device.context.finish()
-        return BuiltCell(technique, stage, frame, (time.perf_counter() - start) * 1e3)
-
-    def _assemble(self, open_view: OpenView, request: CellRequest) -> tuple[Technique, Stage, Frame]:
-        spec = self._spec(request)
+        spec = parse_spec(request.spec, self.techniques)
         reason = self._unsupported(open_view, spec)
         if reason is not None:
             raise Unsupported(reason)
         technique, stage = open_view.loaded.build(spec, open_view.view.size, request.room)
-        return technique, stage, Frame(open_view.view, Phase(request.phase), 0, open_view.surface, self.clock)
+        frame = Frame(open_view.view, Phase(request.phase), 0, open_view.surface, self.clock)
+        self.device.context.finish()
+        return _BuiltCell(technique, stage, frame, (time.perf_counter() - start) * 1e3)

@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.clock import QUERIES, WALL, Changes, PassTimes, Sample
-from shadowbench.measure.cells import Cell
 
 # Passes that are redrawn in a frame, by what has moved since the last one: see Changes.
 REDRAWN: dict[str, tuple[Changes, ...]] = {
@@ -19,7 +18,7 @@ REDRAWN: dict[str, tuple[Changes, ...]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Times:
+class Samples:
     """Timing samples of a cell, one per round, all by one clock. Frames and passes come from different rounds."""
 
     frames: list[Sample]
@@ -31,34 +30,25 @@ class Times:
         """The clocks used; more than one if the clock gave up timer queries midway."""
         return {frame.clock for frame in self.frames}.union(*(passes.clocks for passes in self.passes))
 
-    @property
-    def clock(self) -> str:
-        """The clock used: times of two have no common median."""
-        (clock,) = self.clocks
-        return clock
-
     def frames_ms(self, clock: str) -> NDArray[np.float64]:
         """(n,) milliseconds of whole frames, one per round, for a comparison with times of this clock."""
         return np.array([frame.ms if clock == QUERIES else frame.wall_ms for frame in self.frames])
 
 
-@dataclass(frozen=True, eq=False)
-class Timing:
-    """Samples of a cell, of the floor and of the reference, timed in the same group; or why the cell was not timed.
+class Times(NamedTuple):
+    """Samples of a cell, and of the floor and of the reference in the same rounds.
 
-    no_ratio: status of the reference if it has no times.
+    no_ratio: status of the reference if it has no samples.
     """
 
-    cell: Cell
-    times: Times | None = None
-    floor: Times | None = None
-    reference: str = ""
-    reference_times: Times | None = None
-    no_ratio: str | None = None
-    failed: str | None = None
+    cell: Samples
+    floor: Samples
+    reference_name: str
+    reference: Samples | None
+    no_ratio: str | None
 
 
-def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict[str, Any]:
+def time_row(times: Times | str, key: str, reference_key: str, machine: str) -> dict[str, Any]:
     """Time record under a cell's key: medians over rounds, in ms and as ratios, with their IQRs; or why it has none.
 
     reference_key: key of the reference in the same view; machine: a `machine_key`.
@@ -68,14 +58,12 @@ def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict
     `reference_ms`: median of the reference in the same group.
     `wall_ms`: only with timer queries, which miss CPU work such as fitting the light's frustum.
     """
-    times, floor, reference = timing.times, timing.floor, timing.reference_times
-    if times is None or floor is None:
-        return {"kind": "time", "key": key, "machine": machine, "status": f"failed: {timing.failed}"}
-    clock = times.clock
-    frames = times.frames_ms(clock)
+    if isinstance(times, str):
+        return {"kind": "time", "key": key, "machine": machine, "status": f"failed: {times}"}
+    cell, reference = times.cell, times.reference
+    (clock,) = cell.clocks  # times of two have no common median
+    frames, passes = cell.frames_ms(clock), _passes(cell.passes)
     frame_ms, frame_iqr = _median_iqr(frames)
-    wall_ms = float(np.median([frame.wall_ms for frame in times.frames]))
-    passes = _passes(times.passes)
     record: dict[str, Any] = {
         "kind": "time",
         "key": key,
@@ -85,28 +73,25 @@ def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict
         "n": len(frames),
         "frame_ms": frame_ms,
         "frame_iqr_ms": frame_iqr,
-        "wall_ms": wall_ms if clock == QUERIES else None,
-        "added_ms": float(np.median(frames - floor.frames_ms(clock))),
-        "reference": timing.reference,
+        "wall_ms": float(np.median(cell.frames_ms(WALL))) if clock == QUERIES else None,
+        "added_ms": float(np.median(frames - times.floor.frames_ms(clock))),
+        "reference": times.reference_name,
         "reference_ms": None,
         "ratio": None,
         "ratio_iqr": None,
         "ratio_quartiles": None,
-        "no_ratio": timing.no_ratio,
-        "prepare_ms": times.prepare_ms,
+        "no_ratio": times.no_ratio,
+        "prepare_ms": cell.prepare_ms,
         "passes": passes,
     }
-    record |= {
-        f"{moved}_ms": sum((entry["ms"] for entry in passes.values() if entry["changes"] in redrawn), 0.0)
-        if passes
-        else None
-        for moved, redrawn in REDRAWN.items()
-    }
+    for moved, redrawn in REDRAWN.items():
+        total = sum((entry["ms"] for entry in passes.values() if entry["changes"] in redrawn), 0.0)
+        record[f"{moved}_ms"] = total if passes else None
     if reference is not None:
-        common = clock if reference.clock == clock else WALL
+        common = clock if reference.clocks == {clock} else WALL
         reference_ms = reference.frames_ms(common)
         record["reference_ms"] = float(np.median(reference_ms))
-        ratios = times.frames_ms(common) / reference_ms
+        ratios = cell.frames_ms(common) / reference_ms
         record["ratio"], record["ratio_iqr"] = _median_iqr(ratios)
         record["ratio_quartiles"] = [float(end) for end in np.percentile(ratios, [25, 75])]
     return record

@@ -1,7 +1,9 @@
 """The worker: a process that owns the GL context, under a time and memory limit, and is replaced when it dies."""
 
+import io
 import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -16,12 +18,12 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import psutil
 
-from shadowbench.measure.failures import CellFailed, Limits, MemoryExceeded
-from shadowbench.measure.pipe import Pipe
+from shadowbench.measure.drawer import CellFailed, DeviceInfo, Limits, MemoryExceeded
 from shadowbench.measure.plugin_output import forward_output
+from shadowbench.scenes.model import Scene
 
 if TYPE_CHECKING:
-    from shadowbench.measure.session import DeviceInfo, Session
+    from shadowbench.measure.session import Session
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -31,6 +33,68 @@ _START_S = 60.0
 
 # Not multiprocessing, which imports the caller's main module: a notebook, or a script without a __main__ guard.
 _PROGRAM = "import sys; sys.path[:] = sys.argv[3:]; from {} import serve; serve(*sys.argv[1:3])"
+
+
+class Pipe:
+    """One end of a connection. Both ends keep the last scene, which is then referred to rather than sent again."""
+
+    class _Pickler(pickle.Pickler):
+        """Sends `stand_in(thing)` instead of a thing, unless that is None."""
+
+        stand_in: Callable[[object], Any]
+
+        def persistent_id(self, thing: object) -> Any:
+            return self.stand_in(thing)
+
+    class _Unpickler(pickle.Unpickler):
+        """Converts a stand-in back to its thing by `restore`."""
+
+        restore: Callable[[Any], object]
+
+        def persistent_load(self, sent: Any) -> object:
+            return self.restore(sent)
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self._scene: Scene | None = None
+
+    def send(self, thing: object) -> None:
+        """Pickle and send a thing. Raises BrokenPipeError or ConnectionResetError if the other end is closed."""
+        buffer = io.BytesIO()
+        arrays: list[pickle.PickleBuffer] = []  # sent as they are: copying them takes as long as sending them
+        pickler = self._Pickler(buffer, pickle.HIGHEST_PROTOCOL, buffer_callback=arrays.append)
+        pickler.stand_in = self._scene_out
+        pickler.dump(thing)
+        contents = [array.raw() for array in arrays]
+        self.connection.send_bytes(pickle.dumps(([content.nbytes for content in contents], buffer.getvalue())))
+        for content in filter(len, contents):
+            self.connection.send_bytes(content)
+
+    def receive(self) -> Any:
+        """Wait for the next thing and return it. Raises EOFError if the other end is closed."""
+        sizes, pickled = pickle.loads(self.connection.recv_bytes())
+        contents = [bytearray(size) for size in sizes]
+        for content in filter(len, contents):
+            self.connection.recv_bytes_into(content)
+        unpickler = self._Unpickler(io.BytesIO(pickled), buffers=contents)
+        unpickler.restore = self._scene_in
+        return unpickler.load()
+
+    def _scene_out(self, thing: object) -> tuple[bytes | None] | None:
+        """Stand-in for a scene: its pickled bytes, or None if the other end has it. None for any other thing."""
+        if not isinstance(thing, Scene):
+            return None
+        if thing is self._scene:
+            return (None,)
+        self._scene = thing
+        return (pickle.dumps(thing, pickle.HIGHEST_PROTOCOL),)
+
+    def _scene_in(self, sent: tuple[bytes | None]) -> Scene:
+        (scene,) = sent
+        if scene is not None:
+            self._scene = pickle.loads(scene)
+        assert self._scene is not None
+        return self._scene
 
 
 class Worker:
@@ -62,7 +126,7 @@ class Worker:
         self.stop()
 
     @property
-    def info(self) -> "DeviceInfo":
+    def info(self) -> DeviceInfo:
         """Device facts from the start of the process. Raises as `call` does."""
         if self._info is None:
             self.ready()

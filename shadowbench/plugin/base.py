@@ -3,8 +3,8 @@
 `build` gets geometry, device and parameters, but no camera or light pose. All work that depends on the camera or the
 light is done, and timed, in `draw`. A technique is one file with its parameters, `unsupported`, `build` and `draw`; its
 shaders are inline or files in the same folder. `shadowbench new-technique NAME` writes a working one to start from.
-Common parts: `resolve.ResolvePass`, the full-screen pass; `maps.FittedView`, the light's view; `maps.CasterMap`, the
-map that the casters are rendered into.
+Common parts, in `shadowbench.maps`: `resolve.ResolvePass`, the full-screen pass; `fits.FittedView`, the light's view;
+`caster_map.CasterMap`, the map that the casters are rendered into.
 
 `stage.program(…, params=self.params)` passes a parameter `key` to the shader by its type:
 
@@ -15,9 +15,9 @@ map that the casters are rendered into.
 
 and `uniform float metre` is one metre in local lengths. `receiver.glsl` reads a pixel's position, normal, N·L and the
 direction to the light from the G-buffer; `map.glsl` computes its point in a shadow map, the depth along the light's
-axis among it, from the uniforms of `maps.map_uniforms`, and uses two defines: SIZE, from the parameter of that name,
-and LAYERS, the number of maps in an array (default 1). `shadow_map.glsl` is the whole lookup, `lit(bias(receiver))`, of
-the parts that `maps.map_includes` chooses.
+axis among it, from the uniforms of `caster_map.map_uniforms`, and uses two defines: SIZE, from the parameter of that
+name, and LAYERS, the number of maps in an array (default 1). `shadow_map.glsl` is the whole lookup,
+`lit(bias(receiver))`, of the parts that `caster_map.FilteredMap` chooses.
 
 A plug-in may also define a filter or a bias, which every technique with such a parameter then has: a subclass of
 `filters.Filter` or `biases.Bias`, whose `shader` is the text of the functions that `filter.glsl` or `bias.glsl` lists,

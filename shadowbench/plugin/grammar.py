@@ -5,24 +5,22 @@ value = one {"+" one}        one = number | word ["(" argument {"," argument} ")
 """
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 from shadowbench.errors import InputError
 
+Items = tuple[tuple[str | None, Any], ...]
+"""(key, value) pairs; the key of a positional argument is None."""
 WORD = r"[A-Za-z0-9][\w-]*"
+LONGEST = 1000
+"""Largest number of characters of a spec."""
+DEEPEST = 8
+"""Largest depth of nested calls."""
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w-]))"
     rf"|(?P<word>{WORD})|(?P<mark>[=(),:+]))"
 )
-
-LONGEST = 1000
-"""Largest number of characters of a spec."""
-
-DEEPEST = 8
-"""Largest depth of nested calls."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,7 @@ class Call:
     """A word with parameters, `slope(max=0.05)`, or a sum, with the name `+` and both operands as arguments."""
 
     name: str
-    arguments: tuple[tuple[str | None, Any], ...]
+    arguments: Items = ()
 
     def keywords(self, order: list[str]) -> dict[str, Any]:
         """The arguments by name, positional ones in `order`. Raises ValueError for too many or repeated ones."""
@@ -44,6 +42,9 @@ class Call:
             named[name] = value
         return named
 
+    def __str__(self) -> str:
+        return f"{self.name}(…)" if self.arguments else self.name
+
 
 class Reader:
     """Parser of one spec."""
@@ -51,14 +52,11 @@ class Reader:
     def __init__(self, text: str) -> None:
         if len(text) > LONGEST:
             raise InputError(f"spec {text!r:.60}…: {len(text)} characters; allowed are at most {LONGEST}")
-        self.text = text
-        self.at = 0
-        self.depth = 0
+        self.text, self.at = text, 0
 
     def fail(self, wanted: str) -> InputError:
         found = self.text[self.at :].strip()
-        return InputError(f"spec {self.text!r}: expected {wanted}, found {found[:20]!r}" if found else
-                          f"spec {self.text!r}: expected {wanted}, found its end")  # fmt: skip
+        return InputError(f"spec {self.text!r}: expected {wanted}, found {repr(found[:20]) if found else 'its end'}")
 
     def token(self, kind: str, text: str | None = None) -> str | None:
         """Consume and return the next token if it is of this kind (and text); None otherwise."""
@@ -72,38 +70,29 @@ class Reader:
         if self.text[self.at :].strip():
             raise self.fail("a comma or the end")
 
-    def value(self) -> Any:
-        first = self.operand()
-        if not self.token("mark", "+"):
-            return first
-        with self.nested("+"):
-            return Call("+", ((None, first), (None, self.value())))
+    def value(self, depth: int = 0) -> Any:
+        """A number, a word, or a Call. depth: number of calls around it."""
+        if depth > DEEPEST:
+            raise InputError(f"spec {self.text!r}: nested deeper than {DEEPEST} calls")
+        first = self._operand(depth)
+        return Call("+", ((None, first), (None, self.value(depth + 1)))) if self.token("mark", "+") else first
 
-    @contextmanager
-    def nested(self, word: str) -> Iterator[None]:
-        """Enter a nested call. Raises InputError beyond `DEEPEST`."""
-        self.depth += 1
-        if self.depth > DEEPEST:
-            raise InputError(f"spec {self.text!r}: {word} is nested deeper than {DEEPEST} calls")
-        yield
-        self.depth -= 1
-
-    def operand(self) -> Any:
+    def _operand(self, depth: int) -> Any:
         number = self.token("number")
         if number is not None:
             return int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
         word = self.token("word")
         if word is None:
             raise self.fail("a number or a word")
-        if self.token("mark", "("):
-            with self.nested(word):
-                arguments = self.items(named=False)
-            if not self.token("mark", ")"):
-                raise self.fail("')'")
-            return Call(word, arguments)
-        return {"true": True, "false": False}.get(word, word)
+        if not self.token("mark", "("):
+            return {"true": True, "false": False}.get(word, word)
+        arguments = self.items(named=False, depth=depth + 1)
+        if not self.token("mark", ")"):
+            raise self.fail("')'")
+        return Call(word, arguments)
 
-    def items(self, named: bool) -> tuple[tuple[str | None, Any], ...]:
+    def items(self, named: bool = True, depth: int = 0) -> Items:
+        """Items separated by commas; named: whether each must have a key."""
         items: list[tuple[str | None, Any]] = []
         while True:
             start = self.at
@@ -112,7 +101,7 @@ class Reader:
                 if named:
                     raise self.fail("key=value")
                 self.at, key = start, None
-            items.append((key, self.value()))
+            items.append((key, self.value(depth)))
             if not self.token("mark", ","):
                 return tuple(items)
 
@@ -121,7 +110,7 @@ def parameters_of(spec: str) -> tuple[str, dict[str, Any]]:
     """A spec's technique and the parameters that it names: numbers, words and Calls."""
     reader = Reader(spec)
     technique = reader.token("word") or ""
-    items = reader.items(named=True) if reader.token("mark", ":") else ()
+    items = reader.items() if reader.token("mark", ":") else ()
     return technique, {str(key): value for key, value in items}
 
 

@@ -1,15 +1,14 @@
 """Parameters of techniques. One pydantic field defines the spec key, shader define or uniform, help, docs and column.
 
 A `Component` is a bias, filter, fit or split, with parameters of its own. Defining a subclass with a `name` adds it to
-its family's table, and so to the allowed values of every technique parameter of that family.
+its family's table, and so to the allowed values of every technique parameter of that family, `bias: Bias = param(…)`.
 """
 
 import inspect
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
 from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError, alternatives
@@ -31,9 +30,8 @@ def allowed(info: FieldInfo) -> str:
     """The allowed values of a parameter as text: `d16, d24, d32f` or `≥ 0, metres`; empty for a component."""
     if isinstance(info.json_schema_extra, dict) and info.json_schema_extra.get("values"):
         return str(info.json_schema_extra["values"])
-    choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
-    if choices:
-        return ", ".join(str(choice) for choice in choices)
+    if get_origin(info.annotation) is Literal:
+        return ", ".join(map(str, get_args(info.annotation)))
     if info.annotation is bool:
         return "true, false"
     signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
@@ -61,7 +59,6 @@ class Component(Strict):
     name: ClassVar[str]
     shader: ClassVar[str] = ""  # file that fills the include slot of the parameter, or its text of several lines
     table: ClassVar[dict[str, type[Self]]]
-    of_number: ClassVar[str] = ""  # of a family, the member that a number alone suggests
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -81,6 +78,11 @@ class Component(Strict):
         return next(base for base in cls.__mro__ if Component in base.__bases__)
 
     @classmethod
+    def missing(cls) -> list[str]:
+        """What a subclass still has to define."""
+        return sorted(cls.__abstractmethods__)
+
+    @classmethod
     def plugin_files(cls) -> list[Path]:
         """The files outside this package that define the class or its bases; its shader may lie beside them."""
         files = [Path(inspect.getfile(base)) for base in cls.__mro__ if issubclass(base, Component)]
@@ -93,27 +95,24 @@ class Component(Strict):
             return value
         if isinstance(value, str):
             value = parse_value(value)
-        call = value if isinstance(value, Call) else Call(f"{value!s:.60}", ())
-        if call.name == "+" and "+" not in cls.table:
-            family = cls.__name__.lower()
+        call, family = value if isinstance(value, Call) else Call(f"{value!s:.60}"), cls.__name__.lower()
+        if call.name == "+":
             raise ValueError(f"{family}s cannot be added, only biases can; allowed: one of {', '.join(cls.table)}")
         if call.name not in cls.table:
-            hint = cls._hint_of_number(value)
-            raise ValueError(f"unknown {cls.__name__.lower()} {call.name!r}{alternatives(call.name, cls.table)}{hint}")
+            raise ValueError(f"unknown {family} {call.name!r}{alternatives(call.name, cls.table)}")
         component = cls.table[call.name]
         return component(**call.keywords(list(component.model_fields)))
 
+    @model_validator(mode="wrap")
     @classmethod
-    def _hint_of_number(cls, value: object) -> str:
-        """How a number alone is written, if it can be; empty otherwise."""
-        if not cls.of_number or isinstance(value, bool) or not isinstance(value, int | float):
-            return ""
-        component = cls.table[cls.of_number]
-        try:
-            component(**{next(iter(component.model_fields)): value})
-        except ValidationError:  # out of its range
-            return ""
-        return f"; a number alone is written {cls.of_number}({value})"
+    def _of_spec(cls, value: Any, validate: ModelWrapValidatorHandler[Self]) -> Self:
+        """Validates the fields of a component, or reads one that a spec names."""
+        return validate(value) if isinstance(value, dict | Component) else cls.from_value(value)
+
+    def written(self, full: bool = False) -> str:
+        """The component in spec syntax; full: with parameters at their defaults."""
+        items = format_items(self, full)
+        return f"{self.name}({items})" if items else self.name
 
 
 def components_of(params: TechniqueParams | Component | None) -> list[Component]:
@@ -123,6 +122,20 @@ def components_of(params: TechniqueParams | Component | None) -> list[Component]
     return [each for one in components for each in (one, *components_of(one))]
 
 
-def one_of(family: type[Component]) -> Callable[[Any], Any]:
-    """The validator of a field whose value is a component of a family: `bias: Annotated[Bias, one_of(Bias)]`."""
-    return BeforeValidator(family.from_value)  # type: ignore[return-value]  # pydantic calls it a validator, not a callable
+def format_value(value: Any, full: bool = False) -> str:
+    """A parameter's value in spec syntax; `full` includes the parameters of components that are at their defaults."""
+    if hasattr(value, "written"):  # a component or a spec
+        return str(value.written(full))
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def format_items(params: TechniqueParams | Component, full: bool = False, skip: str = "") -> str:
+    """Parameters in spec syntax, `size=512,wrap=edge`: all if `full`, else those that are not at their defaults."""
+    values = {key: getattr(params, key) for key in type(params).model_fields if key != skip}
+    return ",".join(
+        f"{key}={format_value(value, full)}"
+        for key, value in values.items()
+        if full or value != type(params).model_fields[key].default
+    )

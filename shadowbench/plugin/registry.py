@@ -11,7 +11,6 @@ import logging
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -20,11 +19,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 from shadowbench.errors import InputError, message, quoted
-from shadowbench.maps.biases import Bias
-from shadowbench.maps.filters import Filter
-from shadowbench.maps.fits import Fit
-from shadowbench.maps.splits import Split
-from shadowbench.plugin.base import Entry, Technique
+from shadowbench.plugin.base import Technique
 from shadowbench.plugin.grammar import WORD
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.spec import forget_parsed, parse_spec
@@ -33,7 +28,6 @@ from shadowbench.scores.metric import Metric
 from shadowbench.scores.metrics import METRICS, plug_in
 
 GROUP = "shadowbench.techniques"
-FAMILIES: tuple[type[Component], ...] = (Bias, Filter, Fit, Split)
 Plugged = type[Technique] | type[Component]
 _KINDS = "Technique, Bias, Filter, Fit or Split"
 _SCORED = "Metric(name, function(comparison) -> float | None, better, kind, help)"
@@ -43,10 +37,9 @@ log = logging.getLogger(__name__)
 
 @cache
 def own_techniques() -> tuple[type[Technique], ...]:
-    """The techniques of this package's modules, in the order of the module names."""
+    """The techniques of this package's modules, in the order of the module names; imports all components too."""
     rooms = [import_module(f"shadowbench.{room}") for room in ("maps", "techniques")]
-    names = [f"{room.__name__}.{one.name}" for room in rooms for one in iter_modules(room.__path__)]
-    modules = [import_module(name) for name in names]
+    modules = [import_module(f"{room.__name__}.{one.name}") for room in rooms for one in iter_modules(room.__path__)]
     found = [one for module in modules for one in _defined_in(module)]
     return tuple(one for one in found if issubclass(one, Technique) and _named(one))
 
@@ -65,23 +58,23 @@ def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
     Raises InputError for a plug-in that cannot be loaded or whose name is taken.
     """
     forget_components()
-    found: dict[str, type[Technique]] = {}
+    own = own_techniques()
     loaded = [_from_file(file) for file in dict.fromkeys(Path(plugin).resolve() for plugin in plugins)]
     try:
         plug_in([metric for _, metrics in loaded for metric in metrics])
     except ValueError as error:
         raise InputError(f"--plugin: {error}") from None
-    for technique in [*own_techniques(), *_installed(), *(one for own, _ in loaded for one in own)]:
-        if technique.name in found and found[technique.name] is not technique:
+    found: dict[str, type[Technique]] = {}
+    for technique in [*own, *_installed(), *(one for plugged, _ in loaded for one in plugged)]:
+        if found.setdefault(technique.name, technique) is not technique:
             places = " and ".join(str(source_file(one)) for one in (found[technique.name], technique))
             raise InputError(f"two techniques are called {technique.name!r}: {places}")
-        found[technique.name] = technique
     return found
 
 
 def forget_components() -> None:
     """Forget the components of files that were loaded before."""
-    for family in FAMILIES:
+    for family in Component.__subclasses__():
         for one in [one for one in family.table.values() if one.__module__.startswith(_MODULE)]:
             del family.table[one.name]
     forget_parsed()
@@ -92,7 +85,7 @@ def shader_folder(technique: type[Technique]) -> Path | None:
     return None if technique in own_techniques() else source_file(technique).parent
 
 
-def source_file(technique: type[Technique] | type[Component]) -> Path:
+def source_file(technique: Plugged) -> Path:
     """The file that defines a technique or a component."""
     return Path(inspect.getfile(technique))
 
@@ -101,8 +94,7 @@ def _installed() -> list[type[Technique]]:
     """Techniques of other packages. One that cannot be loaded is skipped with a warning; the others still run."""
     loaded: list[Plugged] = []
     for point in entry_points(group=GROUP):
-        package = point.dist.name if point.dist else "a package"
-        where = f"entry point {point.name!r} of {package}"
+        where = f"entry point {point.name!r} of {point.dist.name if point.dist else 'a package'}"
         try:
             loaded.append(_checked(point.load(), where))
         except InputError as error:
@@ -113,13 +105,29 @@ def _installed() -> list[type[Technique]]:
 
 
 def _from_file(file: Path) -> tuple[list[type[Technique]], list[Metric]]:
+    where = f"--plugin {file}"
+    module = _executed(file, where)
+    own = _defined_in(module)
+    built_in = set(map(id, METRICS.values()))
+    metrics = [one for one in vars(module).values() if isinstance(one, Metric) and id(one) not in built_in]
+    if not own and not metrics:
+        raise InputError(f"{where}: defines no subclass of {_KINDS}, and no {_SCORED}")
+    for metric in metrics:
+        _check_name(metric.name, where)
+    bases = {base for one in own for base in one.__mro__[1:]}
+    checked = [_checked(one, where) for one in own if one not in bases or _named(one)]
+    return [one for one in checked if issubclass(one, Technique)], metrics
+
+
+def _executed(file: Path, where: str) -> ModuleType:
+    """The module of a plug-in's file."""
     if not file.is_file():
-        raise InputError(f"--plugin {file}: no such file")
+        raise InputError(f"{where}: no such file")
     # The hash keeps files of the same name in different folders apart.
     name = f"{_MODULE}{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None:
-        raise InputError(f"--plugin {file}: not a Python file (.py)")
+        raise InputError(f"{where}: not a Python file (.py)")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # pydantic and inspect look up the file's classes there
     try:
@@ -127,25 +135,13 @@ def _from_file(file: Path) -> tuple[list[type[Technique]], list[Metric]]:
     except InputError:  # a component's name is taken
         raise
     except (Exception, SystemExit) as error:  # executing a foreign file may raise anything
-        raise InputError(f"--plugin {file}: {_summary(error)}") from error
-    own = _defined_in(module)
-    built_in = set(map(id, METRICS.values()))
-    metrics = [one for one in vars(module).values() if isinstance(one, Metric) and id(one) not in built_in]
-    if not own and not metrics:
-        raise InputError(f"--plugin {file}: defines no subclass of {_KINDS}, and no {_SCORED}")
-    for metric in metrics:
-        _check_name(metric.name, f"--plugin {file}")
-    bases = {base for one in own for base in one.__mro__[1:]}
-    checked = [_checked(one, f"--plugin {file}") for one in own if one not in bases or _named(one)]
-    return [one for one in checked if issubclass(one, Technique)], metrics
+        raise InputError(f"{where}: {_summary(error)}") from error
+    return module
 
 
 def _defined_in(module: ModuleType) -> list[Plugged]:
-    return [
-        thing
-        for thing in vars(module).values()
-        if inspect.isclass(thing) and issubclass(thing, Technique | Component) and thing.__module__ == module.__name__
-    ]
+    classes = [one for one in vars(module).values() if inspect.isclass(one) and one.__module__ == module.__name__]
+    return [one for one in classes if issubclass(one, Technique | Component)]
 
 
 def _checked(one: object, where: str) -> Plugged:
@@ -154,15 +150,9 @@ def _checked(one: object, where: str) -> Plugged:
     if not _named(one):
         raise InputError(f"{where}: {one.__name__} has no name")
     _check_name(one.name, where)
-    missing = [_signature(one, name) for name in sorted(one.__abstractmethods__)]
-    missing += ["shader, a file or text with the functions of filter.glsl"] * (
-        issubclass(one, Filter) and not one.shader
-    )
+    missing = one.missing() if issubclass(one, Component) else sorted(one.__abstractmethods__)
     if missing:
-        raise InputError(f"{where}: {one.__name__} lacks {'; '.join(missing)}")
-    moved = {field.name for field in fields(Entry)} & vars(one).keys()
-    if issubclass(one, Technique) and moved:
-        raise InputError(f"{where}: {one.__name__} has {min(moved)}; allowed: catalogue = Entry({min(moved)}=…)")
+        raise InputError(f"{where}: {one.__name__} lacks {', '.join(missing)}")
     return one
 
 
@@ -170,14 +160,6 @@ def _check_name(name: str, where: str) -> None:
     if not re.fullmatch(WORD, name) or len(name) > LONGEST_NAME:
         allowed = f"letters, digits, _ and -, at most {LONGEST_NAME} of them"
         raise InputError(f"{where}: the name {name!r:.90} is not a valid name; allowed: {allowed}")
-
-
-def _signature(one: Plugged, name: str) -> str:
-    """A method, or a property, as a subclass has to define it."""
-    found = inspect.getattr_static(one, name)
-    getter = found.fget if isinstance(found, property) else None
-    signature = re.sub(r"\b\w+\.(?=\w)", "", str(inspect.signature(getter or found)))
-    return f"the property {name}{signature[6:]}" if getter else f"{name}{signature}"
 
 
 def _named(one: Plugged) -> bool:

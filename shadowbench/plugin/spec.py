@@ -13,26 +13,14 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.maps.biases import Sum
-from shadowbench.plugin.grammar import Call, Reader
-from shadowbench.plugin.params import Component, TechniqueParams, components_of
+from shadowbench.plugin.grammar import Items, Reader, parameters_of
+from shadowbench.plugin.params import Component, TechniqueParams, components_of, format_items
+from shadowbench.plugin.params import format_value as format_value
 from shadowbench.strict import explain
 
 if TYPE_CHECKING:
     from shadowbench.plugin.base import Technique
 
-
-_WRITTEN = {
-    **dict.fromkeys(("csm", "pssm", "cascade", "cascaded-shadow-maps"), "cascades"),
-    **dict.fromkeys(("sm", "pcf-shadow-map", "shadow-mapping", "depth-map"), "shadow-map"),
-    "sdsm": "shadow-map:fit=visible",
-    **dict.fromkeys(("rt", "rtx", "dxr", "raytracing", "ray-tracing", "ray-query", "embree"), "ray-traced"),
-    **dict.fromkeys(("sv", "stencil", "stencil-shadows", "stencil-volume", "z-fail", "z-pass"), "shadow-volume"),
-    **dict.fromkeys(("omni", "omnidirectional", "cube", "point-shadow-map"), "cube-map"),
-    **dict.fromkeys(("planar", "projected", "projected-shadows"), "planar-projection"),
-    **dict.fromkeys(("none", "off", "no-shadows"), "unshadowed"),
-}
-"""Other names of techniques in the field, and what a spec calls them."""
 
 _RETIRED = {("shadow-volume", "build"): ("geometry", "cpu")}
 """Parameters that specs once had, and values that made no difference to masks: read, and left out."""
@@ -50,20 +38,25 @@ class Spec:
     @cached_property
     def text(self) -> str:
         """The spec as text, without parameters at their defaults."""
-        return self._with_items(_format_items(self.params))
+        return self._with_items(format_items(self.params))
 
     @cached_property
     def full_text(self) -> str:
         """The spec as text with all parameters."""
-        return self._with_items(_format_items(self.params, full=True))
+        return self._with_items(format_items(self.params, full=True))
 
     @cached_property
     def sizeless_text(self) -> str:
         """`text` without the map size, which has a column of its own in rows and tables."""
-        return self._with_items(_format_items(self.params, skip="size"))
+        return self._with_items(format_items(self.params, skip="size"))
 
     def _with_items(self, items: str) -> str:
         return f"{self.technique.name}:{items}" if items else self.technique.name
+
+    def written(self, full: bool = False) -> str:
+        """The spec as a value in another: `cube-map(size=512)`."""
+        name, _, items = (self.full_text if full else self.text).partition(":")
+        return f"{name}({items})" if items else name
 
     @property
     def techniques(self) -> "tuple[type[Technique], ...]":
@@ -102,10 +95,6 @@ def has_size(technique: "type[Technique]") -> bool:
     return "size" in technique.Params.model_fields
 
 
-def _excerpt(value: object) -> str:
-    return f"{value.name}(…)" if isinstance(value, Call) else f"{value!s:.60}"
-
-
 def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     """Parse a spec; results are cached. Raises InputError that lists the allowed values."""
     reader = Reader(text)
@@ -113,20 +102,10 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     if name is None:
         raise reader.fail("a technique's name")
     if name not in techniques:
-        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}{_called(name)}")
+        families = [family.__name__.lower() for family in Component.__subclasses__() if name in family.table]
+        hint = f"; {name} is a {families[0]}: {families[0]}={name}" if families else ""
+        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}{hint}")
     return _parsed(text, techniques[name])
-
-
-def _called(name: str) -> str:
-    """A hint on what a spec calls a technique, or where it has a bias, filter, fit or split; empty for another name."""
-    usual = name.casefold().replace("_", "-")
-    if usual in _WRITTEN:
-        return f"; {name} is written {_WRITTEN[usual]}"
-    for family in Component.__subclasses__():
-        if name in family.table:
-            what = family.__name__.lower()
-            return f"; {name} is a {what}: {'cascades' if what == 'split' else 'shadow-map'}:{what}={name}"
-    return ""
 
 
 def forget_parsed() -> None:
@@ -138,30 +117,25 @@ def forget_parsed() -> None:
 def _parsed(text: str, technique: "type[Technique]") -> Spec:
     reader = Reader(text)
     reader.token("word")
-    items = reader.items(named=True) if reader.token("mark", ":") else ()
+    items = reader.items() if reader.token("mark", ":") else ()
     reader.end()
     return spec_of(technique, items, text)
 
 
-def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], ...], where: str) -> Spec:
+def spec_of(technique: "type[Technique]", items: Items, where: str) -> Spec:
     """The spec of (key, value) items, with presets expanded. Raises InputError that quotes `where`."""
     values: dict[str, Any] = {}
-    written: set[str] = set()
-    for key, value in items:
-        assert key is not None
-        if key in written:
+    named = [(str(key), value) for key, value in items]
+    for index, (key, value) in enumerate(named):
+        if key in dict(named[:index]):
             raise InputError(f"spec {where!r}: {key} is given twice")
-        written.add(key)
-        if value in _RETIRED.get((technique.name, key), ()):
-            continue
         if key == "preset":
             if value not in technique.presets:
-                found = _excerpt(value)
+                found = f"{value!s:.60}"
                 known = alternatives(found, technique.presets, f"presets of {technique.name}")
                 raise InputError(f"spec {where!r}: unknown preset {found!r}{known}")
-            reader = Reader(technique.presets[value])
-            values.update({str(k): v for k, v in reader.items(named=True)})
-        else:
+            values |= parameters_of(f"{technique.name}:{technique.presets[value]}")[1]
+        elif value not in _RETIRED.get((technique.name, key), ()):
             values[key] = value
     return Spec(technique, _validated(technique, values, f"spec {where!r}"), frozenset(values))
 
@@ -176,27 +150,3 @@ def _validated(technique: "type[Technique]", values: dict[str, Any], where: str)
         return technique.Params(**values)
     except ValidationError as error:
         raise explain(where, error) from None
-
-
-def format_value(value: Any, full: bool = False) -> str:
-    """A parameter's value in spec syntax; `full` includes the parameters of components that are at their defaults."""
-    if isinstance(value, Sum):
-        return "+".join(format_value(term, full) for term in value.terms)
-    if isinstance(value, Spec):
-        name, _, items = (value.full_text if full else value.text).partition(":")
-        return f"{name}({items})" if items else name
-    if isinstance(value, Component):
-        inner = _format_items(value, full)
-        return f"{value.name}({inner})" if inner else value.name
-    if isinstance(value, bool):
-        return str(value).lower()
-    return repr(value) if isinstance(value, float) else str(value)
-
-
-def _format_items(params: TechniqueParams | Component, full: bool = False, skip: str | None = None) -> str:
-    values = {key: getattr(params, key) for key in type(params).model_fields if key != skip}
-    return ",".join(
-        f"{key}={format_value(value, full)}"
-        for key, value in values.items()
-        if full or value != type(params).model_fields[key].default
-    )

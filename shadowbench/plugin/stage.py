@@ -1,12 +1,14 @@
 """The stage: the scene and device that a technique builds its GL resources from. It owns and releases them."""
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic.fields import FieldInfo
 
 from shadowbench.errors import Unsupported
 from shadowbench.files import data_folder
@@ -32,6 +34,7 @@ from shadowbench.gl.targets import (
 from shadowbench.plugin.params import Component, TechniqueParams, components_of, in_metres
 from shadowbench.scenes.model import Placement, Scene
 
+Resource = TypeVar("Resource", bound=Releasable)
 _COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4, "nu2": 2}
 
 
@@ -89,7 +92,7 @@ class Stage:
         `metre`, the length of one metre in local coordinates; `subpixel`, a step of the rasteriser's grid in pixels.
         defines: further #defines, besides LAYERS 1; includes: further files, by name (`projection`: perspective).
         """
-        names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
+        names, slots, uniforms = _shader_values(params, self.placement)
         plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
         roots = [*self._roots[:-1], *plugins, self._roots[-1]]
         names = {"LAYERS": "1"} | names | {name: str(value) for name, value in defines.items()}
@@ -109,32 +112,23 @@ class Stage:
 
     def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:
         """A colour texture, by default of the image's size."""
-        size = size or self.size
-        needed = self._reserved(size[0] * size[1] * components * _COMPONENT_BYTES[dtype])
-        texture = self.device.context.texture(size, components, dtype=dtype)
-        self._own(texture, needed)
-        return texture
+        width, height = size or self.size
+        create = self.device.context.texture
+        needed = width * height * components * _COMPONENT_BYTES[dtype]
+        return self._allocated(needed, lambda: create((width, height), components, dtype=dtype))
 
     def map_texture(self, size: tuple[int, int], kind: Kind, layers: int, components: int, dtype: str) -> Color:
         """A colour texture of a kind of map: one, an array of `layers`, or the six faces of a cube."""
         context = self.device.context
         if kind == "2d":
             return self.texture(size, components, dtype)
-        layers = FACES if kind == "cube" else layers
-        needed = self._reserved(layers * size[0] * size[1] * components * _COMPONENT_BYTES[dtype])
-        texture: Color = (
-            context.texture_cube(size, components, dtype=dtype)
-            if kind == "cube"
-            else context.texture_array((*size, layers), components, dtype=dtype)
-        )
-        self._own(texture, needed)
-        return texture
+        texels = size[0] * size[1] * components * _COMPONENT_BYTES[dtype]
+        if kind == "cube":
+            return self._allocated(FACES * texels, lambda: context.texture_cube(size, components, dtype=dtype))
+        return self._allocated(layers * texels, lambda: context.texture_array((*size, layers), components, dtype=dtype))
 
     def target(
-        self,
-        *textures: Color,
-        depth: moderngl.Texture | DepthTexture | None = None,
-        layer: int | None = None,
+        self, *textures: Color, depth: moderngl.Texture | DepthTexture | None = None, layer: int | None = None
     ) -> moderngl.Framebuffer:
         """A framebuffer with colour textures and optionally a depth texture, such as that of a `depth_target`.
 
@@ -151,23 +145,20 @@ class Stage:
 
     def depth_target(self, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> DepthTarget:
         """A square depth map to draw into and read: one, an array of `layers`, or the six faces of a cube."""
-        self._reserved(map_bytes(size, depth, kind, layers))
-        target = depth_target(self.device, size, depth, kind, layers)
-        self._own(target, target.bytes)
-        return target
+        needed = map_bytes(size, depth, kind, layers)
+        return self._allocated(needed, lambda: depth_target(self.device, size, depth, kind, layers))
 
     def stencil_target(self, *textures: moderngl.Texture) -> StencilTarget:
         """A framebuffer of the image's size with colour textures and a depth-stencil buffer."""
         target = stencil_target(self.device, self.size, *textures)
-        self._own(target, target.bytes)
+        self._resources.append(target)
+        self.bytes += target.bytes
         return target
 
     def buffer(self, values: NDArray[np.generic]) -> moderngl.Buffer:
         """A buffer with these values."""
-        needed = self._reserved(values.nbytes)
-        buffer = self.device.context.buffer(np.ascontiguousarray(values).tobytes())
-        self._own(buffer, needed)
-        return buffer
+        create = self.device.context.buffer
+        return self._allocated(values.nbytes, lambda: create(np.ascontiguousarray(values).tobytes()))
 
     def casters(self, program: Program) -> Drawable:
         """The scene's caster triangles, with `in vec3 position`."""
@@ -227,17 +218,16 @@ class Stage:
         self._resources.append(drawable.vertices)
         return drawable
 
-    def _reserved(self, size: int) -> int:
-        """The size, unless there is no room for it."""
+    def _allocated(self, size: int, create: Callable[[], Resource]) -> Resource:
+        """A resource of `size` bytes, which the stage owns. Raises Unsupported if there is no room for it."""
         if self.bytes + size > self.room:
             raise Unsupported(
                 f"takes {(self.bytes + size) / 2**30:.2g} GiB or more; a cell may take {self.room / 2**30:.3g} GiB"
             )
-        return size
-
-    def _own(self, resource: Releasable, size: int) -> None:
+        resource = create()
         self._resources.append(resource)
         self.bytes += size
+        return resource
 
     def release(self) -> None:
         """Release all resources of the stage."""
@@ -247,21 +237,15 @@ class Stage:
 
 
 def _shader_values(
-    params: TechniqueParams | Component, placement: Placement, prefix: str = ""
+    params: TechniqueParams | None, placement: Placement
 ) -> tuple[dict[str, str], dict[str, str], dict[str, float]]:
     """(defines, include slots, uniforms) of parameters, including those of components."""
     defines: dict[str, str] = {}
     slots: dict[str, str] = {}
     uniforms: dict[str, float] = {}
-    for key, field in type(params).model_fields.items():
-        value, name = getattr(params, key), prefix + key.replace("-", "_")
+    for name, field, value in _values(params) if params else ():
         if isinstance(value, Component):
-            inner_defines, inner_slots, inner_uniforms = _shader_values(value, placement, f"{name}_")
-            defines |= inner_defines
-            slots |= inner_slots
-            uniforms |= inner_uniforms
-            if value.shader:
-                slots[name] = value.shader
+            slots |= {name: value.shader} if value.shader else {}
         elif isinstance(value, bool | int):
             defines[name.upper()] = str(int(value))
         elif isinstance(value, float):
@@ -270,3 +254,12 @@ def _shader_values(
             defines[f"{name}_{value}".upper().replace("-", "_")] = "1"
             slots[name] = str(value)
     return defines, slots, uniforms
+
+
+def _values(params: TechniqueParams | Component, prefix: str = "") -> Iterator[tuple[str, FieldInfo, Any]]:
+    """Name, field and value of parameters, and of those of components: `bias`, `bias_max`."""
+    for key, field in type(params).model_fields.items():
+        value = getattr(params, key)
+        yield prefix + key, field, value
+        if isinstance(value, Component):
+            yield from _values(value, f"{prefix}{key}_")

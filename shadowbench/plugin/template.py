@@ -18,9 +18,10 @@ _TEXT = Template('''\
 A shadow map to start from. shadowbench.plugin.base documents the class and the inputs of its shaders.
 """
 
-from shadowbench.maps import passes as maps
-from shadowbench.plugin.base import Technique, param
+from shadowbench.maps.caster_map import CasterMap, MapLayout, map_uniforms
+from shadowbench.maps.fits import FittedParams, FittedView
 from shadowbench.maps.resolve import ResolvePass
+from shadowbench.plugin.base import Technique, param
 
 RESOLVE = """
 #include "map.glsl"
@@ -48,7 +49,7 @@ class $class_name(Technique):
     lights = frozenset({"directional", "spot"})  # supported kinds; the third is "point"
     phased = True  # it has a texel grid, which studies shift by fractions of a texel
 
-    class Params(maps.FittedParams):  # has fit and size
+    class Params(FittedParams):  # has fit and size
         """Parameters of $name."""
 
         bias: float = param(0.02, "offset of the receiver towards the light", ge=0, metres=True)
@@ -56,9 +57,9 @@ class $class_name(Technique):
 
     def build(self, stage):
         """Create programs, textures and targets, independent of camera and light."""
-        self.fitted = maps.FittedView(stage, self.params.fit, self.params.size, filter_radius=0.5)
+        self.fitted = FittedView(stage, self.params.fit, self.params.size, filter_radius=0.5)
         program = stage.program("casters.vert", "depth.frag")
-        self.map = maps.CasterMap(stage, program, self.params.size, clamp=self.params.fit.clamps)
+        self.map = CasterMap(stage, program, MapLayout(self.params.size, clamp=self.params.fit.clamps))
         self.resolve = ResolvePass(stage, RESOLVE, self.params)
 
     def draw(self, frame):
@@ -67,7 +68,7 @@ class $class_name(Technique):
             self.light_view = self.fitted(frame)
             self.map.draw(frame, [self.light_view])
         with frame.timed("resolve", changes="view"):
-            return self.resolve(frame, maps.map_textures(self.map.texture), **maps.map_uniforms([self.light_view]))
+            return self.resolve(frame, self.map.textures, **map_uniforms([self.light_view]))
 ''')
 
 

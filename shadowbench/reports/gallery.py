@@ -1,4 +1,4 @@
-"""Pictures of cells for the HTML page, compressed and encoded as data URIs, in the page or in files beside it.
+"""Pictures of cells for the HTML page, compressed and encoded as data URIs.
 
 Only a mask is stored per cell. The page's script shades it, from images of the view without shadow and in full shadow,
 and computes its difference from the truth.
@@ -8,9 +8,8 @@ import base64
 import io
 import os
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,185 +19,85 @@ from PIL import Image
 
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record
-from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.stability import Stability
-from shadowbench.reports.words import digits, fault_lines, median_text, value_of
-from shadowbench.results.configurations import Section
+from shadowbench.reports.words import digits, fault_lines, median_text
+from shadowbench.results.configurations import Configuration, Section
 from shadowbench.results.folder import Folder
 from shadowbench.results.ranges import value_text
 from shadowbench.scores.difference import difference_over, weight
 from shadowbench.scores.masks import read_mask
-from shadowbench.scores.metrics import METRICS, is_soft, ranking
+from shadowbench.scores.metrics import METRICS, is_soft
 
 MAX_PIXELS = 160 * 1024 * 1024  # of all masks in a report, 28 MB if they are noise; larger masks are scaled down
 _MIN_SIZE = 128  # pixels along a side
-SHOWN_FAULTS = 2  # below a small picture
+_SHOWN_FAULTS = 2  # below a small picture
 _STEPS = 16  # quantisation of a difference's colour, for compression
 
+Picture = tuple[Record, dict[str, Any]]
+"""The row of a cell whose picture is shown, and what the page says of it.
 
-@dataclass(frozen=True)
-class GalleryCell:
-    """A cell whose picture is shown.
-
-    view_name: camera and light, or axis value and light; cells of the same view share a truth. score: of its
-    configuration, a median over views and phases if it has several; own: then the picture's own score; caption: text
-    below the picture; error: by which its configuration is ranked, None without one; faults: what is wrong with its
-    soft shadows.
-    """
-
-    row: Record
-    spec: str
-    map_size: int | None
-    view_name: str
-    score: str
-    caption: str
-    error: float | None = None
-    own: str = ""
-    faults: tuple[str, ...] = ()
-
-    @property
-    def truth(self) -> str:
-        """Name of the file of its truth, without `.png`."""
-        return ".".join(str(self.row[name]) for name in ("scene", "view", "light", "view_size"))
+view: camera and light, or axis value and light; cells of the same view share a truth. score: of its configuration, a
+median over views and phases if it has several; own: then the picture's own score; caption: text below the picture;
+error: by which its configuration is ranked, None without one; faults: what is wrong with its soft shadows.
+"""
+Place = Callable[[str, Any], Any]
+"""What stands in the page for a value that is named by a text: the value, or the name of a file that holds it."""
 
 
-@dataclass(frozen=True)
-class Gallery:
-    """The pictures of a section or sweep as JSON data.
-
-    Images are data URIs, or names of data files beside the page that hold them; None if the file is missing.
-    cells: dicts of spec, size, view, score, own, caption, error, faults, command (that shows it in the window), mask,
-    soft (whether the truth is) and picture, which is used if the view has no shading images; views: by view name,
-    images of the truth, the undecided pixels, and the view without shadow (lit) and in full shadow (ambient); notes:
-    on missing files and on scaling.
-    """
-
-    cells: tuple[dict[str, Any], ...]
-    views: dict[str, dict[str, str | None]]
-    notes: tuple[str, ...]
-
-
-def scored_cells(section: Section) -> list[GalleryCell]:
-    """The successful cells of a section, of its first phase only."""
-    cells = [section.run.results[int(index)].score for index in section.frame.index]
-    scored = [score for score in cells if score["status"] == "ok"]
-    first = min((score.get("phase") or 0 for score in scored), default=0)
-    software = " (software renderer)" if section.run.software else ""
+def scored_cells(section: Section) -> list[Picture]:
+    """The pictures of a section's successful cells, of its first phase only."""
+    rows = [section.run.results[int(index)].score for index in section.frame.index]
+    scored = [row for row in rows if row["status"] == "ok"]
+    first = min((row.get("phase") or 0 for row in scored), default=0)
     configurations = {(one.spec, one.map_size): one for one in section.configurations}
-    found = []
-    for score in scored:
-        if (score.get("phase") or 0) != first:
-            continue
-        metrics, edge = score["metrics"], score["metrics"].get("edge_px")
-        penumbra = f"{METRICS['rmse_pen'].text(metrics.get('rmse_pen'), digits, score)} in the penumbra"
-        others = (
-            [penumbra, _iou(metrics)] if is_soft(metrics) else [f"edge {'–' if edge is None else f'{digits(edge)} px'}"]
-        )
-        view_name = f"{score['view']}, {score['light']}"
-        one, ranked_by = configurations[score["spec"], score["map_size"]], ranking(is_soft(metrics))
-        cost = "not timed" if one.value("frame_ms") is None else f"{value_of(one, 'frame_ms')} ms{software}"
-        shown, own, caption = _score(score), "", ", ".join([_score(score), *others, cost])
-        if one.cells > 1:
-            text, which = median_text(one, ranked_by.name), f"phase {first}" if one.phases > 1 else "this view"
-            shown = f"median {ranked_by.label} {text}"
-            own = f"picture: {which}, {_score(score)}"
-            caption = f"{shown} of {one.cells}, {cost}; {', '.join([own, *others])}"
-        error = None if one.error is None else one.error.median
-        told = tuple(fault_lines(one)[:SHOWN_FAULTS])
-        found.append(GalleryCell(score, one.spec, one.map_size, view_name, shown, caption, error, own, told))
-    return found
+    return [
+        (row, _scored_cell(row, configurations[row["spec"], row["map_size"]], bool(section.run.software)))
+        for row in scored
+        if (row.get("phase") or 0) == first
+    ]
 
 
-def breaking_cells(stability: Stability) -> list[GalleryCell]:
-    """The cells at the breaking points of a sweep that have a picture."""
-    found = []
-    for one, broken, row in stability.breaking_points():
-        if row["status"] == "ok":
-            view_name = f"{one.axis.name} {value_text(one.axis, broken.value)}, {row['light']}"
-            caption = f"{broken.failure}: {_iou(row['metrics'])}"
-            found.append(GalleryCell(row, one.spec, None, view_name, _score(row), caption))
-    return found
-
-
-def size_limit(cells: Iterable[GalleryCell]) -> int:
-    """Side in pixels to which larger pictures are scaled down, so that all together have at most MAX_PIXELS."""
-    areas = sorted(int(cell.row["view_size"]) ** 2 for cell in cells)
-    remaining = MAX_PIXELS
-    for index, area in enumerate(areas):
-        share = remaining / (len(areas) - index)
-        if area > share:
-            return max(_MIN_SIZE, int(share**0.5))
-        remaining -= area
-    return 1 << 14
-
-
-def gallery(
-    folder: Path, cells: Sequence[GalleryCell], max_size: int, beside: DataFiles | None = None
-) -> Gallery | None:
-    """The pictures of cells from a folder, scaled down to at most `max_size` pixels a side; None if it has none.
-
-    beside: receives the images; None for images in the page.
-    Raises InputError for a file that is not a valid mask or picture.
-    """
-    one_per_view = {cell.view_name: cell for cell in cells}
-    images = _Images(max_size, beside)
-    views = {name: _view(folder / "truth", cell, images) for name, cell in one_per_view.items()}
-    with ThreadPoolExecutor() as threads:
-        pictures = list(threads.map(lambda cell: _cell(cell, folder, views[cell.view_name], images), cells))
-    if not any(picture["picture"] or picture["mask"] for picture in pictures):
-        return None
-    absent = {
-        "mask": any(picture["mask"] is None for picture in pictures),
-        "truth": any(view["truth"] is None for view in views.values()),
-        "shading": any(views[one["view"]]["lit"] is None and one["picture"] is None for one in pictures),
-    }
-    missing = " and no ".join(name for name, some in absent.items() if some)
-    size = max(int(cell.row["view_size"]) for cell in cells)
-    notes = (
-        f"{folder.name} has no {missing} for some of these cells." if missing else "",
-        f"Scaled down from {size}² to {max_size}² pixels." if max_size < size else "",
-    )
-    return Gallery(tuple(pictures), views, tuple(filter(None, notes)))
-
-
-def no_pictures(folder: Folder) -> str:
-    """A note that a folder has no pictures."""
-    return f"No pictures: {folder.folder.name} has neither pictures/ nor masks/ of these cells."
-
-
-def _view(folder: Path, cell: GalleryCell, images: "_Images") -> dict[str, str | None]:
-    size = int(cell.row["view_size"])
-    masks = {"truth": folder / f"{cell.truth}.png", "undecided": folder / f"{cell.truth}.undecided.png"}
-    shading = {kind: folder / f"{cell.truth}.{kind}.png" for kind in ("lit", "ambient")}
-    return {kind: images.mask(file, size) for kind, file in masks.items()} | {
-        kind: images.picture(file) for kind, file in shading.items()
-    }
-
-
-def _cell(cell: GalleryCell, folder: Path, view: dict[str, str | None], images: "_Images") -> dict[str, Any]:
-    picture, mask = (folder / kind / f"{cell.row['key']}.png" for kind in ("pictures", "masks"))
-    shaded = mask.exists() and view["lit"] is not None
+def _scored_cell(row: Record, one: Configuration, software: bool) -> dict[str, Any]:
+    metrics, phase, own = row["metrics"], row.get("phase") or 0, _score(row)
+    if is_soft(metrics):
+        others = [f"{METRICS['rmse_pen'].text(metrics.get('rmse_pen'), digits, row)} in the penumbra", _iou(metrics)]
+    else:
+        others = ["edge –" if metrics["edge_px"] is None else f"edge {digits(metrics['edge_px'])} px"]
+    untimed = one.value("frame_ms") is None
+    cost = "not timed" if untimed else f"{one.text('frame_ms', digits)} ms{' (software renderer)' if software else ''}"
+    score, caption = own, ", ".join([own, *others, cost])
+    if one.cells > 1:
+        score = f"median {one.ranked_by.label} {median_text(one, one.ranked_by.name)}"
+        own = f"picture: {f'phase {phase}' if one.phases > 1 else 'this view'}, {own}"
+        caption = f"{score} of {one.cells}, {cost}; {', '.join([own, *others])}"
     return {
-        "spec": cell.spec,
-        "size": cell.map_size,
-        "view": cell.view_name,
-        "score": cell.score,
-        "own": cell.own,
-        "caption": cell.caption,
-        "error": cell.error,
-        "faults": cell.faults,
-        "command": _view_command(cell.row, folder),
-        "soft": is_soft(cell.row["metrics"]),
-        "mask": images.mask(mask, int(cell.row["view_size"])),
-        "picture": None if shaded else images.picture(picture),
+        "spec": one.spec,
+        "size": one.map_size,
+        "view": f"{row['view']}, {row['light']}",
+        "score": score,
+        "own": own if one.cells > 1 else "",
+        "caption": caption,
+        "error": None if one.error is None else one.error.median,
+        "faults": fault_lines(one)[:_SHOWN_FAULTS],
     }
 
 
-def _view_command(row: Record, folder: Path) -> str:
-    """The command line that shows a cell in the window; empty for a mask of another renderer."""
-    if "content" in row:
-        return ""
-    return shlex.join(["shadowbench", "view", os.path.relpath(folder), "--cell", row["key"]])
+def breaking_cells(found: Stability) -> list[Picture]:
+    """The cells at the breaking points of a sweep that have a picture."""
+    return [
+        (
+            row,
+            {
+                "spec": one.spec,
+                "size": None,
+                "view": f"{one.axis.name} {value_text(one.axis, broken.value)}, {row['light']}",
+                "score": _score(row),
+                "caption": f"{broken.failure}: {_iou(row['metrics'])}",
+            },
+        )
+        for one, broken, row in found.breaking_points()
+        if row["status"] == "ok"
+    ]
 
 
 def _score(row: Record) -> str:
@@ -210,6 +109,67 @@ def _score(row: Record) -> str:
 def _iou(metrics: Mapping[str, float | None]) -> str:
     value = metrics.get("iou")
     return "no IoU" if value is None else f"IoU {value:.5f}"
+
+
+def size_limit(count: int) -> int:
+    """Side in pixels to which larger ones of so many pictures are scaled down: all have at most MAX_PIXELS then."""
+    return max(_MIN_SIZE, int((MAX_PIXELS / max(count, 1)) ** 0.5))
+
+
+def gallery(folder: Path, pictures: Sequence[Picture], max_size: int, place: Place) -> dict[str, Any] | None:
+    """The pictures from a folder as JSON data, scaled down to at most `max_size` pixels a side; None if it has none.
+
+    cells: what the page says of each, with its command (that shows it in the window), its mask, whether the truth is
+    soft, and a picture, which is used if the view has no shading images; views: by view, images of the truth, the
+    undecided pixels, and the view without shadow (lit) and in full shadow (ambient), None for missing files; notes: on
+    missing files and on scaling.
+
+    Raises InputError for a file that is not a valid mask or picture.
+    """
+
+    def image(kind: str, name: str, size: int | None = None) -> Any:
+        """A mask of a view of so many pixels, or a picture."""
+        file = folder / kind / f"{name}.png"
+        return place(str(file), _encoded(file, size, max_size)) if file.exists() else None
+
+    def view_of(row: Record) -> dict[str, Any]:
+        name = ".".join(str(row[part]) for part in ("scene", "view", "light", "view_size"))
+        masks = {"truth": name, "undecided": f"{name}.undecided"}
+        return {kind: image("truth", file, row["view_size"]) for kind, file in masks.items()} | {
+            kind: image("truth", f"{name}.{kind}") for kind in ("lit", "ambient")
+        }
+
+    def cell_of(one: Picture) -> dict[str, Any]:
+        row, about = one
+        mask = image("masks", row["key"], row["view_size"])
+        shaded = mask is not None and views[about["view"]]["lit"] is not None
+        command = shlex.join(["shadowbench", "view", os.path.relpath(folder), "--cell", row["key"]])
+        return about | {
+            "command": "" if "content" in row else command,  # not of a mask of another renderer
+            "soft": is_soft(row["metrics"]),
+            "mask": mask,
+            "picture": None if shaded else image("pictures", row["key"]),
+        }
+
+    views = {view: view_of(row) for view, row in {about["view"]: row for row, about in pictures}.items()}
+    with ThreadPoolExecutor() as threads:
+        cells = list(threads.map(cell_of, pictures))
+    if not any(cell["picture"] or cell["mask"] for cell in cells):
+        return None
+    absent = {
+        "mask": any(cell["mask"] is None for cell in cells),
+        "truth": any(view["truth"] is None for view in views.values()),
+        "shading": any(views[cell["view"]]["lit"] is None and cell["picture"] is None for cell in cells),
+    }
+    missing, size = [name for name, some in absent.items() if some], max(row["view_size"] for row, _ in pictures)
+    notes = [f"{folder.name} has no {' and no '.join(missing)} for some of these cells."] if missing else []
+    notes += [f"Scaled down from {size}² to {max_size}² pixels."] if max_size < size else []
+    return {"cells": cells, "views": views, "notes": notes}
+
+
+def no_pictures(folder: Folder) -> str:
+    """A note that a folder has no pictures."""
+    return f"No pictures: {folder.folder.name} has neither pictures/ nor masks/ of these cells."
 
 
 def difference(
@@ -235,39 +195,18 @@ def read_view(file: Path, size: int) -> NDArray[np.float32]:
     return visibility
 
 
-@dataclass(frozen=True)
-class _Images:
-    """Images as they stand in the page's data: scaled down to `max_size`, as data URIs or in files beside the page."""
-
-    max_size: int
-    beside: DataFiles | None
-
-    def mask(self, file: Path, size: int) -> str | None:
-        """A mask of a view of `size` pixels; None without a file."""
-        if not file.exists():
-            return None
-        grey = Image.fromarray(np.rint(read_view(file, size) * 255).astype(np.uint8))
-        return self._placed(file, _webp(_scaled_down(grey, self.max_size), lossless=True))
-
-    def picture(self, file: Path) -> str | None:
-        """A picture; None without a file."""
-        if not file.exists():
-            return None
+def _encoded(file: Path, size: int | None, max_size: int) -> str:
+    """Data URI of a mask of a view of `size` pixels, lossless, or of a picture for None; scaled down to `max_size`."""
+    if size is not None:
+        image = Image.fromarray(np.rint(read_view(file, size) * 255).astype(np.uint8))
+    else:
         try:
-            with Image.open(file, formats=["PNG"]) as image:
-                return self._placed(file, _webp(_scaled_down(image.convert("RGB"), self.max_size), lossless=False))
+            with Image.open(file, formats=["PNG"]) as opened:
+                image = opened.convert("RGB")
         except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
             raise InputError(f"{file}: cannot be read as an image; allowed: a PNG") from None
-
-    def _placed(self, file: Path, uri: str) -> str:
-        return uri if self.beside is None else self.beside.write(str(file), uri)
-
-
-def _scaled_down(image: Image.Image, max_size: int) -> Image.Image:
-    return image if image.width <= max_size else image.resize((max_size, max_size), Image.Resampling.BOX)
-
-
-def _webp(image: Image.Image, lossless: bool) -> str:
-    file = io.BytesIO()
-    image.save(file, format="WEBP", lossless=lossless, quality=60 if lossless else 80, method=3)
-    return "data:image/webp;base64," + base64.b64encode(file.getvalue()).decode()
+    if image.width > max_size:
+        image = image.resize((max_size, max_size), Image.Resampling.BOX)
+    encoded = io.BytesIO()
+    image.save(encoded, format="WEBP", lossless=size is not None, quality=80 if size is None else 60, method=3)
+    return "data:image/webp;base64," + base64.b64encode(encoded.getvalue()).decode()

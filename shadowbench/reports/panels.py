@@ -1,25 +1,15 @@
-"""The panels of the HTML page, each with the results of one scene or of all scenes of a run."""
+"""The panels of a report, each with the results of one scene or of all scenes of a run."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
-from shadowbench.reports.data_files import DataFiles
-from shadowbench.reports.gallery import GalleryCell, gallery, no_pictures
-from shadowbench.reports.styles import Styles
-from shadowbench.reports.verdict import (
-    accuracy_text,
-    cell_texts,
-    cost_note,
-    real_time,
-    target_name,
-    verdict,
-    verdict_candidate,
-)
-from shadowbench.reports.words import digits, mask_warnings, section_notes, unscored, value_of
+from shadowbench.reports.gallery import Picture, Place, gallery, no_pictures
+from shadowbench.reports.verdict import accuracy_text, cell_texts, real_time, verdict_candidate
+from shadowbench.reports.words import digits
 from shadowbench.results.configurations import Configuration, Section, by_kind
 from shadowbench.results.folder import Run
 from shadowbench.results.ranking import (
@@ -46,6 +36,9 @@ _TIMES = {
 _SHOWN = ["edge_px", "ssim", "acne", "leak"]
 _SOFT_SHOWN = ["rmse_pen", "iou", "ssim", "bleed", "noise", "width", "hardening"]
 
+Matrix = list[tuple[str, list[dict[str, Any]]]]
+"""Rows of a cost matrix: a technique or scene, and the texts and data of its cells."""
+
 
 @dataclass(frozen=True, eq=False)
 class Panel:
@@ -58,7 +51,7 @@ class Panel:
     run: int
     title: str
     sections: tuple[Section, ...]
-    scene_ids: dict[str, str]
+    scene_ids: Mapping[str, str]
 
     @property
     def soft(self) -> bool:
@@ -66,13 +59,14 @@ class Panel:
         return self.sections[0].soft
 
     @property
-    def targets(self) -> list[str]:
-        """The headings of its cost matrix."""
-        return list(map(target_name, self._targets))
+    def targets(self) -> tuple[Target, ...]:
+        """The targets of its cost matrix."""
+        return targets_of(self.sections[0].ranked_by)
 
     @property
-    def _targets(self) -> tuple[Target, ...]:
-        return targets_of(self.sections[0].ranked_by)
+    def max_cells(self) -> int:
+        """Largest number of cells of a configuration in one scene."""
+        return max(section.max_cells for section in self.sections)
 
     @cached_property
     def candidates(self) -> list[Candidate]:
@@ -80,78 +74,40 @@ class Panel:
         return candidates(self.sections)
 
     @property
-    def verdict(self) -> list[str]:
-        """Its verdict, one sentence per item."""
-        return verdict(self.sections)
-
-    @property
     def start(self) -> dict[str, Any] | None:
         """Spec, map size and scene of the picture that is shown first, that of the verdict; None without a score."""
         best = verdict_candidate(self.candidates)
-        return None if best is None else self.picture_of(best)
+        return None if best is None else self._picture_of(best)
 
-    @property
-    def cost_note(self) -> str:
-        """A note on what the costs in its matrix are."""
-        return cost_note(self.sections)
+    def matrix(self, targets: Sequence[Target]) -> Matrix:
+        """The cost matrix, a row for each technique."""
+        rows = cost_matrix(self.candidates, targets).items()
+        return [(technique, [self._cell(cell, self.sections) for cell in cells]) for technique, cells in rows]
 
-    @property
-    def notes(self) -> list[str]:
-        """Notes on a single scene's results."""
-        return section_notes(self.sections[0]) if len(self.sections) == 1 else []
-
-    @property
-    def ranked_by(self) -> str:
-        """Label of the metric that ranks its configurations."""
-        return self.sections[0].ranked_by.label
-
-    @property
-    def max_cells(self) -> int:
-        """Largest number of cells of a configuration in one scene."""
-        return max(section.max_cells for section in self.sections)
-
-    @property
-    def unscored(self) -> list[tuple[str, str]]:
-        """A single scene's configurations without a score, each with the reason."""
-        return unscored(self.sections[0]) if len(self.sections) == 1 else []
-
-    @property
-    def mask_warnings(self) -> list[str]:
-        """Warnings about a single scene's external masks."""
-        return mask_warnings(self.sections[0]) if len(self.sections) == 1 else []
-
-    @property
-    def matrix(self) -> list[tuple[str, list[dict[str, Any]]]]:
-        """The rows of the cost matrix: technique, and the data of its cells."""
-        rows = cost_matrix(self.candidates, self._targets)
-        return [(technique, [self._cell(cell, self.sections) for cell in cells]) for technique, cells in rows.items()]
-
-    @property
-    def matrix_by_scene(self) -> list[tuple[str, list[dict[str, Any]]]]:
+    def matrix_by_scene(self, targets: Sequence[Target]) -> Matrix:
         """Rows with the cheapest real-time configuration in each scene; empty for a single scene."""
-        if len(self.sections) == 1:
-            return []
-        rows = [(one, cost_row(real_time(candidates([one])), self._targets)) for one in self.sections]
+        scenes = self.sections if len(self.sections) > 1 else ()
+        rows = [(one, cost_row(real_time(candidates([one])), targets)) for one in scenes]
         return [(one.scene, [self._cell(cell, [one]) for cell in cells]) for one, cells in rows]
 
-    def picture_of(self, one: Candidate) -> dict[str, Any]:
+    def _picture_of(self, one: Candidate) -> dict[str, Any]:
         """Spec, map size and scene of a candidate's picture; of several scenes, the one in which it is worst."""
         return {"spec": one.mean.spec, "size": one.mean.map_size, "scene": self.scene_ids[one.worst_scene]}
 
     def _cell(self, cell: CostCell, sections: Sequence[Section]) -> dict[str, Any]:
         cost, label, note = cell_texts(cell, len(sections))
         best = cell.cheapest
-        state = "none" if best is None else "all" if len(best.by_scene) == len(sections) else "some"
-        ties = ", ".join(one.mean.label for one in cell.ties)
-        about = [] if best is None else [best.mean.full_spec]
-        about += [f"as cheap, within the noise: {ties}"] if ties else []
+        about = [note] if best is None else [best.mean.full_spec]
+        if cell.ties:
+            about.append(f"as cheap, within the noise: {', '.join(one.mean.label for one in cell.ties)}")
         return {
             "cost": cost,
             "accuracy": accuracy_text(cell, {one.title: one.scene for one in sections}),
-            "label": ", ".join(filter(None, (label, note))),
-            "about": "; ".join(about) or note,
-            "state": state,
-            **self.picture_of(best or cell.closest),
+            "label": label,
+            "note": note,
+            "about": "; ".join(about),
+            "state": "none" if best is None else "all" if len(best.by_scene) == len(sections) else "some",
+            **self._picture_of(best or cell.closest),
         }
 
 
@@ -171,37 +127,25 @@ def panels_of(run: Run, index: int, every: Sequence[Section]) -> list[Panel]:
     return [*overall, *(Panel(ids[one.title], index, one.title, (one,), ids) for one in ours)]
 
 
-def panel_data(
-    panel: Panel,
-    styles: Styles,
-    cells: Mapping[Section, Sequence[GalleryCell]],
-    max_size: int,
-    beside: DataFiles | None = None,
-) -> dict[str, Any]:
-    """The JSON data of a panel: charts, table, and for a single scene pictures.
-
-    cells: the cells whose pictures to show, by section; max_size, beside: see `gallery`.
-    """
+def panel_data(panel: Panel, pictures: Sequence[Picture], max_size: int, place: Place) -> dict[str, Any]:
+    """The JSON data of a panel: charts, table, and for a single scene pictures; max_size, place: see `gallery`."""
     several = len(panel.sections) > 1
     section = mean_section(panel.sections, panel.title) if several else panel.sections[0]
-    best = [] if several and not section.scored else section.front
-    pictures = None if several else gallery(section.run.folder, cells[section], max_size, beside)
     sizes: list[int | None] = [*sorted({one.map_size for one in section.timed if one.map_size})]
-    passes = [(size, chart) for size in sizes or [None] if (chart := pass_chart(section, size)) is not None]
-    on_front = {(one.spec, one.map_size) for one in best}
+    on_front = {(one.spec, one.map_size) for one in section.front}
     error, over_scenes = panel.sections[0].ranked_by.error_label, ["worst scene", "scenes"]
     return {
         "charts": {
-            "front": front_chart(section, styles),
-            "sizes": size_chart(section, styles),
-            "passes": passes,
+            "front": front_chart(section, None),
+            "sizes": size_chart(section, None),
+            "passes": [(size, chart) for size in sizes or [None] if (chart := pass_chart(section, size)) is not None],
             "pass_size": default_size(section),
             "biases": [] if several else bias_charts(section),
         },
         "columns": [_COST, "map", error, *(over_scenes if several else []), *_values(panel), "cells"],
         "shown": [_COST, "map", error, *over_scenes, *(_SOFT_SHOWN if panel.soft else _SHOWN)],
         "rows": [_row(panel, one, (one.mean.spec, one.mean.map_size) in on_front) for one in panel.candidates],
-        "gallery": None if pictures is None else asdict(pictures),
+        "gallery": None if several else gallery(section.run.folder, pictures, max_size, place),
         "no_gallery": no_pictures(section.run),
     }
 
@@ -243,4 +187,4 @@ def _median(one: Configuration) -> float | None:
 
 
 def _value(one: Configuration, name: str) -> tuple[float | None, str]:
-    return one.value(name), value_of(one, name)
+    return one.value(name), one.text(name, digits)

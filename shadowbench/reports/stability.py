@@ -1,15 +1,16 @@
-"""Operating ranges of a sweep, with the rows behind them."""
+"""Operating ranges of a sweep, with the rows behind them, and what reports say of them in words."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from statistics import fmean
 
+from shadowbench.errors import counted
 from shadowbench.extremes.axes import AXES
-from shadowbench.extremes.model import NAMES, Axis, Value
+from shadowbench.extremes.model import NAMES, Axis, Value, value_label
 from shadowbench.measure.rows import Record
 from shadowbench.results.folder import Sweep
-from shadowbench.results.ranges import Break, OperatingRange, operating_ranges
+from shadowbench.results.ranges import HARD, SOFT, Break, OperatingRange, operating_ranges, value_text
 from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.unshadowed import Unshadowed
 
@@ -19,18 +20,11 @@ Series = tuple[str, LightKind]
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """The operating ranges of a sweep; specs best first, axes and lights in the order of `stress`.
-
-    unknown: number of rows at axes or values that this version does not have; unfinished: spec, axis and light of
-    sweeps that were stopped before their default value; floor: number of rows of `unshadowed`, which is out of
-    tolerance wherever there is a shadow. All three are left out of `ranges`.
-    """
+    """The operating ranges of a sweep; left_out: sentences on the cells that belong to none."""
 
     sweep: Sweep
     ranges: tuple[OperatingRange, ...]
-    unknown: int
-    unfinished: tuple[tuple[str, str, str], ...]
-    floor: int
+    left_out: tuple[str, ...]
 
     @property
     def axes(self) -> list[Axis]:
@@ -57,44 +51,80 @@ class Stability:
         return {(one.spec, one.axis.name, one.light): one for one in self.ranges}
 
     @cached_property
-    def row_at(self) -> dict[tuple[str, str, str, Value], Record]:
-        """The rows by spec, axis, kind of light and axis value."""
-        return {(row["home_spec"], row["axis"], row["light_kind"], row["axis_value"]): row for row in self.sweep.rows}
+    def _row_at(self) -> dict[tuple[str, str, str, Value], Record]:
+        return {(*_line(row), row["axis_value"]): row for row in self.sweep.rows}
 
     def rows_of(self, one: OperatingRange) -> list[Record]:
         """The rows of a range, in the order of the axis."""
-        return [self.row_at[one.spec, one.axis.name, one.light, value] for value in one.swept]
+        return [self._row_at[one.spec, one.axis.name, one.light, value] for value in one.swept]
 
     def breaking_points(self) -> Iterator[tuple[OperatingRange, Break, Record]]:
         """The breaks of all ranges, each with its range and its row."""
         for one in self.ranges:
             for broken in one.breaks:
-                yield one, broken, self.row_at[one.spec, one.axis.name, one.light, broken.value]
+                yield one, broken, self._row_at[one.spec, one.axis.name, one.light, broken.value]
+
+    @property
+    def headline(self) -> list[str]:
+        """Sentences on the number of axes along which each spec is in tolerance, and on cells left out."""
+        counts = []
+        for spec in self.specs:
+            whole = [one.share == 1 for one in self.ranges if one.spec == spec]
+            counts.append(f"`{spec}` {sum(whole)} of {len(whole)}")
+        about = "Axes, counted per kind of light, that are in tolerance from end to end"
+        return [f"{about}: {', '.join(counts)}." if counts else "No spec has an operating range.", *self.left_out]
+
+    def table(self, series: Sequence[Series]) -> list[tuple[Axis, list[OperatingRange | None]]]:
+        """A row per axis with a range in any of the series: the axis, and the range of each, None if not swept."""
+        rows = [(axis, [self.range_at.get((spec, axis.name, kind)) for spec, kind in series]) for axis in self.axes]
+        return [row for row in rows if any(row[1])]
+
+    @property
+    def without_picture(self) -> list[tuple[str, str]]:
+        """Breaking points without a picture, as (spec, axis value and light; status) pairs."""
+        return [
+            (f"{one.spec} at {one.axis.name} {value_text(one.axis, broken.value)}, {row['light']}", row["status"])
+            for one, broken, row in self.breaking_points()
+            if row["status"] != "ok"
+        ]
 
 
 def analyse(sweep: Sweep) -> Stability:
-    """The operating ranges of a sweep."""
+    """The operating ranges of a sweep, without those of `unshadowed`, which is out of tolerance wherever shadow is."""
     subjects = [row for row in sweep.rows if row["technique"] != Unshadowed.name]
     known = [row for row in subjects if row["axis"] in AXES and row["axis_value"] in AXES[row["axis"]].values]
-    started = dict.fromkeys((row["home_spec"], row["axis"], row["light_kind"]) for row in known)
-    complete = {(row["home_spec"], row["axis"], row["light_kind"]) for row in known if _at_default(row)}
-    rows = [row for row in known if (row["home_spec"], row["axis"], row["light_kind"]) in complete]
-    ranges = operating_ranges(AXES.values(), rows)
-    return Stability(
-        sweep,
-        tuple(ranges),
-        unknown=len(subjects) - len(known),
-        unfinished=tuple(one for one in started if one not in complete),
-        floor=len(sweep.rows) - len(subjects),
-    )
+    ranges = operating_ranges(AXES.values(), known)
+    complete = {(one.spec, one.axis.name, one.light) for one in ranges}
+    unfinished = [one for one in dict.fromkeys(map(_line, known)) if one not in complete]
+    unknown, floor = len(subjects) - len(known), len(sweep.rows) - len(subjects)
+    left_out = []
+    if unfinished:
+        spec, axis, _ = unfinished[0]
+        left_out.append(f"as unfinished: {counted(len(unfinished), 'sweep')}, the first of `{spec}` along {axis}")
+    if unknown:
+        left_out.append(f"because this version has no such axis or value: {counted(unknown, 'cell')}")
+    if floor:
+        left_out.append(f"because `{Unshadowed.name}` is out of tolerance by design: {counted(floor, 'cell')}")
+    return Stability(sweep, tuple(ranges), tuple(f"Left out {reason}." for reason in left_out))
 
 
-def _at_default(row: Record) -> bool:
-    """Whether a range can be searched from the row's axis value: the default, or any value of an unordered axis."""
-    axis = AXES[row["axis"]]
-    return not axis.ordered or row["axis_value"] == axis.default
+def _line(row: Record) -> tuple[str, str, str]:
+    return row["home_spec"], row["axis"], row["light_kind"]
 
 
-def complete_count(ranges: Sequence[OperatingRange]) -> int:
-    """Number of ranges that are in tolerance at every measured value."""
-    return sum(one.share == 1 for one in ranges)
+def range_text(one: OperatingRange | None) -> str:
+    """Text of an operating range: as printed by `stress`, the number of values in tolerance, and unsupported values."""
+    if one is None:
+        return ""
+    if one.share is None or (one.share == 1 and not one.axis.ordered):
+        return one.plain
+    unsupported = f"; {', '.join(map(value_label, one.unsupported))} unsupported" if one.unsupported else ""
+    return f"{one.plain} ({len(one.in_tolerance)} of {one.measured}{unsupported})"
+
+
+def tolerances() -> str:
+    """The tolerances of `stress` as text."""
+    hard = [f"{name} of at most {100 * limit:g}%" for name, limit in HARD.items() if name != "iou"]
+    soft = ", ".join(f"{name} of at most {limit:g}" for name, limit in SOFT.items())
+    limits = ", ".join([f"IoU of at least {HARD['iou']:g}", *hard, f"of soft shadows {soft}"])
+    return f"{limits}; no NaN, infinity, OpenGL error, crash or hang"

@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 
 from shadowbench.errors import counted
 from shadowbench.plugin.registry import own_techniques
-from shadowbench.reports.words import EDGE_NAMES, digits, median_text, sentence, time_source, value_of
+from shadowbench.reports.words import digits, median_text, sentence, time_source
 from shadowbench.results.configurations import Section
 from shadowbench.results.ranking import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
 from shadowbench.scores.metrics import METRICS
 
-_RAY_TRACED = "ray-traced"
 _NONE = "No real-time technique here"
+_EDGES = {1.0: "1 px", 0.5: "½ px", 0.25: "¼ px"}
 
 
 def verdict(sections: Sequence[Section]) -> list[str]:
@@ -20,31 +20,36 @@ def verdict(sections: Sequence[Section]) -> list[str]:
     """
     everything = candidates(sections)
     found = _able(everything)
-    where = "" if len(sections) == 1 else f" in all {len(sections)} scenes"
-    complete = [one for one in found if one.in_all_scenes]
-    if not found:
-        if everything:
-            what = "draws a shadow where one should be" if real_time(everything) else "has a score"
-            return [f"{_NONE} {what}.", *_ray_traced(everything)]
+    if not found and not everything:
         some = any(section.scored for section in sections)
         return [f"Nothing here has a score{' in each of its cells' if some else ''}."]
-    main, easiest = _main_target(complete), _targets(found)[0]
-    if main is None:
-        lines = [f"{_NONE} {_reaches(easiest)}{where}."]
-        lines.append(f"Closest: {_closest_text(closest(found, easiest), easiest, len(sections))}.")
-        return [*lines, *_where_supported(found, easiest, None), *_ray_traced(everything)]
-    best = cheapest(complete, main)
-    assert best is not None
-    line = f"{_accuracy(main)}{where}: {_cost_phrase(best)}"
-    tied = [one for one in ties(complete, best, main) if one.mean.technique != best.mean.technique]
-    if tied:
-        line += f"; as cheap within the noise: {', '.join(f'`{one.mean.label}`' for one in tied[:2])}"
-    return [
-        f"{line}.",
-        *_next_target(complete, main, best, where),
-        *_where_supported(found, main, best),
-        *_ray_traced(everything),
-    ]
+    if not found:
+        what = "draws a shadow where one should be" if real_time(everything) else "has a score"
+        return [f"{_NONE} {what}.", *_ray_traced(everything)]
+    where = "" if len(sections) == 1 else f" in all {len(sections)} scenes"
+    target, best = _answer(found)
+    if best is None:
+        near = closest(found, target)
+        label, median = METRICS[target.metric].label, median_text(near.mean, target.metric, target.limit)
+        how = f"{label} {median}" if len(sections) == 1 else f"in {near.scenes_met(target)} of them"
+        lines = [f"{_NONE} {_reaches(target, ' of the shadow right')}{where}.", f"Closest: `{near.mean.label}`, {how}."]
+    else:
+        complete = [one for one in found if one.in_all_scenes]
+        tied = [one for one in ties(complete, best, target) if one.mean.technique != best.mean.technique][:2]
+        line = f"{_accuracy(target, ' of the shadow right')}{where}: {_cost_phrase(best)}"
+        if tied:
+            line += f"; as cheap within the noise: {', '.join(f'`{one.mean.label}`' for one in tied)}"
+        lines = [f"{line}.", *_next_target(complete, target, best, where)]
+    return [*lines, *_where_supported(found, target, best), *_ray_traced(everything)]
+
+
+def verdict_candidate(found: Sequence[Candidate]) -> Candidate | None:
+    """The candidate that the verdict names first, else the most accurate; None without candidates."""
+    able = _able(found)
+    if not able:
+        return next(iter(found), None)
+    target, best = _answer(able)
+    return best or closest(able, target)
 
 
 def real_time(found: Sequence[Candidate]) -> list[Candidate]:
@@ -53,19 +58,73 @@ def real_time(found: Sequence[Candidate]) -> list[Candidate]:
     return [one for one in found if one.mean.technique not in never]
 
 
-def verdict_candidate(found: Sequence[Candidate]) -> Candidate | None:
-    """The candidate that the verdict names first, else the most accurate; None without candidates."""
-    able = _able(found)
-    complete = [one for one in able if one.in_all_scenes]
-    main = _main_target(complete)
-    if main is None:
-        return closest(able, _targets(able)[0]) if able else next(iter(found), None)
-    return cheapest(complete, main)
-
-
 def _able(found: Sequence[Candidate]) -> list[Candidate]:
     """The candidates that are real-time techniques and draw a shadow where one should be."""
     return [one for one in real_time(found) if (one.mean.value("iou_soft" if one.mean.soft else "iou") or 0.0) > 0]
+
+
+def _answer(found: Sequence[Candidate]) -> tuple[Target, Candidate | None]:
+    """The target of the first sentence, and the cheapest that meets it in all scenes.
+
+    The middle target, or if none meets that, the easiest.
+    """
+    complete = [one for one in found if one.in_all_scenes]
+    easiest, middle = targets_of(found[0].mean.ranked_by)[:2]
+    best = cheapest(complete, middle)
+    return (easiest, cheapest(complete, easiest)) if best is None else (middle, best)
+
+
+def _next_target(complete: Sequence[Candidate], main: Target, best: Candidate, where: str) -> list[str]:
+    """A sentence on the cost of the next higher accuracy; none at the highest."""
+    targets = targets_of(best.mean.ranked_by)
+    for target in targets[targets.index(main) + 1 :][:1]:
+        found = cheapest(complete, target)
+        if found is None:
+            return [f"{_NONE} {_reaches(target, ' right')}{where}."]
+        if found is best:
+            return [f"`{best.mean.label}` {_reaches(target, ' right')} too."]
+        factor = f" (× {digits(found.ms / best.ms)})" if found.ms and best.ms else ""
+        return [f"{_accuracy(target)} takes `{found.mean.label}`, {cost_text(found)}{factor}."]
+    return []
+
+
+def _where_supported(found: Sequence[Candidate], target: Target, best: Candidate | None) -> list[str]:
+    """A sentence on the cheapest candidate that does not support all scenes, if it is cheaper than the best."""
+    partial = cheapest([one for one in found if not one.in_all_scenes], target)
+    if partial is None or (best is not None and (best.ms is None or partial.ms is None or partial.ms >= best.ms)):
+        return []
+    met, of = len(partial.by_scene), counted(len(partial.by_scene) + len(partial.unsupported), "scene")
+    cost = "" if partial.ms is None else f" for {cost_text(partial)}"
+    return [f"`{partial.mean.label}` suffices{cost} in the {met} of {of} that it supports."]
+
+
+def _ray_traced(found: Sequence[Candidate]) -> list[str]:
+    """A sentence on the cost of ray tracing on the CPU, if it was measured and timed in all scenes."""
+    traced = [one for one in found if one.mean.technique == "ray-traced" and one.in_all_scenes and one.ms]
+    costs = [cost_text(one) for one in traced if "where=gpu" not in one.mean.full_spec]
+    return [f"For scale: ray tracing on the CPU takes {cost}." for cost in costs[:1]]
+
+
+def _accuracy(target: Target, of_what: str = "") -> str:
+    return f"{100 * target.limit:g}%{of_what}" if target.metric == "iou" else target_name(target)
+
+
+def _reaches(target: Target, of_what: str) -> str:
+    return f"{'gets' if target.metric == 'iou' else 'reaches'} {_accuracy(target, of_what)}"
+
+
+def _cost_phrase(one: Candidate) -> str:
+    if one.ms is not None:
+        return f"`{one.mean.label}` is the cheapest real-time setting, {cost_text(one)} a frame"
+    what = "the smallest map that suffices" if one.mean.map_size else "sufficient, without a map"
+    return f"`{one.mean.label}` is {what}"
+
+
+def target_name(target: Target) -> str:
+    """A target as a column heading: `IoU ≥ 0.99`, `edge ≤ ½ px`, `RMSE ≤ 0.02`."""
+    metric = METRICS[target.metric]
+    limit = _EDGES[target.limit] if target.metric == "edge_px" else f"{target.limit:g}"
+    return f"{metric.label} {'≥' if metric.better == 'higher' else '≤'} {limit}"
 
 
 def cost_note(sections: Sequence[Section]) -> str:
@@ -80,34 +139,10 @@ def cost_note(sections: Sequence[Section]) -> str:
     return f"Cost: {mean}. {sentence(time_source(run))}{rough}{untimed}"
 
 
-def _main_target(complete: Sequence[Candidate]) -> Target | None:
-    """The target of the verdict's first sentence: the middle one, or if none meets that, the easiest; else None."""
-    return next((target for target in _targets(complete)[1::-1] if cheapest(complete, target) is not None), None)
-
-
-def _targets(found: Sequence[Candidate]) -> tuple[Target, ...]:
-    return targets_of(found[0].mean.ranked_by) if found else ()
-
-
-def _accuracy(target: Target) -> str:
-    return f"{100 * target.limit:g}% of the shadow right" if target.metric == "iou" else target_name(target)
-
-
-def _reaches(target: Target) -> str:
-    return f"{'gets' if target.metric == 'iou' else 'reaches'} {_accuracy(target)}"
-
-
-def target_name(target: Target) -> str:
-    """A target as a column heading: `IoU ≥ 0.99`, `edge ≤ ½ px`, `RMSE ≤ 0.02`."""
-    metric = METRICS[target.metric]
-    limit = EDGE_NAMES[target.limit] if target.metric == "edge_px" else f"{target.limit:g}"
-    return f"{metric.label} {'≥' if metric.better == 'higher' else '≤'} {limit}"
-
-
 def cost_text(one: Candidate) -> str:
     """A candidate's cost: the frame time or, if it was not timed, the map size."""
     if one.ms is not None:
-        return f"{value_of(one.mean, 'frame_ms')} ms"
+        return f"{one.mean.text('frame_ms', digits)} ms"
     return f"map {one.mean.map_size}" if one.mean.map_size else "no map"
 
 
@@ -117,15 +152,15 @@ def cell_texts(cell: CostCell, scenes: int) -> tuple[str, str, str]:
     If no candidate meets the target: a dash, nothing, and the best accuracy.
     """
     best = cell.cheapest
-    if best is None and scenes > 1:
+    if best is not None:
+        met = len(best.by_scene)
+        return cost_text(best), best.mean.label, "" if met == scenes else f"supports {met} of {scenes} scenes"
+    if scenes > 1:
         return "–", "", f"at best in {cell.closest.scenes_met(cell.target)} of {scenes} scenes"
-    if best is None:
-        name, mean = cell.target.metric, cell.closest.mean
-        if mean.value(name) is None:
-            return "–", "", f"no {METRICS[name].label}"
-        return "–", "", f"best {median_text(mean, name, cell.target.limit)}"
-    note = "" if len(best.by_scene) == scenes else f"supports {len(best.by_scene)} of {scenes} scenes"
-    return cost_text(best), best.mean.label, note
+    name, mean = cell.target.metric, cell.closest.mean
+    if mean.value(name) is None:
+        return "–", "", f"no {METRICS[name].label}"
+    return "–", "", f"best {median_text(mean, name, cell.target.limit)}"
 
 
 def accuracy_text(cell: CostCell, scenes: Mapping[str, str]) -> str:
@@ -135,58 +170,10 @@ def accuracy_text(cell: CostCell, scenes: Mapping[str, str]) -> str:
     """
     if cell.cheapest is None:
         return ""
-    name, by_scene = cell.target.metric, cell.cheapest.by_scene
+    name = cell.target.metric
     texts = {
-        title: f"{METRICS[name].label} {median_text(one, name, cell.target.limit)}" for title, one in by_scene.items()
+        title: f"{METRICS[name].label} {median_text(one, name, cell.target.limit)}"
+        for title, one in cell.cheapest.by_scene.items()
     }
     worst = cell.cheapest.worst_by(name)
     return texts[worst] + (f" in {scenes[worst]}" if len(set(texts.values())) > 1 else "")
-
-
-def _cost_phrase(one: Candidate) -> str:
-    if one.ms is None:
-        size = one.mean.map_size
-        return f"`{one.mean.label}` is {'the smallest map that suffices' if size else 'sufficient, without a map'}"
-    return f"`{one.mean.label}` is the cheapest real-time setting, {value_of(one.mean, 'frame_ms')} ms a frame"
-
-
-def _ray_traced(found: Sequence[Candidate]) -> list[str]:
-    """A sentence on the cost of ray tracing, if it was measured and timed in all scenes."""
-    traced = [one for one in found if one.mean.technique == _RAY_TRACED and one.in_all_scenes and one.ms]
-    on_cpu = next((one for one in traced if "where=gpu" not in one.mean.full_spec), None)
-    return [] if on_cpu is None else [f"For scale: ray tracing on the CPU takes {cost_text(on_cpu)}."]
-
-
-def _next_target(complete: Sequence[Candidate], main: Target, best: Candidate, where: str) -> list[str]:
-    """A sentence on the cost of the next higher accuracy; none at the highest."""
-    targets = _targets(complete)
-    target = next(iter(targets[targets.index(main) + 1 :]), None)
-    if target is None:
-        return []
-    share = f"{100 * target.limit:g}%" if target.metric == "iou" else ""
-    reaches = f"gets {share} right" if share else _reaches(target)
-    found = cheapest(complete, target)
-    if found is None:
-        return [f"{_NONE} {reaches}{where}."]
-    if found is best:
-        return [f"`{best.mean.label}` {reaches} too."]
-    factor = f" (× {digits(found.ms / best.ms)})" if found.ms and best.ms else ""
-    return [f"{share or _accuracy(target)} takes `{found.mean.label}`, {cost_text(found)}{factor}."]
-
-
-def _where_supported(found: Sequence[Candidate], target: Target, best: Candidate | None) -> list[str]:
-    """A sentence on the cheapest candidate that does not support all scenes, if it is cheaper than the best."""
-    some = [one for one in found if not one.in_all_scenes]
-    partial = cheapest(some, target)
-    if partial is None or (best is not None and (best.ms is None or partial.ms is None or partial.ms >= best.ms)):
-        return []
-    met, of = len(partial.by_scene), counted(len(partial.by_scene) + len(partial.unsupported), "scene")
-    cost = "" if partial.ms is None else f" for {cost_text(partial)}"
-    return [f"`{partial.mean.label}` suffices{cost} in the {met} of {of} that it supports."]
-
-
-def _closest_text(one: Candidate, target: Target, scenes: int) -> str:
-    if scenes > 1:
-        return f"`{one.mean.label}`, in {one.scenes_met(target)} of them"
-    name = target.metric
-    return f"`{one.mean.label}`, {METRICS[name].label} {median_text(one.mean, name, target.limit)}"

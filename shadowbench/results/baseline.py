@@ -128,19 +128,14 @@ def check(
 
 
 def _differing_fields(*runs: Run) -> str:
-    """Text on the identity fields in which no cell of a run agrees with any of the other."""
-    columns = [[*map(set, zip(*map(identity, run.rows), strict=True))] for run in runs]
-    fields = [
-        f"{name} is {_values_of(here)} against {_values_of(there)}"
-        for name, here, there in zip(("spec", *IDENTITY), *columns, strict=True)
-        if here.isdisjoint(there)
-    ]
-    return "; ".join(fields) or "each field has values in common, but no cell agrees in all of them"
-
-
-def _values_of(found: set[Any]) -> str:
-    texts = sorted(f"{one[0]}:{','.join(one[1:])}" if isinstance(one, tuple) else str(one) for one in found)
-    return ", ".join(f"{text:.60}" for text in texts[:3]) + (", …" if len(texts) > 3 else "")
+    """The fields of a cell's identity in which no cell of a run agrees with any of the other, with some values."""
+    found = []
+    for name in ("full_spec", *IDENTITY):
+        values = [sorted({str(row[name]) for row in run.rows}) for run in runs]
+        if set(values[0]).isdisjoint(values[1]):
+            here, there = (", ".join(f"{text:.60}" for text in side[:3]) for side in values)
+            found.append(f"{name.removeprefix('full_')} is {here} against {there}")
+    return "; ".join(found) or "each field has values in common, but no cell agrees in all of them"
 
 
 def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:
@@ -153,14 +148,18 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     changes = [
         Change(old.score, "status", old.status, MISSING, "regressed") for key, old in then.items() if key not in now
     ]
-    changes += [change for old, new in pairs for change in _status(old.score, new.score)]
+    for old, new in pairs:
+        before, after = old.score["status"], new.score["status"]
+        if (before == "ok") != (after == "ok"):  # another reason of failure is no change
+            verdict: Verdict = "regressed" if before == "ok" else "improved"
+            changes.append(Change(new.score, "status", before, after, verdict))
     for old, new in drawn:
         changes += [*_metrics(old.score, new.score, allowed), *_work(old, new), *_time(old, new)]
     changes.sort(key=lambda change: -change.excess)
     if extra := len(now.keys() - then.keys()):
         notes.append(f"{counted(extra, 'cell')} {'is' if extra == 1 else 'are'} not in the baseline")
     equal = sum(_same_mask(old.score, new.score, allowed) for old, new in drawn)
-    timed = sum(_comparable(old, new) for old, new in drawn)
+    timed = sum(comparable(old, new) for old, new in drawn)
     return Findings(tuple(changes), len(pairs), equal, timed, tuple(notes))
 
 
@@ -194,13 +193,6 @@ def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
     return before == after or all(before[name] == after.get(name) for name in names if name in before)
 
 
-def _status(old: Record, new: Record) -> Iterator[Change]:
-    """Change from success to failure or back; a different reason of failure is no change."""
-    before, after = old["status"], new["status"]
-    if (before == "ok") != (after == "ok"):
-        yield Change(new, "status", before, after, "regressed" if before == "ok" else "improved")
-
-
 def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
     then, now = row_metrics(old), row_metrics(new)
     if then == now:
@@ -231,7 +223,7 @@ def _work(old: Result, new: Result) -> Iterator[Change]:
             yield Change(new.score, name, one, other, verdict, abs(other - one) / max(INVOCATIONS * one, 1.0))
 
 
-def _comparable(old: Result, new: Result) -> bool:
+def comparable(old: Result, new: Result) -> bool:
     """Whether both have a ratio to the same reference on the same machine and clock."""
     before, after = old.time or {}, new.time or {}
     same = ("machine", "clock", "reference")
@@ -243,7 +235,7 @@ def _time(old: Result, new: Result) -> Iterator[Change]:
     before, after = old.time or {}, new.time or {}
     if before.get("ratio") and new.status != "ok":
         yield Change(new.score, "time", before["ratio"], new.status, "slower")
-    if not _comparable(old, new):
+    if not comparable(old, new):
         return
     factor = after["ratio"] / before["ratio"]
     errors = [_standard_error(side) / side["ratio"] for side in (before, after)]

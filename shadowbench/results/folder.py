@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from shadowbench.errors import InputError
-from shadowbench.measure.row_files import read_run_file, stream_rows
+from shadowbench.measure.row_store import read_run_file, stream_rows
 from shadowbench.measure.rows import Record, Result, RunFile
 from shadowbench.plugin.spec import without_retired
 from shadowbench.results.tables import (
@@ -169,12 +169,18 @@ def write_cells(folder: Path, positions: SweepPositions) -> Run:
     return run
 
 
-def _rows(folder: Path, fields: Set[str] | None) -> tuple[list[Record], list[Record], bool]:
-    """Scores and times of a folder, and whether the last line is incomplete. Raises InputError without a score."""
+def rows_file(folder: Path) -> Path:
+    """The `rows.jsonl` of a folder. Raises InputError if there is none."""
     file = folder / "rows.jsonl"
     if not file.exists():
         what = "found no rows.jsonl" if folder.is_dir() else "no such folder"
         raise InputError(f"{folder}: {what}; allowed: a folder that `shadowbench run` or `shadowbench stress` wrote")
+    return file
+
+
+def _rows(folder: Path, fields: Set[str] | None) -> tuple[list[Record], list[Record], bool]:
+    """Scores and times of a folder, and whether the last line is incomplete. Raises InputError without a score."""
+    file = rows_file(folder)
     wanted = None if fields is None else _READ_HERE | fields
     found: dict[str, list[Record]] = {"score": [], "time": []}
     complete = 0

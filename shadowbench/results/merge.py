@@ -15,10 +15,9 @@ from typing import Any, NamedTuple
 from shadowbench.errors import InputError, counted
 from shadowbench.extremes.axes import AXES
 from shadowbench.measure.flips import row_metrics
-from shadowbench.measure.row_files import read_run_file, stream_rows
-from shadowbench.measure.row_store import command_line
+from shadowbench.measure.row_store import command_line, read_run_file, stream_rows
 from shadowbench.measure.rows import SCHEMA, Record, RunFile
-from shadowbench.results.folder import read_folders, write_cells
+from shadowbench.results.folder import read_folders, rows_file, write_cells
 from shadowbench.results.ranges import operating_ranges, points_frame, ranges_frame
 from shadowbench.results.tables import read_sweep_positions, write_table
 from shadowbench.scores.masks import mask_sha256, open_png, read_mask
@@ -42,14 +41,21 @@ class _Score(NamedTuple):
         return bool(self.values["status"] == "failed")
 
 
+class _Time(NamedTuple):
+    """A time row: its folder, line and machine."""
+
+    folder: Path
+    line: int
+    machine: str | None
+
+
 @dataclass(eq=False)
 class _Rows:
-    """The rows of folders: the last of each key in each folder, lines of time rows without duplicates, by folder."""
+    """The last score row of each key in each folder, time rows by hash, and folders whose last line is incomplete."""
 
     cells: dict[str, list[_Score]] = field(default_factory=dict)
-    times: dict[Path, set[int]] = field(default_factory=dict)
-    machines: Counter[str | None] = field(default_factory=Counter)  # number of time rows of each
-    cut_off: list[Path] = field(default_factory=list)  # folders whose last line is incomplete
+    times: dict[int, _Time] = field(default_factory=dict)
+    cut_off: list[Path] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -99,32 +105,27 @@ def merge(folders: Sequence[Path], output: Path) -> MergeResult:
     conflicts = [conflict for scores in rows.cells.values() for conflict in _conflicts(scores)]
     if not conflicts:
         notes += _write(rows, abouts, output)
-    return MergeResult(len(rows.cells), rows.machines.total(), len(rows.machines), tuple(notes), tuple(conflicts))
+    machines = {time.machine for time in rows.times.values()}
+    return MergeResult(len(rows.cells), len(rows.times), len(machines), tuple(notes), tuple(conflicts))
 
 
 def _read(sources: Sequence[Path]) -> _Rows:
     """Read all rows. Raises InputError for folders without cells, or of different commands or renderers."""
     rows = _Rows()
-    known_times: set[int] = set()
     kinds: dict[str, tuple[set[str], Path]] = {}
     for folder in sources:
-        file = folder / "rows.jsonl"
-        if not file.exists():
-            what = "found no rows.jsonl" if folder.is_dir() else "no such folder"
-            raise InputError(f"{folder}: {what}; allowed: a folder that `shadowbench run` or `stress` wrote")
+        file = rows_file(folder)
         scores: dict[str, _Score] = {}
         commands, renderers, complete = set(), set(), 0
-        rows.times[folder] = set()
         for number, (row, end) in enumerate(stream_rows(file), start=1):
             complete = end
             if row["kind"] == "score":
                 scores[row["key"]] = _Score(folder, number, _name(row), _values(row))
                 commands.add("`stress`" if "axis" in row else "`run`")
                 renderers |= set() if "content" in row else {row["renderer"]}  # a folder of `score` has none
-            elif (known := hash(json.dumps(row, sort_keys=True))) not in known_times:
-                known_times.add(known)
-                rows.times[folder].add(number)
-                rows.machines[row.get("machine")] += 1
+            else:
+                told = hash(json.dumps(row, sort_keys=True))
+                rows.times.setdefault(told, _Time(folder, number, row.get("machine")))
         if complete < file.stat().st_size:
             rows.cut_off.append(folder)
         if len(commands) != 1:
@@ -164,10 +165,12 @@ def _conflicts(scores: Sequence[_Score]) -> Iterator[Conflict]:
     """What differs between the chosen row of a key and the other ones that did not fail."""
     first = _chosen(scores)
     for other in scores:
-        unequal = [] if other.failed else [name for name in first.values | other.values if _differ(first, other, name)]
+        if other is first or other.failed:
+            continue
+        unequal = [name for name in first.values | other.values if _differ(first, other, name)]
         for name in ["status"] if "status" in unequal else unequal:
-            folders = first.folder, other.folder
-            yield Conflict(first.cell, name, folders, (first.values.get(name), other.values.get(name)))
+            values = first.values.get(name), other.values.get(name)
+            yield Conflict(first.cell, name, (first.folder, other.folder), values)
 
 
 def _differ(first: _Score, other: _Score, name: str) -> bool:
@@ -190,8 +193,9 @@ def _write(rows: _Rows, abouts: Mapping[Path, RunFile], output: Path) -> list[st
         shutil.rmtree(beside, ignore_errors=True)
         beside.mkdir(parents=True)
         with (beside / "rows.jsonl").open("wb") as merged:
-            for source, times in rows.times.items():
-                kept = times | {one.line for one in cells.values() if one.folder == source}
+            for source in abouts:
+                kept = {score.line for score in cells.values() if score.folder == source}
+                kept |= {time.line for time in rows.times.values() if time.folder == source}
                 with (source / "rows.jsonl").open("rb") as stream:
                     merged.writelines(line for number, line in enumerate(stream, start=1) if number in kept)
         about = _run_file(rows, cells, abouts)
@@ -281,7 +285,8 @@ def _run_file(rows: _Rows, cells: Mapping[str, _Score], abouts: Mapping[Path, Ru
 
     Of the studies, scenes and specs of all, and the values in which they agree.
     """
-    main = max(abouts.values(), key=lambda about: (rows.machines.get(about.get("machine_key"), 0), len(about)))
+    times = Counter(time.machine for time in rows.times.values())
+    main = max(abouts.values(), key=lambda about: (times[about.get("machine_key")], len(about)))
     own = (
         about.get("keys") or [key for key, one in cells.items() if one.folder == folder]
         for folder, about in abouts.items()

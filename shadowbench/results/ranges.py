@@ -199,13 +199,8 @@ def operating_ranges(axes: Iterable[Axis], rows: Iterable[Record]) -> list[Opera
         operating_range(axis, group)
         for axis in axes
         for (name, _, _), group in groups.items()
-        if name == axis.name and not starts_of(axis).isdisjoint(row["axis_value"] for row in group)
+        if name == axis.name and (not axis.ordered or any(row["axis_value"] == axis.default for row in group))
     ]
-
-
-def starts_of(axis: Axis) -> set[Value]:
-    """Values of an axis from which a range can be searched: its default, or any if its order means nothing."""
-    return {axis.default} if axis.ordered else set(axis.values)
 
 
 def ranges_frame(ranges: Sequence[OperatingRange]) -> pd.DataFrame:

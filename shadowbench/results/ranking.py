@@ -1,9 +1,8 @@
 """The cost of accuracy: the cheapest configuration of each technique for each target, in one or several scenes."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from statistics import fmean
-from typing import cast
 
 import pandas as pd
 
@@ -75,16 +74,6 @@ class Candidate:
         """Number of scenes in which it meets a target."""
         return sum(target.met_by(one) for one in self.by_scene.values())
 
-    def as_cheap_as(self, other: "Candidate") -> bool:
-        """Whether the interquartile ranges of both times overlap, so that the difference may be noise."""
-        (low, high), (other_low, other_high) = _interquartile_range(self), _interquartile_range(other)
-        return low <= other_high and other_low <= high
-
-
-def _interquartile_range(one: Candidate) -> tuple[float, float]:
-    ms, iqr = one.ms or 0.0, one.mean.value("frame_iqr_ms") or 0.0
-    return ms - iqr / 2, ms + iqr / 2
-
 
 @dataclass(frozen=True)
 class CostCell:
@@ -109,14 +98,16 @@ def candidates(sections: Sequence[Section]) -> list[Candidate]:
         for one in section.configurations:
             by_key.setdefault((one.spec, one.map_size), {})[section.title] = one
     titles = [section.title for section in sections]
-    found = []
-    for parts in by_key.values():
-        scored = {title: one for title, one in parts.items() if one.error is not None and not one.refused}
-        unsupported = tuple(title for title, one in parts.items() if title not in scored and _unsupported(one))
-        missing = tuple(title for title in titles if title not in scored and title not in unsupported)
-        if scored:
-            found.append(Candidate(mean(list(scored.values())), scored, unsupported, missing))
-    return sorted(found, key=lambda one: (not one.in_all_scenes, -len(one.by_scene), _error(one.mean)))
+    found = [_candidate(parts, titles) for parts in by_key.values()]
+    return sorted(filter(None, found), key=lambda one: (not one.in_all_scenes, -len(one.by_scene), _error(one.mean)))
+
+
+def _candidate(parts: Mapping[str, Configuration], titles: Sequence[str]) -> Candidate | None:
+    """A configuration over scenes, by title; None without a score in any of them."""
+    scored = {title: one for title, one in parts.items() if one.error is not None and not one.refused}
+    unsupported = tuple(title for title, one in parts.items() if title not in scored and _unsupported(one))
+    missing = tuple(title for title in titles if title not in scored and title not in unsupported)
+    return Candidate(mean(list(scored.values())), scored, unsupported, missing) if scored else None
 
 
 def _error(one: Configuration) -> float:
@@ -124,24 +115,19 @@ def _error(one: Configuration) -> float:
 
 
 def _unsupported(one: Configuration) -> bool:
-    statuses = one.refused
-    return not one.cells and bool(statuses) and all(status.startswith("unsupported") for status in statuses)
+    return not one.cells and bool(one.refused) and all(status.startswith("unsupported") for status in one.refused)
 
 
 def mean(parts: Sequence[Configuration]) -> Configuration:
     """Means of one configuration over scenes; a value that is missing in one of them is None."""
     if len(parts) == 1:
         return parts[0]
-    first = parts[0]
-    found = {name: [one.value(name) for one in parts] for name in first.values}
-    values = {
-        name: None if None in medians else Interval(fmean(cast("list[float]", medians)))
-        for name, medians in found.items()
-    }
+    values: dict[str, Interval | None] = {}
+    for name in parts[0].values:
+        medians = [median for one in parts if (median := one.value(name)) is not None]
+        values[name] = Interval(fmean(medians)) if len(medians) == len(parts) else None
     cells, phases = sum(one.cells for one in parts), min(one.phases for one in parts)
-    return Configuration(
-        first.technique, first.spec, first.full_spec, first.map_size, cells, (), values, phases, first.unset
-    )
+    return replace(parts[0], cells=cells, refused=(), values=values, phases=phases, passes=())
 
 
 def title_of_all(kind: Sequence[Section], kinds: int) -> str:
@@ -173,11 +159,17 @@ def _cost(one: Candidate) -> tuple[int, bool, float, float, str]:
 
 
 def ties(found: Sequence[Candidate], best: Candidate, target: Target) -> tuple[Candidate, ...]:
-    """Other candidates that meet a target in as many scenes as the best, at a cost equal within the noise of times."""
-    if best.ms is None:
-        return ()
+    """Other candidates that meet a target in as many scenes as the best, whose time may differ by noise only.
+
+    The interquartile ranges of both times overlap.
+    """
+
+    def near(one: Candidate) -> bool:
+        spread = sum(side.mean.value("frame_iqr_ms") or 0.0 for side in (one, best))
+        return one.ms is not None and best.ms is not None and abs(one.ms - best.ms) <= spread / 2
+
     able = (one for one in found if one is not best and one.meets(target) and len(one.by_scene) == len(best.by_scene))
-    return tuple(one for one in able if one.ms is not None and one.as_cheap_as(best))
+    return tuple(filter(near, able))
 
 
 def closest(found: Sequence[Candidate], target: Target) -> Candidate:
@@ -190,8 +182,7 @@ def cost_row(found: Sequence[Candidate], targets: Sequence[Target]) -> list[Cost
     cells = []
     for target in targets if found else ():
         best = cheapest(found, target)
-        equal = () if best is None else ties(found, best, target)
-        cells.append(CostCell(target, best, closest(found, target), equal))
+        cells.append(CostCell(target, best, closest(found, target), ties(found, best, target) if best else ()))
     return cells
 
 

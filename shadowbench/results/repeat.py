@@ -1,8 +1,9 @@
 """Repeatability: whether two runs of a study agree in the ranking by time and in work counts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,13 @@ from scipy.stats import kendalltau
 
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record, Result
+from shadowbench.results.baseline import comparable
 from shadowbench.results.folder import identity, read_runs
 
 LEAST_RATIO = 1.05  # least ratio of two times whose order must be repeated
 LEAST_TAU = 0.95  # least Kendall's τ
+_block_of = itemgetter("scene", "view", "light", "phase", "view_size", "coordinates")
+_work_of = itemgetter("work", "gpu_bytes")
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,7 @@ def _two_folders(first: Path, second: Path) -> tuple[Sequence[Result], Sequence[
     studies = [run.about.get("study", {}) for run in (one, other)]
     for field, option in (("sun", "--sun"), ("no_ground", "--no-ground")):
         given = [study.get(field, False) for study in studies if study]
-        if given in ([True, False], [False, True]):
+        if len(set(given)) > 1:
             how = f"with{'' if given[1] else 'out'} {option}"
             raise InputError(f"{second}: was measured {how}; allowed: as {first} was, whose shadows are others")
     return one.results, other.results
@@ -95,23 +99,16 @@ def _timed_twice(folder: Path) -> tuple[Sequence[Result], Sequence[Result]]:
 
 def compare_runs(first: Sequence[Result], second: Sequence[Result]) -> RepeatResult:
     """Compare two runs of one study on one machine; cells that did not succeed in both are left out."""
-    matching = {identity(one.score): one for one in first if one.status == "ok"}
-    successful = [other for other in second if other.status == "ok"]
-    pairs = [(matching[identity(other.score)], other) for other in successful if identity(other.score) in matching]
+    one, other = ({identity(cell.score): cell for cell in side if cell.status == "ok"} for side in (first, second))
+    pairs = [(one[key], cell) for key, cell in other.items() if key in one]
     blocks: dict[tuple[Any, ...], list[tuple[Record, Record]]] = {}
-    for one, other in pairs:
-        if one.time and other.time and _comparable(one.time, other.time):
-            block = tuple(one.score[name] for name in ("scene", "view", "light", "phase", "view_size", "coordinates"))
-            blocks.setdefault(block, []).append((one.time, other.time))
-    unequal = [_label(one.score) for one, other in pairs if _work(one.score) != _work(other.score)]
+    for before, after in pairs:
+        times = before.time, after.time
+        if comparable(before, after) and all(time and time.get("ratio_quartiles") for time in times):
+            blocks.setdefault(_block_of(before.score), []).append(times)  # type: ignore[arg-type]
+    unequal = [_label(before.score) for before, after in pairs if _work_of(before.score) != _work_of(after.score)]
     rankings = [_ranking(" ".join(map(str, block[:4])), times) for block, times in blocks.items()]
     return RepeatResult(tuple(rankings), len(pairs), tuple(unequal))
-
-
-def _comparable(first: Record, second: Record) -> bool:
-    """Whether both have a ratio to the same reference on the same machine and clock."""
-    same = all(first.get(name) == second.get(name) for name in ("machine", "clock", "reference"))
-    return same and all(side.get("ratio_quartiles") is not None for side in (first, second))
 
 
 def _ranking(block: str, times: Sequence[tuple[Record, Record]]) -> Ranking:
@@ -135,10 +132,5 @@ def _order(first: Record, second: Record) -> int:
     return 1 if slower is first else -1
 
 
-def _work(score: Record) -> tuple[Mapping[str, int], int]:
-    return score["work"], score["gpu_bytes"]
-
-
 def _label(score: Record) -> str:
-    size = f" {score['map_size']}" if score["map_size"] else ""
-    return f"{score['scene']} {score['spec']}{size}"
+    return " ".join(str(score[name]) for name in ("scene", "spec", "map_size") if score[name])

@@ -1,99 +1,168 @@
-"""Measuring a study: its blocks, what is noted about them, and their campaign."""
+"""Measuring a study, or a part of it: its blocks, what is noted about them, and their campaigns."""
 
+import hashlib
+import json
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.maps.filters import Filter
-from shadowbench.measure.campaign import Campaign, Uniform
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.failures import Failure
+from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.cells import UNSHADOWED, Block, Cell
+from shadowbench.measure.drawer import DeviceInfo, Failure
 from shadowbench.measure.flips import size_after
 from shadowbench.measure.rows import Result
-from shadowbench.measure.session import DeviceInfo
-from shadowbench.scenes.model import Scene
 from shadowbench.scenes.views import first_of
 from shadowbench.studies.study import Study, scenes_of
-from shadowbench.techniques.unshadowed import Unshadowed
 
+if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
+    from shadowbench.results.folder import Run
+    from shadowbench.results.tables import SweepPositions
+
+T = TypeVar("T")
+_MOST_PARTS = 10_000
 _PIXEL_S = 12e-9  # seconds of a drawn pixel or texel, on two cores without a GPU
 _DRAWN = 4  # frames that take as long as drawing and scoring a cell
 _TIMED = 4 / 3  # frames of a round, with the passes
-
-
-def cell_seconds(study: Study, cell: Cell) -> float:
-    """Approximate seconds of drawing, scoring and timing a cell on two cores without a GPU."""
-    pixels, stepped = _pixels(study, cell), size_after(study.step, study.view_size) ** 2
-    timed = _TIMED * study.rounds * pixels if cell.phase == 0 else 0.0
-    return _PIXEL_S * (_DRAWN * (pixels + stepped) + timed)
-
-
-def _pixels(study: Study, cell: Cell) -> int:
-    return study.view_size**2 + (cell.spec.map_size or 0) ** 2
-
-
-def duration(seconds: float) -> str:
-    """Text of a rough duration: `40 s`, `12 min`, `2.5 h`."""
-    if seconds < 90:
-        return f"{max(seconds, 1):.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
-_TRIVIAL: dict[Uniform | None, tuple[str, ...]] = {
-    "lit": ("nothing is in shadow, so most metrics are undefined or trivial",),
-    "in shadow": ("everything is in shadow, so most metrics are undefined or trivial",),
-    None: (),
-}
 _LONG_S = 60.0  # from which an estimate is given
 
 
+@dataclass(frozen=True)
+class Part:
+    """Part `number` of `count`, from 1, for machines that share nothing; `merge` joins their folders."""
+
+    number: int = 1
+    count: int = 1
+
+    @classmethod
+    def named(cls, text: str | None) -> "Part":
+        """The part that `K/N` names; the whole for None. Raises InputError."""
+        found = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", "1/1" if text is None else text)
+        part = cls(*map(int, found.groups())) if found else cls(0, 0)
+        if not 1 <= part.number <= part.count <= _MOST_PARTS:
+            allowed = f"K/N, as in 3/16, with K from 1 to N and N up to {_MOST_PARTS}"
+            raise InputError(f"--part: found {text!r:.60}; allowed: {allowed}")
+        return part
+
+    def of(self, items: Sequence[T], identity: Callable[[T], object]) -> list[T]:
+        """The items of this part, in their order; parts differ in length by at most one.
+
+        They are dealt in the order of hashes, which mixes large and small ones, and is the same on every machine.
+        identity: a JSON value unique to an item. Raises InputError for fewer items than parts.
+        """
+        if len(items) < self.count:
+            raise InputError(
+                f"--part {self.number}/{self.count}: found {len(items)} to divide, as the cells of a view stay "
+                f"together; allowed: 1 to {len(items)} parts"
+            )
+
+        def digest(index: int) -> bytes:
+            return hashlib.sha256(json.dumps(identity(items[index])).encode()).digest()
+
+        return [items[index] for index in sorted(sorted(range(len(items)), key=digest)[self.number - 1 :: self.count])]
+
+
+WHOLE = Part()
+
+
+def names_of(block: Block) -> list[str]:
+    """Names of a block's scene, camera and light, by which blocks of a study are dealt to its parts."""
+    return [block.view.scene.name, block.view.camera.name, block.view.light.name]
+
+
 @dataclass(frozen=True, eq=False)
-class RunResult:
-    """Keys of all cells of a run, measured now or before, and its notes."""
+class StudyResult:
+    """Result of measuring a study into a folder.
 
-    keys: list[str]
-    notes: list[str]
-
-
-def run_blocks(study: Study, blocks: Sequence[Block], campaign: Campaign) -> RunResult:
-    """Measure the blocks of a study. Raises InputError before anything is written.
-
-    Raises ShadowbenchError if nothing is left of a campaign that keeps going.
+    run: the whole folder, with cells of earlier commands, of which `run.last` are the study's; sweep_positions: of
+    specs in its bias sweeps; failures: what was left out, if it kept going.
     """
-    check_sizes(study, campaign.drawer.info)
-    reporter = campaign.reporter
-    notes = [*study.notes, *_filter_notes(study), *(note for scene in scenes_of(blocks) for note in _of(study, scene))]
-    for note in notes:
-        reporter.note(note)
 
-    def add(block: Block, lines: Iterable[str]) -> None:
-        for line in lines:
-            notes.append(f"{block.view.name}: {line}")
-            reporter.note(notes[-1])
+    study: Study
+    run: "Run"
+    sweep_positions: "SweepPositions"
+    info: DeviceInfo
+    failures: tuple[Failure, ...] = ()
 
-    traced = campaign.trace(blocks)  # before anything is written: a view that shows nothing raises InputError
+
+def measure(study: Study, campaigns: Sequence[Campaign], part: Part = WHOLE) -> StudyResult:
+    """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`. Existing rows are reused.
+
+    campaigns: in that folder, one after the other, of which the last one takes times; part: measure only its blocks. If
+    they keep going, scenes, truths and blocks that fail are left out. Raises InputError for a scene that cannot be read
+    and a map or view too large for the device. A cell that fails gets a row with that status.
+    """
+    failures: list[Failure] = []
+    blocks = readable_blocks(study, failures) if campaigns[0].keep_going else [*study.blocks()]
+    blocks = part.of(blocks, names_of)
+    keys: dict[str, None] = {}
+    notes: dict[str, None] = {}
+    for campaign in campaigns:
+        check_sizes(study, campaign.drawer.info)
+        timed = blocks if campaign is campaigns[-1] else [replace(block, rounds=0) for block in blocks]
+        for kind, text in _measured(study, timed, campaign):
+            if kind == "key":
+                keys[text] = None
+            elif text not in notes:  # phases may say the same
+                notes[text] = None
+                campaign.reporter.note(text)
+        failures += campaign.failures
+    from shadowbench.results.folder import write_cells
+
+    positions = study.sweep_positions
+    campaign.finish(study.facts, list(notes), keys)
+    run = write_cells(campaign.folder, positions)
+    return StudyResult(study, run, positions, campaign.drawer.info, tuple(dict.fromkeys(failures)))
+
+
+def _measured(
+    study: Study, blocks: Sequence[Block], campaign: Campaign
+) -> Iterator[tuple[Literal["key", "note"], str]]:
+    """The keys of all cells of the blocks, measured now or before, and what is noted about them.
+
+    Raises InputError before anything is written, ShadowbenchError if nothing is left of a campaign that keeps going.
+    """
+    yield from (("note", line) for line in _notes(study, blocks))
+    # Before anything is written: a view that shows nothing raises InputError.
+    traced = [(block, shows) for block, shows in zip(blocks, campaign.trace(blocks), strict=True) if shows]
     if not traced:
         raise _nothing("is left to measure", campaign.failures)
-    for block, uniform in traced:
-        add(block, _TRIVIAL[uniform])
+    for block, shows in traced:
+        if shows != "with edges":
+            everything = "nothing is in shadow" if shows == "lit" else "everything is in shadow"
+            yield "note", f"{block.view.name}: {everything}, so most metrics are undefined or trivial"
     with campaign:
-        cells = [(block, cell) for block, _ in traced for cell in block.cells]
-        missing = [cell for block, _ in traced for cell in campaign.unscored(block)]
-        if (seconds := sum(cell_seconds(study, cell) for cell in missing)) >= _LONG_S:
-            rough = f"about {duration(seconds)} on two cores without a GPU"
-            reporter.note(f"{len(missing)} of {len(cells)} cells to measure: {rough}")
-        reporter.stage("cells", len(cells) + sum(block.times(cell) for block, cell in cells))
-        keys: list[str] = []
-        measured = campaign.measure(block.fresh() for block, _ in traced)
-        for (block, uniform), found in zip(traced, measured, strict=True):
-            keys += [result.score["key"] for result in found.values()]
-            if uniform is None:
-                add(block, dict.fromkeys(filter(None, map(_uniform_mask, found.values()))))  # phases may say the same
-    if not keys:
+        _announce(study, [block for block, _ in traced], campaign)
+        some = False
+        for (block, shows), found in zip(traced, campaign.measure(block for block, _ in traced), strict=True):
+            for result in found:
+                some = True
+                yield "key", result.score["key"]
+                if shows == "with edges" and (line := _uniform_mask(result)):
+                    yield "note", f"{block.view.name}: {line}"
+    if not some:
         raise _nothing("was measured", campaign.failures)
-    return RunResult(keys, notes)
+
+
+def _notes(study: Study, blocks: Sequence[Block]) -> Iterator[str]:
+    """What is noted before anything is drawn."""
+    yield from study.notes
+    for scene in scenes_of(blocks):
+        yield from scene.notes
+        if "file" in study.views:
+            yield from first_of(scene.name, "cameras", scene.cameras, "--view or a study")
+
+
+def _announce(study: Study, blocks: Sequence[Block], campaign: Campaign) -> None:
+    """Begin the stage of the cells, after a note if they take long."""
+    cells = [(block, cell) for block in blocks for cell in block.cells]
+    missing = [cell for block in blocks for cell in campaign.unscored(block)]
+    if (seconds := sum(_seconds(study, cell) for cell in missing)) >= _LONG_S:
+        rough = f"about {duration(seconds)} on two cores without a GPU"
+        campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to measure: {rough}")
+    campaign.reporter.stage("cells", len(cells) + sum(block.times(cell) for block, cell in cells))
 
 
 def _nothing(what: str, failures: Sequence[Failure]) -> ShadowbenchError:
@@ -106,12 +175,12 @@ def readable_blocks(study: Study, failures: list[Failure]) -> list[Block]:
     for source in study.scenes:
         try:
             own = list(study.with_(scenes=(source,)).blocks())
-            if any(block.scene.name == own[0].scene.name for block in blocks):
-                raise InputError(f"found two scenes that are called {own[0].scene.name!r}; names must differ")
+            if any(block.view.scene.name == own[0].view.scene.name for block in blocks):
+                raise InputError(f"found two scenes that are called {own[0].view.scene.name!r}; names must differ")
             blocks += own
         except InputError as error:
             name = source if isinstance(source, str) else source.name
-            reason = str(error).removeprefix(f"{Path(name).name}: ").removeprefix(f"{name}: ")
+            reason = str(error).removeprefix(f"{name.rpartition('/')[2]}: ").removeprefix(f"{name}: ")
             failures.append(Failure("scene", name, reason))
     if not blocks:
         raise InputError(f"{failures[0].where}: {failures[0].reason}")
@@ -127,24 +196,37 @@ def check_sizes(study: Study, info: DeviceInfo) -> None:
             raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
 
 
+def estimate(study: Study) -> tuple[int, float]:
+    """Number of cells of a study, and their approximate run time in seconds on two cores without a GPU, at least 5.
+
+    Lights other than `sun` are taken to have no size.
+    """
+    cells = study.cells(study.sun)
+    seconds = sum(_seconds(study, cell) for cell in cells) * len(study.scenes)
+    return len(cells) * len(study.scenes), max(seconds, 5)
+
+
+def _seconds(study: Study, cell: Cell) -> float:
+    """Approximate seconds of drawing, scoring and timing a cell on two cores without a GPU."""
+    pixels = study.view_size**2 + (cell.spec.map_size or 0) ** 2
+    timed = _TIMED * study.rounds * pixels if cell.phase == 0 else 0.0
+    return _PIXEL_S * (_DRAWN * (pixels + size_after(study.step, study.view_size) ** 2) + timed)
+
+
+def duration(seconds: float) -> str:
+    """Text of a rough duration: `40 s`, `12 min`, `2.5 h`."""
+    if seconds < 90:
+        return f"{max(seconds, 1):.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
 def _uniform_mask(result: Result) -> str | None:
     """A line about a mask without an edge, in a view whose truth has one: it is lit, or in shadow, all over."""
     row = result.score
-    if row["status"] != "ok" or row["technique"] == Unshadowed.name:
+    if row["status"] != "ok" or row["technique"] == UNSHADOWED.technique.name:
         return None
     if row["metrics"]["edge_px"] != math.hypot(row["view_size"], row["view_size"]):
         return None
     size = f" at {row['map_size']}" if row["map_size"] else ""
     where = "in shadow" if row["metrics"]["iou"] else "lit"
     return f"{row['spec']}{size} draws every scored pixel {where}"
-
-
-def _filter_notes(study: Study) -> list[str]:
-    filters = {spec.text: getattr(spec.params, "filter", None) for spec in study.specs}
-    return [f"{text}: {one.note}" for text, one in filters.items() if isinstance(one, Filter) and one.note]
-
-
-def _of(study: Study, scene: Scene) -> list[str]:
-    first = "file" in study.views
-    several = first_of(scene.name, "cameras", scene.cameras, "--view or a study") if first else []
-    return [*scene.notes, *several]

@@ -9,7 +9,7 @@ from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import VIEW_SIZE, Axis, Setting, Value
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.failures import Failure, Limits
+from shadowbench.measure.drawer import Failure, Limits
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.spec import Spec
@@ -17,7 +17,7 @@ from shadowbench.results.folder import read_folders
 from shadowbench.results.ranges import OperatingRange, failure, operating_ranges, points_frame, ranges_frame
 from shadowbench.results.tables import write_table
 from shadowbench.scenes.model import LightKind
-from shadowbench.studies.part import WHOLE, Part
+from shadowbench.studies.run import WHOLE, Part
 from shadowbench.studies.study import Study
 
 Point = tuple[Axis, LightKind, Value]
@@ -46,7 +46,8 @@ def block_at(specs: Sequence[Spec], point: Point) -> Block:
     at_point = [(spec, spec_at(spec, setting)) for spec in specs if light in spec.technique.lights]
     cells = tuple(Cell(spec, home=home) for home, spec in at_point if spec is not None)
     place = {"axis": axis.name, "axis_value": value, "axis_unit": axis.unit, "light_kind": light}
-    return Block(setting.views, cells, setting.coordinates, place=place)
+    view, *later = setting.views
+    return Block(view, cells, setting.coordinates, later=tuple(later), place=place)
 
 
 def spec_at(spec: Spec, setting: Setting) -> Spec | None:
@@ -99,7 +100,7 @@ def stress(
     campaign.reporter.stage("stress", sum(homes[axis, light] for axis, light, _ in points))
     with campaign:
         measured = campaign.measure(block_at(specs, point) for point in points if homes[point[:2]])
-        rows = [result.score for found in measured for result in found.values()]
+        rows = [result.score for found in measured for result in found]
     if not rows and campaign.failures:
         first = campaign.failures[0]
         raise ShadowbenchError(f"no cell was measured: {first.where}: {first.reason}")

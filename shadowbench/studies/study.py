@@ -2,42 +2,44 @@
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field, ValidationError
+from pydantic import BeforeValidator, Field, InstanceOf, ValidationError
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder
 from shadowbench.measure.cells import DEFAULT_REFERENCE, Block, Cell, Step, reference_name
-from shadowbench.measure.failures import Limits
+from shadowbench.measure.drawer import Limits
 from shadowbench.measure.flips import Stepped
 from shadowbench.measure.rows import StudyFacts
-from shadowbench.options import PHASES, ROUNDS, VIEW_SIZE, SceneOptions
-from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.options import (
+    AS_STUDIED,
+    FIRST,
+    MAP_SIZE,
+    PHASES,
+    ROUNDS,
+    VIEW_SIZE,
+    Measuring,
+    SceneOptions,
+    ViewOptions,
+)
+from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.views import Named, named, opened
 from shadowbench.strict import Strict, explain, read_toml
-from shadowbench.studies.crossing import (
-    MOST_SPECS,
-    BiasSweep,
-    Cameras,
-    CrossedSpecs,
-    Crossings,
-    Lights,
-    Reference,
-    Scenes,
-    Sizes,
-    Source,
-    Techniques,
-)
+from shadowbench.studies.crossing import MOST_SPECS, CrossedSpecs, Techniques, convert, to_list
 
 if TYPE_CHECKING:
     from shadowbench.results.tables import SweepPositions
 
 MOST_CELLS = 1_000_000
 """Most cells of a study file in one view, counting each phase."""
+
+_Size = Annotated[int, Field(ge=MAP_SIZE.least, le=MAP_SIZE.most, strict=True)]
+_SOME = Field(min_length=1)
 
 
 class Study(Strict):
@@ -55,21 +57,21 @@ class Study(Strict):
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
 
     about: str = ""
-    scenes: Scenes
-    map_size: Sizes | None = None
+    scenes: Annotated[tuple[str | InstanceOf[Scene], ...], _SOME]
+    map_size: Annotated[tuple[_Size, ...], BeforeValidator(to_list), _SOME] | None = None
     view_size: int = Field(512, ge=VIEW_SIZE.least, le=VIEW_SIZE.most, strict=True)
     rounds: int = Field(9, ge=ROUNDS.least, le=ROUNDS.most, strict=True)
     phases: int = Field(1, ge=PHASES.least, le=PHASES.most, strict=True)
     step: Step | None = None
     coordinates: Coordinates = "relative"
-    reference: Reference = DEFAULT_REFERENCE
+    reference: InstanceOf[Spec] = DEFAULT_REFERENCE
     time_limit: float = Field(120.0, gt=0, le=86_400)
     memory_limit: float = Field(8.0, gt=0, le=4096)
-    views: Cameras = ("file",)
-    lights: Lights = ("file",)
+    views: Annotated[tuple[str | InstanceOf[Camera], ...], _SOME] = ("file",)
+    lights: Annotated[tuple[str | InstanceOf[Light], ...], _SOME] = ("file",)
     sun: bool = Field(False, strict=True)
     no_ground: bool = Field(False, strict=True)
-    technique: Crossings
+    technique: Annotated[tuple[InstanceOf[CrossedSpecs], ...], _SOME]
     assets: Path | None = None
     up: str | None = None
     notes: tuple[str, ...] = ()
@@ -80,8 +82,8 @@ class Study(Strict):
         return tuple(spec for crossed in self.technique for spec in crossed.specs)
 
     @property
-    def sweeps(self) -> tuple[BiasSweep, ...]:
-        """All bias sweeps."""
+    def sweeps(self) -> tuple[tuple[Spec, float, Spec], ...]:
+        """All bias sweeps, as those of `CrossedSpecs`."""
         return tuple(sweep for crossed in self.technique for sweep in crossed.sweeps)
 
     @property
@@ -91,8 +93,7 @@ class Study(Strict):
 
         return positions_in_sweeps(
             ((spec.sizeless_text, spec.map_size if "size" in spec.explicit else None), (home.sizeless_text, factor))
-            for home, variants in ((sweep.base, sweep.variants) for sweep in self.sweeps)
-            for factor, spec in variants
+            for home, factor, spec in self.sweeps
         )
 
     @staticmethod
@@ -144,11 +145,12 @@ class Study(Strict):
         """
         phases = self.phases_of_specs()
         cells = [
-            Cell(sized_spec, phase)
+            Cell(sized, phase)
             for crossed in self.technique
             if crossed.soft in (None, soft)
             for spec in crossed.specs
-            for sized_spec in at_map_sizes([spec], self.map_size or ())
+            for sized in ([spec.with_(size=size) for size in self.map_size or ()] if _takes_a_size(spec) else [])
+            or [spec]
             for phase in range(phases[spec] if spec.technique.phased else 1)
         ]
         return tuple(sorted(dict.fromkeys(cells), key=lambda cell: cell.phase))
@@ -162,23 +164,25 @@ class Study(Strict):
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
                 raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
-            for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
+            cameras = _chosen(self.views, scene.cameras, scene.cameras[:1], f"views of {scene.name}")
+            for camera, light in itertools.product(cameras, self.lights_of(scene)):
                 yield self.block(view_of(scene, camera, light, self.view_size))
 
     def block(self, view: View) -> Block:
         """The block of a view, with all cells."""
         after = (Stepped(view, self.step).view,) if self.step else ()
         cells = self.cells(view.light.soft)
-        return Block((view, *after), cells, self.coordinates, self.rounds, self.reference, self.step)
-
-    def cameras(self, scene: Scene) -> list[Camera]:
-        """Cameras of the study in a scene; "file" stands for the scene's first."""
-        return _chosen(self.views, scene.cameras, scene.cameras[:1], f"views of {scene.name}")
+        return Block(view, cells, self.coordinates, self.rounds, self.reference, after, self.step)
 
     def lights_of(self, scene: Scene) -> list[Light]:
         """Lights of the study in a scene; "file" stands for all of the scene's."""
         found = _chosen(self.lights, scene.lights, scene.lights, f"lights of {scene.name}")
         return [sunlit(light) for light in found] if self.sun else found
+
+
+def _takes_a_size(spec: Spec) -> bool:
+    """Whether map sizes of a study apply to a spec: it has a map, and names no size."""
+    return spec.has_size and "size" not in spec.explicit
 
 
 def _chosen(
@@ -201,17 +205,7 @@ def _chosen(
 
 def scenes_of(blocks: Sequence[Block]) -> list[Scene]:
     """Scenes of the blocks, without duplicates."""
-    return list(dict.fromkeys(block.scene for block in blocks))
-
-
-def at_map_sizes(specs: Sequence[Spec], sizes: Sequence[int]) -> tuple[Spec, ...]:
-    """The specs at each map size, without duplicates; a spec that names its size, or has no map, is unchanged."""
-    resized = [
-        spec.with_(size=size) if size is not None else spec
-        for spec in specs
-        for size in (sizes if sizes and spec.has_size and "size" not in spec.explicit else [None])
-    ]
-    return tuple(dict.fromkeys(resized))
+    return list(dict.fromkeys(block.view.scene for block in blocks))
 
 
 def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -> Study:
@@ -223,13 +217,9 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
     table = read_toml(file, str(file), f"no such study file{alternatives(file, study_names(), 'ours')}")
     if "mesh" in table and "scenes" not in table:
         raise InputError(f"{file}: found a scene file; allowed: a study file, or `shadowbench run` with it as a scene")
-    if "technique" not in table:
-        table["technique"] = [
-            CrossedSpecs((parse_spec(name, techniques),), soft=one.catalogue.soft_only or None)
-            for name, one in techniques.items()
-        ]
-    source = Source(str(file), folder or file.parent, techniques)
-    study = _valid(table, source).with_(notes=tuple(source.notes))
+    notes: list[str] = []
+    convert(table, str(file), folder or file.parent, techniques, notes)
+    study = _valid(table, str(file)).with_(notes=tuple(notes))
     _check_size(study, str(file))
     return study
 
@@ -237,7 +227,7 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
 def _check_size(study: Study, where: str) -> None:
     """Raises InputError for a study with too many specs or cells."""
     sizes, phases = len(study.map_size or [None]), study.phases_of_specs()
-    counts = [sizes if spec.has_size and "size" not in spec.explicit else 1 for spec in study.specs]
+    counts = [sizes if _takes_a_size(spec) else 1 for spec in study.specs]
     if sum(counts) > MOST_SPECS:
         raise InputError(f"{where}: {sum(counts)} specs, each map size counted; allowed are at most {MOST_SPECS}")
     cells = sum(count * phases[spec] for count, spec in zip(counts, study.specs, strict=True))
@@ -248,11 +238,50 @@ def _check_size(study: Study, where: str) -> None:
         )
 
 
-def _valid(values: dict[str, Any], source: Source | None = None) -> Study:
+def _valid(values: dict[str, Any], where: str | None = None) -> Study:
     try:
-        return Study.model_validate(values, context=source)
+        return Study.model_validate(values, context=where)
     except ValidationError as error:
-        raise explain(source.where if source else "study", error) from None
+        raise explain(where or "study", error) from None
+
+
+def study_from_options(
+    known: Techniques,
+    scenes: Sequence[str | Scene] = (),
+    specs: Sequence[Spec] = (),
+    *,
+    study: str | None = None,
+    map_size: Sequence[int] | None = None,
+    measuring: Measuring = AS_STUDIED,
+    view: ViewOptions = FIRST,
+) -> Study:
+    """A study from a file or a built-in one (`default` for None), with what is asked for in place of its own.
+
+    known: techniques that the file may name; view: options without a value keep the study's. Specs without a study and
+    map sizes are measured at their own map sizes, in one phase. Raises InputError.
+    """
+    found = read_study(find_study(study or "default"), known)
+    changes: dict[str, Any] = {"scenes": scenes, "map_size": map_size, **asdict(measuring), **asdict(view)}
+    for one, several in (("view", "views"), ("light", "lights")):
+        changes[several] = tuple(filter(None, [changes.pop(one)]))
+    changes = {name: value for name, value in changes.items() if value or type(value) is int}  # 0 rounds
+    if specs:
+        changes["technique"] = (CrossedSpecs(tuple(specs), sweeps=found.sweeps),)
+        if study is None and map_size is None:
+            changes = {"map_size": None, "phases": 1, **changes}
+    elif measuring.phases:
+        changes["technique"] = tuple(replace(crossed, phases=None) for crossed in found.technique)
+    changed = found.with_(**changes)
+    return changed.with_(notes=(*found.notes, *_size_notes(map_size, specs, changed))) if map_size else changed
+
+
+def _size_notes(map_size: Sequence[int], specs: Sequence[Spec], study: Study) -> Iterator[str]:
+    """What is noted about specs that --map-size leaves as they are."""
+    sizes = f"--map-size {','.join(map(str, map_size))} leaves"
+    yield from (f"{spec.text} names its size, which {sizes} as it is" for spec in specs if "size" in spec.explicit)
+    for spec in study.specs:
+        if any(map(has_size, spec.techniques[1:])):
+            yield f"{spec.text}: {sizes} the map inside as it is; its size is written in the spec"
 
 
 def find_study(name: str) -> Path:

@@ -1,8 +1,7 @@
 """Cascaded shadow maps: one map per slice of the camera's frustum (Engel 2006; Zhang, Sun, Xu and Lun 2006)."""
 
 import math
-from functools import cached_property
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,28 +11,14 @@ from shadowbench.geometry.convex import SceneHull, Slice, slices
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, snapped, stretched, window
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Sampling, Texture, Value
-from shadowbench.gl.targets import DepthFormat, unsupported_map
+from shadowbench.gl.program import Value
+from shadowbench.gl.targets import DepthFormat
 from shadowbench.maps.biases import Bias, Texel
+from shadowbench.maps.caster_map import MAP_GRID, MAP_SOFT_GRID, FilteredMap, MapLayout, map_uniforms
 from shadowbench.maps.filters import Filter, Hardware
-from shadowbench.maps.fits import widened
-from shadowbench.maps.passes import (
-    MAP_GRID,
-    MAP_SOFT_GRID,
-    CasterMap,
-    contents_of,
-    counted_reads,
-    map_includes,
-    map_textures,
-    map_uniforms,
-    penumbra_uniforms,
-    unsupported_components,
-)
+from shadowbench.maps.fits import PracticalSplit, Split, widened
 from shadowbench.maps.presets import BEVY, GODOT, UNITY
-from shadowbench.maps.resolve import ResolvePass
-from shadowbench.maps.splits import PracticalSplit, Split
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.plugin.params import one_of
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
 
@@ -72,10 +57,8 @@ class Cascades(Technique):
     }
 
     class Params(TechniqueParams):
-        """Parameters of cascades."""
-
         count: int = param(5, "number of cascades", ge=1, le=8)
-        split: Annotated[Split, one_of(Split)] = param(PracticalSplit(), "view depths at which the frustum is split")
+        split: Split = param(PracticalSplit(), "view depths at which the frustum is split")
         box: Literal["scene", "tight", "sphere"] = param(
             "scene",
             "map bounds: of the slice's part inside the scene's bounds, of the slice, or of its bounding sphere",
@@ -93,8 +76,8 @@ class Cascades(Technique):
         )
         size: int = param(1024, "texels along a side of each map", ge=1, le=65536)
         depth: DepthFormat = param("d32f", "depth format")
-        bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "bias against self-shadowing")
-        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "filter of the depth comparisons")
+        bias: Bias = param(Texel(), "bias against self-shadowing")
+        filter: Filter = param(Hardware(), "filter of the depth comparisons")
         layers: Literal["geometry", "passes"] = param(
             "passes", "one draw for all maps by geometry shader, or one per map"
         )
@@ -108,6 +91,11 @@ class Cascades(Technique):
                 raise ValueError(f"stable=true: found box={self.box}; allowed: sphere")
             return self
 
+        @property
+        def layout(self) -> MapLayout:
+            """The layout of the maps."""
+            return MapLayout(self.size, self.depth, "array", self.count, clamp=self.depth_clamp, cull=self.cull)
+
     params: Params
 
     @classmethod
@@ -115,8 +103,7 @@ class Cascades(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind != "directional":
             return f"a {view.light.kind} light shines from a place; cascades follow a directional one"
-        incompatible = unsupported_components("array", params.bias, params.filter)
-        return incompatible or unsupported_map(device, params.size, params.depth, "array", params.count)
+        return params.layout.unsupported(device, params.bias, params.filter)
 
     @classmethod
     def view_slices(cls, params: TechniqueParams) -> int:
@@ -125,38 +112,15 @@ class Cascades(Technique):
 
     def build(self, stage: Stage) -> None:
         params = self.params
-        self.stage = stage
-        self.hull = SceneHull(stage.scene)
-        self.defines = {"LAYERS": params.count, "BLENDED": int(params.blend > 0)}
-        self.includes = map_includes("orthographic", "array", params.bias, params.filter)
-        self.contents = contents_of(stage, params, params.filter, params.size, "array", params.count, self.includes)
-        fragment = "contents.frag" if self.contents else "depth.frag"
+        self.stage, self.hull = stage, SceneHull(stage.scene)
+        vertex, geometry = "casters.vert", None
         if params.layers == "geometry":
-            texts: tuple[str, ...] = ("cascades/layers.vert", fragment, "cascades/layers.geom")
-        else:
-            texts = ("casters.vert", fragment)
-        program = stage.program(*texts, params=params, defines=self.defines, includes=self.includes)
-        self.map = CasterMap(
-            stage,
-            program,
-            params.size,
-            params.depth,
-            "array",
-            params.count,
-            contents=self.contents,
-            bias=params.bias,
-            clamp=params.depth_clamp,
-            cull=params.cull,
-        )
-        self.resolve = self._pass("resolve")
-
-    def _pass(self, name: str, components: int = 1) -> ResolvePass:
-        fragment = f"cascades/{name}.frag"
-        return ResolvePass(self.stage, fragment, self.params, self.defines, self.includes, components)
+            vertex, geometry = "cascades/layers.vert", "cascades/layers.geom"
+        defines = {"LAYERS": params.count, "BLENDED": int(params.blend > 0)}
+        self.map = FilteredMap(stage, params, params.layout, self.hull, "orthographic", vertex, geometry, defines)
+        self.resolve = self.map.resolve_pass("cascades/resolve.frag")
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        self.last = frame
-        self.light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
         with frame.timed("fit", changes="view"):
             self.slices = self._slices(frame)
             space = light_space(frame.light)
@@ -164,17 +128,9 @@ class Cascades(Technique):
             self.light_views = [self._light_view(space, part, frame) for part in self.slices]
         with frame.timed("depth", changes="view"):
             self.map.draw(frame, self.light_views, layered=self.params.layers == "geometry")
-        if self.contents:
-            with frame.timed("blur", changes="view"):
-                self.contents.prepare([max(view.texel) for view in self.light_views])
+        self.map.prepare(frame, "view", [max(view.texel) for view in self.light_views])
         with frame.timed("resolve", changes="view"):
-            penumbra = penumbra_uniforms(self.resolve.program, self.light_radius, self.hull, frame.light)
-            return self.resolve(frame, self._textures, **self._uniforms(frame), **penumbra)
-
-    @property
-    def _textures(self) -> dict[str, tuple[Texture, Sampling]]:
-        textures = map_textures(self.map.texture)
-        return textures | self.contents.sampler("border") if self.contents else textures
+            return self.map.look_up(self.resolve, frame, self.map.inputs(frame.light, self._uniforms(frame)))
 
     def _slices(self, frame: Frame) -> list[Slice]:
         params = self.params
@@ -185,16 +141,17 @@ class Cascades(Technique):
 
     def _light_view(self, space: LightSpace, part: Slice, frame: Frame) -> LightView:
         params, padding, shift = self.params, self.params.filter.reach(self.params.size) + 1, frame.phase.shift
+        light_radius = self.map.light_radius(frame.light)
         if params.stable:  # the window's size must not depend on the camera's pose
             center, radius = part.sphere
             scene = space.box(self.hull.points)
-            reach = self.light_radius * float(scene.high[2] - scene.low[2])
+            reach = light_radius * float(scene.high[2] - scene.low[2])
             half = np.array([radius + reach, radius + reach, radius * self._depth_factor])
             placed = snapped(space, center, half, params.size, padding, shift)
             added = np.full(4, reach)
         else:
             box = self._box(space, part)
-            wide = widened(box, space, self.hull, frame.light, self.light_radius)
+            wide = widened(box, space, self.hull, frame.light, light_radius)
             placed = window(wide, space, params.size, padding, shift)
             added = np.concatenate([(box.low - wide.low)[:2], (wide.high - box.high)[:2]])
         self.margins.append(added / np.tile((placed.high - placed.low)[:2], 2))
@@ -218,11 +175,7 @@ class Cascades(Technique):
         return 1.0 if self.params.depth_clamp else self.params.z_mult
 
     def _uniforms(self, frame: Frame) -> dict[str, Value]:
-        values = map_uniforms(self.light_views) | {
-            "filter_radius": self.params.filter.radius(self.params.size),
-            "depth_step": self.map.step,
-        }
-        values["position_step"] = self.hull.position_step(frame.light)
+        values = map_uniforms(self.light_views)
         if self.params.select == "box":
             values["filter_margin"] = self.params.filter.reach(self.params.size)
             values["light_margin"] = np.array(self.margins)
@@ -233,35 +186,25 @@ class Cascades(Technique):
             values["ends"] = np.array([part.far for part in self.slices])
         return values
 
-    @cached_property
-    def _tint(self) -> ResolvePass:
-        return self._pass("tint", 4)
-
     def tint(self) -> moderngl.Texture:
-        return self._tint(self.last, self._textures, **self._uniforms(self.last))
-
-    @cached_property
-    def _texels(self) -> ResolvePass:
-        return self._pass("texels", 4)
+        return self.map.debug("cascades/tint.frag")
 
     def texels(self) -> moderngl.Texture:
-        return self._texels(self.last, self._textures, **self._uniforms(self.last))
+        return self.map.debug("cascades/texels.frag")
 
     def map_image(self) -> NDArray[np.float32]:
         return np.hstack(list(self.map.texture.read()[:, ::-1]))
 
     def facts(self) -> dict[str, float]:
-        scale = self.stage.placement.scale
-        facts: dict[str, float] = {"culled_triangles": self.map.culled}
-        pixels = math.prod(self.stage.size) * (2 if self.params.blend else 1)  # blended, each reads two cascades
-        facts |= counted_reads(self.params.filter, self.contents, pixels)
-        if self.params.blend and self.contents is None:
-            facts["reads"] = self.params.filter.reads * pixels
+        params, scale = self.params, self.stage.placement.scale
+        pixels = math.prod(self.stage.size) * (2 if params.blend else 1)  # blended, each reads two cascades
+        facts = self.map.facts(pixels)
+        if params.blend:
+            facts.setdefault("reads", params.filter.reads * pixels)
         for number, (part, light_view) in enumerate(zip(self.slices, self.light_views, strict=True), start=1):
-            facts[f"far_{number}_m"] = part.far / scale
-            facts[f"texel_{number}_m"] = max(light_view.texel) / scale
-            radius, depth_range = self.params.filter.radius(self.params.size), light_view.far - light_view.near
-            bias = self.params.bias.facts(radius, facts[f"texel_{number}_m"], depth_range / scale)
+            texel, depth_range = max(light_view.texel) / scale, (light_view.far - light_view.near) / scale
+            facts |= {f"far_{number}_m": part.far / scale, f"texel_{number}_m": texel}
+            bias = params.bias.effect.lengths(params.filter.radius(params.size), texel, depth_range)
             for name, value in bias.items():
                 length, _, unit = name.rpartition("_")
                 facts[f"{length}_{number}_{unit}"] = value

@@ -1,8 +1,7 @@
 """Shadow mapping of a point light with a cube map of distances."""
 
 import math
-from functools import cached_property
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,24 +10,11 @@ from shadowbench.geometry.convex import SceneHull
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Value
-from shadowbench.gl.targets import DepthFormat, unsupported_map
+from shadowbench.gl.targets import FACES, DepthFormat
 from shadowbench.maps.biases import Bias, Texel
+from shadowbench.maps.caster_map import MAP_GRID, MAP_SOFT_GRID, FilteredMap, MapInputs, MapLayout
 from shadowbench.maps.filters import Filter, Hardware
-from shadowbench.maps.passes import (
-    MAP_GRID,
-    MAP_SOFT_GRID,
-    CasterMap,
-    MapInputs,
-    contents_of,
-    counted_reads,
-    map_includes,
-    map_textures,
-    penumbra_uniforms,
-    unsupported_components,
-)
-from shadowbench.maps.resolve import ResolvePass
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.plugin.params import one_of
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
 
@@ -60,16 +46,20 @@ class CubeMap(Technique):
     presets = {"course": "bias=constant(world=0.05),filter=pcf-20"}
 
     class Params(TechniqueParams):
-        """Parameters of cube-map."""
-
         size: int = param(1024, "texels along a side of a face", ge=1, le=65536)
         depth: DepthFormat = param("d32f", "depth format")
         layers: Literal["geometry", "passes"] = param(
             "passes", "one draw for all faces by geometry shader, or six draws"
         )
-        bias: Annotated[Bias, one_of(Bias)] = param(Texel(limit=64), "bias against self-shadowing")
-        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "filter of the depth comparisons")
+        bias: Bias = param(Texel(limit=64), "bias against self-shadowing")
+        filter: Filter = param(Hardware(), "filter of the depth comparisons")
         cull: bool = param(True, "skips casters outside a face's frustum; only with layers=passes")
+
+        @property
+        def layout(self) -> MapLayout:
+            """The layout of the map."""
+            cull = self.cull and self.layers == "passes"
+            return MapLayout(self.size, self.depth, "cube", FACES, clamp=False, cull=cull, wrap="edge")
 
     params: Params
 
@@ -78,43 +68,24 @@ class CubeMap(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind == "directional":
             return "a directional light has no position to look around from"
-        return unsupported_components("cube", params.bias, params.filter) or unsupported_map(
-            device, params.size, params.depth, "cube"
-        )
+        return params.layout.unsupported(device, params.bias, params.filter)
 
     def build(self, stage: Stage) -> None:
         self.build_map(stage)
-        self.resolve = ResolvePass(stage, "cube-map/resolve.frag", self.params, includes=self.includes)
+        self.resolve = self.map.resolve_pass("cube-map/resolve.frag")
 
     def build_map(self, stage: Stage) -> None:
         """What `draw_map` needs."""
         params = self.params
-        self.stage = stage
-        self.hull = SceneHull(stage.scene)
-        layered = params.layers == "geometry"
-        self.includes = map_includes("cube", "cube", params.bias, params.filter)
-        self.contents = contents_of(stage, params, params.filter, params.size, "cube", 6, self.includes)
-        fragment = "cube-map/contents.frag" if self.contents else "cube-map/depth.frag"
-        texts = (f"cube-map/{params.layers}.vert", fragment, "cube-map/faces.geom" if layered else None)
-        self.map = CasterMap(
-            stage,
-            stage.program(*texts, params=params, includes=self.includes),
-            params.size,
-            params.depth,
-            "cube",
-            contents=self.contents,
-            bias=params.bias,
-            clamp=False,
-            cull=params.cull and not layered,
-        )
+        self.stage, self.hull = stage, SceneHull(stage.scene)
+        geometry = "cube-map/faces.geom" if params.layers == "geometry" else None
+        vertex = f"cube-map/{params.layers}.vert"
+        self.map = FilteredMap(stage, params, params.layout, self.hull, "cube", vertex, geometry)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        textures, uniforms = self.draw_map(frame)
+        inputs = self.draw_map(frame)
         with frame.timed("resolve", changes="view"):
-            light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
-            penumbra = penumbra_uniforms(self.resolve.program, light_radius, self.hull, frame.light)
-            self.last = frame, textures, uniforms
-            return self.resolve(frame, textures, **uniforms, **penumbra)
+            return self.map.look_up(self.resolve, frame, inputs)
 
     def draw_map(self, frame: Frame) -> MapInputs:
         """Draw the faces; the textures and uniforms of shadow_map.glsl."""
@@ -123,17 +94,8 @@ class CubeMap(Technique):
             self.far = float(reach.max()) * _MARGIN
             self.map.program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)
             self.map.draw_layers(frame, self._draws(frame))
-        textures = map_textures(self.map.texture, "edge")
-        if self.contents:
-            with frame.timed("blur", changes="light"):
-                self.contents.prepare()
-            textures |= self.contents.sampler("edge")
-        return textures, {
-            "map_far": self.far,
-            "filter_radius": self.params.filter.radius(self.params.size),
-            "depth_step": self.map.step,
-            "position_step": self.hull.position_step(frame.light),
-        }
+        self.map.prepare(frame, "light")
+        return self.map.inputs(frame.light, {"map_far": self.far})
 
     def _draws(self, frame: Frame) -> list[tuple[dict[str, Value], list[Floats]]]:
         """Uniforms and cull regions of each draw: one for all faces, or one per face with its pyramid's planes."""
@@ -142,13 +104,8 @@ class CubeMap(Technique):
         planes = [np.column_stack([sides, -sides @ frame.light.position]) for sides in _SIDES]
         return [({"face": face}, [pyramid]) for face, pyramid in enumerate(planes)]
 
-    @cached_property
-    def _texels(self) -> ResolvePass:
-        return ResolvePass(self.stage, "shadow-map/texels.frag", self.params, includes=self.includes, components=4)
-
     def texels(self) -> moderngl.Texture:
-        frame, textures, uniforms = self.last
-        return self._texels(frame, textures, **uniforms)
+        return self.map.debug("shadow-map/texels.frag")
 
     def map_image(self) -> NDArray[np.float32]:
         """The faces as an unfolded cross, (3·size, 4·size), seen from the light: +Z in front, +X to its left."""
@@ -160,7 +117,5 @@ class CubeMap(Technique):
     def facts(self) -> dict[str, float]:
         far = self.far / self.stage.placement.scale
         facts = {"texel_m": 2 * far / self.params.size, "depth_range_m": far}
-        facts["culled_triangles"] = self.map.culled
-        facts |= counted_reads(self.params.filter, self.contents, math.prod(self.stage.size))
-        units = self.params.bias.depth_units
-        return facts if units is None else facts | {"bias_m": units * far}
+        bias = self.params.bias.effect.depth * far
+        return facts | self.map.facts(math.prod(self.stage.size)) | ({"bias_m": bias} if bias else {})

@@ -1,7 +1,6 @@
 """A small shadow map decides where it is certain; only the other pixels are traced (Hertel et al. 2009)."""
 
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import model_validator
@@ -10,58 +9,16 @@ from shadowbench.geometry.topology import casters_of
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State, Texture, Value
-from shadowbench.gl.targets import Kind
 from shadowbench.maps.biases import NoBias
 from shadowbench.maps.filters import Contents, Filter
-from shadowbench.maps.fits import Fit, ViewFit
-from shadowbench.maps.passes import FittedParams
+from shadowbench.maps.fits import Fit, FittedParams, ViewFit
 from shadowbench.plugin.base import Changes, Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.plugin.params import one_of
 from shadowbench.scenes.model import LightKind, View
 from shadowbench.techniques.cube_map import CubeMap
 from shadowbench.techniques.ray_traced import EXTRA_WORK, RayTraced, TracePass, ray_offset, too_large
 from shadowbench.techniques.shadow_map import ShadowMap
 
 _CORNERS = 6  # vertices of an edge in silhouette.vert
-_STATE = State(depth_test="<=", depth_clamp=True)
-
-
-class Silhouettes:
-    """Draws silhouette edges that no caster hides from the light, with the linear depth of the nearest in each texel.
-
-    The edges are found by compiled code: those between a triangle that faces the light and one that does not, and those
-    of one triangle only. size, kind: of the map whose linear depths decide what is hidden.
-    """
-
-    def __init__(self, stage: Stage, params: TechniqueParams, size: int, kind: Kind) -> None:
-        from shadowbench.geometry.facing import wall_weights  # Numba takes 0.4 s to import
-
-        casters = casters_of(stage.scene)
-        self._edges, self._closed = casters.all.edges, len(casters.closed.edges)
-        self._exact = stage.scene.geometry.vertices
-        self._vertices = self._exact.astype(np.float32)
-        self._weights = wall_weights
-        self._program = stage.program(
-            "hybrid/silhouette.vert", "hybrid/silhouette.frag", params=params, includes={"map": kind}
-        )
-        self._upload = stage.stream(self._program, {"a": 3, "b": 3})
-        self._map = stage.depth_target(size, "d32f", kind)
-
-    def draw(
-        self, frame: Frame, depths: tuple[Texture, Sampling], draws: Sequence[Mapping[str, Value]]
-    ) -> tuple[Texture, Sampling]:
-        """Depth of the nearest edge in each texel, 1 for none. depths: of the map; draws: uniforms of each layer."""
-        light = np.array(frame.light_uniform)
-        drawn = self._edges[self._weights(self._exact, self._edges, light, 0, self._closed) != 0]
-        ends = np.concatenate([self._vertices[drawn[:, 1]], self._vertices[drawn[:, 2]]], axis=1)
-        edges = self._upload(np.repeat(ends, _CORNERS, axis=0))
-        self._map.target.clear(depth=1.0)
-        for target, uniforms in zip(self._map.layer_targets or (self._map.target,), draws, strict=True):
-            self._program.set(**uniforms)
-            edges.draw(target, {"map_contents": depths}, _STATE)
-        return self._map.texture, Sampling()
-
-
 UNSURE = 0.5  # visibility of pixels that the map does not answer
 
 
@@ -106,9 +63,7 @@ class Hybrid(Technique):
     )
 
     class Params(FittedParams):
-        """Parameters of hybrid."""
-
-        fit: Annotated[Fit, one_of(Fit)] = param(ViewFit(), "part of the scene that the map covers")
+        fit: Fit = param(ViewFit(), "part of the scene that the map covers")
         rest: Literal["trace", "embree"] = param("trace", "traces the other pixels: in a shader, or on the CPU")
         offset: float = param(1e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
 
@@ -165,16 +120,29 @@ class Hybrid(Technique):
 
 
 class Classification:
-    """Draws a map, and what it says of each pixel."""
+    """Draws a map and the silhouette edges in it, and what they say of each pixel.
+
+    The edges are those between a triangle that faces the light and one that does not, and those of one triangle only.
+    """
 
     def __init__(self, stage: Stage, map: ShadowMap | CubeMap) -> None:
+        from shadowbench.geometry.facing import wall_weights  # Numba takes 0.4 s to import
+
         self._map = map
         map.build_map(stage)
-        kind: Kind = "cube" if isinstance(map, CubeMap) else "2d"
-        self._silhouettes = Silhouettes(stage, map.params, map.params.size, kind)
         self._changes: Changes = "light" if isinstance(map, CubeMap) else map.params.fit.invalidated_by
+        casters = casters_of(stage.scene)
+        self._edges, self._closed = casters.all.edges, len(casters.closed.edges)
+        self._exact, self._weights = stage.scene.geometry.vertices, wall_weights
+        self._vertices = self._exact.astype(np.float32)
+        kind = map.map.layout.kind
+        self._edge_program = stage.program(
+            "hybrid/silhouette.vert", "hybrid/silhouette.frag", params=map.params, includes={"map": kind}
+        )
+        self._upload = stage.stream(self._edge_program, {"a": 3, "b": 3})
+        self._edge_map = stage.depth_target(map.params.size, "d32f", kind)
         self._program = stage.program(
-            "fullscreen.vert", "hybrid/classify.frag", params=map.params, includes=map.includes
+            "fullscreen.vert", "hybrid/classify.frag", params=map.params, includes=map.map.includes
         )
         self._triangle = stage.fullscreen(self._program)
 
@@ -182,14 +150,26 @@ class Classification:
         """Draw visibility into a target, ½ where the map is unsure, where the target's depth is then 1, else 0."""
         textures, uniforms = self._map.draw_map(frame)
         with frame.timed("silhouettes", changes=self._changes):
-            edges = self._silhouettes.draw(frame, textures["map_contents"], self._layers(frame))
+            self._draw_silhouettes(frame, textures["map_contents"])
         with frame.timed("classify", changes="view"):
             target.clear(depth=1.0)
             self._program.set(light=frame.light_uniform, **uniforms)
             if self._program.has("cos_half_angle"):
                 self._program.set(cos_half_angle=frame.light.cos_half_angle)
-            inputs = {**frame.surface.inputs, **textures, "silhouette": edges}
+            inputs = {**frame.surface.inputs, **textures, "silhouette": (self._edge_map.texture, Sampling())}
             self._triangle.draw(target, inputs, State(depth_test="<="))
+
+    def _draw_silhouettes(self, frame: Frame, depths: tuple[Texture, Sampling]) -> None:
+        """Draw the linear depth of the nearest edge in each texel, 1 for none. depths: of the map, which hide edges."""
+        light = np.array(frame.light_uniform)
+        drawn = self._edges[self._weights(self._exact, self._edges, light, 0, self._closed) != 0]
+        ends = np.concatenate([self._vertices[drawn[:, 1]], self._vertices[drawn[:, 2]]], axis=1)
+        edges = self._upload(np.repeat(ends, _CORNERS, axis=0))
+        self._edge_map.target.clear(depth=1.0)
+        targets = self._edge_map.layer_targets or (self._edge_map.target,)
+        for target, uniforms in zip(targets, self._layers(frame), strict=True):
+            self._edge_program.set(**uniforms)
+            edges.draw(target, {"map_contents": depths}, State(depth_test="<=", depth_clamp=True))
 
     def _layers(self, frame: Frame) -> list[dict[str, Value]]:
         """Uniforms of silhouette.vert and silhouette.frag, for each layer of the map."""

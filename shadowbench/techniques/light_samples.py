@@ -58,8 +58,6 @@ class LightSamples(Technique):
     )
 
     class Params(TechniqueParams):
-        """Parameters of light-samples."""
-
         of: Annotated[InstanceOf[Spec], BeforeValidator(_inner_spec)] = param(
             Spec(ShadowVolume, ShadowVolume.Params()),
             "the technique that draws the hard shadows",

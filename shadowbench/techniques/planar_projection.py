@@ -46,8 +46,6 @@ class PlanarProjection(Technique):
     )
 
     class Params(TechniqueParams):
-        """Parameters of planar-projection."""
-
         receives: Literal["found", "flagged"] = param("found", "planes of all meshes, or of meshes flagged as planar")
         share: float = param(LEAST_SHARE, "smallest area of a plane, as a share of all receivers' area", ge=0, le=1)
         count: int = param(MOST_PLANES, "largest number of planes; the largest planes are kept", ge=1, le=1024)

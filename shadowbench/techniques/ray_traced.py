@@ -89,8 +89,6 @@ class RayTraced(Technique):
     )
 
     class Params(TechniqueParams):
-        """Parameters of ray-traced."""
-
         offset: float = param(1e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
         samples: int = param(1, "points of the light for each pixel; 1 is its centre: hard shadows", ge=1, le=1 << 12)
         where: Literal["cpu", "gpu"] = param("cpu", "Embree, or a tree of the casters that a shader walks")

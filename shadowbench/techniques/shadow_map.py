@@ -1,8 +1,7 @@
 """Shadow mapping with one 2-D map (Williams 1978; filtering: Reeves, Salesin and Cook 1987)."""
 
 import math
-from functools import cached_property
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,29 +9,14 @@ from numpy.typing import NDArray
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Wrap
-from shadowbench.gl.targets import DepthFormat, unsupported_map
+from shadowbench.gl.targets import DepthFormat
 from shadowbench.maps.biases import Bias, Texel
+from shadowbench.maps.caster_map import MAP_GRID, MAP_SOFT_GRID, FilteredMap, MapInputs, MapLayout, map_uniforms
 from shadowbench.maps.filters import Filter, Hardware
-from shadowbench.maps.fits import Fit
-from shadowbench.maps.passes import (
-    MAP_GRID,
-    MAP_SOFT_GRID,
-    CasterMap,
-    FittedParams,
-    FittedView,
-    MapInputs,
-    contents_of,
-    counted_reads,
-    map_includes,
-    map_textures,
-    map_uniforms,
-    penumbra_uniforms,
-    unsupported_components,
-)
+from shadowbench.maps.fits import Fit, FittedParams, FittedView
 from shadowbench.maps.presets import BABYLON, BEVY, FILAMENT, GODOT, THREE, UNITY
 from shadowbench.maps.resolve import ResolvePass
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.plugin.params import one_of
 from shadowbench.scenes.model import View
 
 
@@ -68,15 +52,26 @@ class ShadowMap(Technique):
     }
 
     class Params(FittedParams):
-        """Parameters of shadow-map."""
-
         depth: DepthFormat = param("d32f", "depth format")
         reversed: bool = param(False, "reversed depth, 1 at near and 0 at far; needs clip control")
-        bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "bias against self-shadowing")
-        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "filter of the depth comparisons")
+        bias: Bias = param(Texel(), "bias against self-shadowing")
+        filter: Filter = param(Hardware(), "filter of the depth comparisons")
         wrap: Wrap = param("border", "wrap mode outside the map; border is lit")
         far_rule: Literal["lit", "none"] = param("lit", "receivers beyond the map's far plane: lit, or none: in shadow")
         cull: bool = param(True, "skips casters that cannot shadow any receiver in the map")
+
+        @property
+        def layout(self) -> MapLayout:
+            """The layout of the map."""
+            return MapLayout(
+                self.size,
+                self.depth,
+                clamp=self.fit.clamps,
+                cull=self.cull,
+                reversed_depth=self.reversed,
+                wrap=self.wrap,
+                far_rule=self.far_rule,
+            )
 
     params: Params
 
@@ -87,9 +82,7 @@ class ShadowMap(Technique):
             return "a point light shines all round, one 2-D map sees less than half of it"
         if params.reversed and not device.clip_control:
             return "reversed depth needs clip control (OpenGL 4.5)"
-        return unsupported_components("2d", params.bias, params.filter) or unsupported_map(
-            device, params.size, params.depth
-        )
+        return params.layout.unsupported(device, params.bias, params.filter)
 
     def build(self, stage: Stage) -> None:
         self.build_map(stage)
@@ -98,81 +91,45 @@ class ShadowMap(Technique):
 
     def _resolve_pass(self, parallel: bool) -> ResolvePass:
         """For light rays that are parallel, or not."""
-        includes = self.includes | {"projection": "orthographic"} if parallel else self.includes
-        return ResolvePass(self.stage, "shadow-map/resolve.frag", self.params, includes=includes)
+        projection = "orthographic" if parallel else "perspective"
+        return self.map.resolve_pass("shadow-map/resolve.frag", projection=projection)
 
     def build_map(self, stage: Stage) -> None:
         """What `draw_map` needs."""
         params = self.params
         self.stage = stage
         self.fitted = FittedView(stage, params.fit, params.size, params.filter.reach(params.size))
-        self.includes = map_includes("perspective", "2d", params.bias, params.filter, params.reversed, params.far_rule)
-        self.contents = contents_of(stage, params, params.filter, params.size, includes=self.includes)
-        fragment = "contents.frag" if self.contents else "depth.frag"
-        self.map = CasterMap(
-            stage,
-            stage.program("casters.vert", fragment, params=params, includes=self.includes),
-            params.size,
-            params.depth,
-            contents=self.contents,
-            bias=params.bias,
-            clamp=params.fit.clamps,
-            reversed_depth=params.reversed,
-            cull=params.cull,
-        )
+        self.map = FilteredMap(stage, params, params.layout, self.fitted.hull, "perspective")
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        textures, uniforms = self.draw_map(frame)
+        inputs = self.draw_map(frame)
         with frame.timed("resolve", changes="view"):
             parallel = frame.light.kind == "directional"
             if parallel not in self.resolves:  # a light that is not the scene's
                 self.resolves[parallel] = self._resolve_pass(parallel)
-            resolve = self.resolves[parallel]
-            light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
-            penumbra = penumbra_uniforms(resolve.program, light_radius, self.fitted.hull, frame.light)
-            self.last = frame, textures, uniforms
-            return resolve(frame, textures, **uniforms, **penumbra)
+            return self.map.look_up(self.resolves[parallel], frame, inputs)
 
     def draw_map(self, frame: Frame) -> MapInputs:
         """Fit and draw the map; the textures and uniforms of shadow_map.glsl."""
         params, moves = self.params, self.params.fit.invalidated_by
         with frame.timed("fit", changes=moves):
-            self.light_view = self.fitted(frame, params.filter.light_radius(frame.light, self.stage.placement))
+            self.light_view = self.fitted(frame, self.map.light_radius(frame.light))
         with frame.timed("depth", changes=moves):
             self.map.draw(frame, [self.light_view])
-        textures = map_textures(self.map.texture, params.wrap, params.reversed)
-        if self.contents:
-            with frame.timed("blur", changes=moves):
-                self.contents.prepare()
-            textures |= self.contents.sampler(params.wrap)
-        return textures, {
-            "filter_radius": params.filter.radius(params.size),
-            "depth_step": self.map.step,
-            "position_step": self.fitted.hull.position_step(frame.light),
-            **map_uniforms([self.light_view], params.reversed),
-        }
-
-    @cached_property
-    def _texels(self) -> ResolvePass:
-        return ResolvePass(self.stage, "shadow-map/texels.frag", self.params, includes=self.includes, components=4)
+        self.map.prepare(frame, moves)
+        return self.map.inputs(frame.light, map_uniforms([self.light_view], params.reversed))
 
     def texels(self) -> moderngl.Texture:
-        frame, textures, uniforms = self.last
-        return self._texels(frame, textures, **uniforms)
+        return self.map.debug("shadow-map/texels.frag")
 
     def map_image(self) -> NDArray[np.float32] | None:
         depths = self.map.texture.read()[0, ::-1].astype(np.float64)
         return self.light_view.linear(depths, self.params.reversed).astype(np.float32)
 
     def facts(self) -> dict[str, float]:
-        scale = self.stage.placement.scale
-        facts = {
-            "texel_m": max(self.light_view.texel) / scale,
-            "depth_range_m": (self.light_view.far - self.light_view.near) / scale,
-        }
-        facts["culled_triangles"] = self.map.culled
-        facts |= counted_reads(self.params.filter, self.contents, math.prod(self.stage.size))
+        scale, params = self.stage.placement.scale, self.params
+        texel, depth_range = max(self.light_view.texel) / scale, (self.light_view.far - self.light_view.near) / scale
+        facts = {"texel_m": texel, "depth_range_m": depth_range} | self.map.facts(math.prod(self.stage.size))
         if self.light_view.space.perspective:
             return facts
-        radius = self.params.filter.radius(self.params.size)
-        return facts | self.params.bias.facts(radius, facts["texel_m"], facts["depth_range_m"])
+        return facts | params.bias.effect.lengths(params.filter.radius(params.size), texel, depth_range)

@@ -37,8 +37,6 @@ class SoftVolume(Technique):
     )
 
     class Params(TechniqueParams):
-        """Parameters of soft-volume."""
-
         n: int = param(32, "points of the light", ge=1, le=4096)
 
     params: Params

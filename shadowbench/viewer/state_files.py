@@ -15,7 +15,7 @@ from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
 from shadowbench.files import data_folder, replace_file
 from shadowbench.gl.picture import Shading
-from shadowbench.measure.row_files import read_run_file, stream_rows
+from shadowbench.measure.row_store import read_run_file, stream_rows
 from shadowbench.measure.rows import Record
 from shadowbench.options import VIEW_SIZE
 from shadowbench.plugin.base import Technique

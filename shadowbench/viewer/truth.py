@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import message
-from shadowbench.measure.pipe import Pipe
 from shadowbench.measure.plugin_output import forward_output
 from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.measure.serve import connected, die_with
-from shadowbench.measure.worker import sigint_blocked, spawn
+from shadowbench.measure.worker import Pipe, sigint_blocked, spawn
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.metrics import score

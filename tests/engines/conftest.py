@@ -17,6 +17,11 @@ from shadowbench.truths.cache import cached_truth
 FINER = 4
 
 
+def srgb(linear: np.ndarray) -> np.ndarray:
+    """The sRGB curve of IEC 61966-2-1."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+
+
 @pytest.fixture(scope="session")
 def prepared(truth_cache: None) -> Callable[..., PreparedTruth]:
     """The prepared truth of a built-in scene's first view."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from shadowbench.engines.detection import MaskEncoding, detect_encoding, estimate_shift, misorientation
+from tests.engines.conftest import srgb
 
 SCENES = ["cube-on-plane", "stairs", "spot-lamp", "railings", "room-with-window", "lamp-by-wall"]
 NOISE = np.random.default_rng(7)
@@ -16,11 +17,6 @@ def size(request: pytest.FixtureRequest) -> int:
     """Pixels along a side of the view."""
     found: int = request.param
     return found
-
-
-def srgb(linear: np.ndarray) -> np.ndarray:
-    """The sRGB curve of IEC 61966-2-1."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
 
 
 def with_acne(mask: np.ndarray, share: float) -> np.ndarray:

@@ -73,8 +73,8 @@ def test_contact(shadow_accuracy):
 def test_of_its_own():
     assert None > 0.98
 """
-FLIPPED = """
-def test_it(shadow_accuracy):
+REFUSED = """
+def test_flipped(shadow_accuracy):
     shadow_accuracy("flipped.png", scene="stairs")
 
 def test_of_one_view(shadow_accuracy):
@@ -120,7 +120,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory, drawn: Callable) -> Callable[.
             Image.fromarray(np.rint(values * 255.0).astype(np.uint8)).save(folder / f"{name}.png")
         (folder / "bare.toml").write_text(BARE)
         for name, text in files.items():
-            (folder / f"{name}.py").write_text(text)
+            (folder / f"test_{name}.py").write_text(text)
         left = folder / pictures
         command = [sys.executable, "-m", "pytest", "-q", "-rpf", "-p", "no:cacheprovider", f"{option}={left}"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
@@ -132,15 +132,14 @@ def ran(tmp_path_factory: pytest.TempPathFactory, drawn: Callable) -> Callable[.
 @pytest.fixture(scope="module")
 def judged(ran: Callable[..., Ran]) -> Ran:
     """Results of all tests without options, with a folder for pictures."""
-    files = {"good": SUITE, "empty": EMPTY, "alike": ALIKE, "alike_too": ALIKE, "undefined": UNDEFINED}
-    named = {f"test_{name}": text for name, text in (files | {"flipped": FLIPPED}).items()}
-    return ran("diffs", "--shadow-diffs", **named)
+    suites = {"good": SUITE, "empty": EMPTY, "alike": ALIKE, "alike_too": ALIKE, "undefined": UNDEFINED}
+    return ran("diffs", "--shadow-diffs", **suites, refused=REFUSED)
 
 
 @pytest.fixture(scope="module")
 def otherwise(ran: Callable[..., Ran]) -> Ran:
     """Results without such a folder."""
-    return ran("base", "--basetemp", test_otherwise=OTHERWISE, test_misspelt=MISSPELT)
+    return ran("base", "--basetemp", otherwise=OTHERWISE, misspelt=MISSPELT)
 
 
 def test_the_plugin_is_installed_with_the_package() -> None:
@@ -186,7 +185,7 @@ def test_a_metric_that_is_not_defined_is_none_and_a_comparison_says_why(judged: 
 
 
 def test_bad_input_is_a_failure_of_one_line(judged: Ran) -> None:
-    assert judged.outcomes("test_flipped.py") == {"FAILED": 2}
+    assert judged.outcomes("test_refused.py") == {"FAILED": 2}
     assert "--sun: stairs.npz is the truth of one view; allowed: a scene, with --sun" in judged.printed
     assert "flipped.png: is flipped vertically, against the truth of stairs" in judged.printed
     assert "Traceback" not in judged.printed and "pytest_plugin.py" not in judged.printed

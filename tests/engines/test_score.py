@@ -7,6 +7,7 @@ import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from shadowbench.scores.masks import read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, score
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import cached_truth
+from tests.engines.conftest import srgb
 
 SCENE = "stairs"
 
@@ -34,10 +36,6 @@ def mask(drawn: Callable, tmp_path: Path) -> Path:
     """A correct mask."""
     write_mask(tmp_path / "mask.png", drawn(SCENE))
     return tmp_path / "mask.png"
-
-
-def srgb(linear: np.ndarray) -> np.ndarray:
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
 
 
 def rows_of(folder: Path) -> list[dict]:
@@ -76,39 +74,35 @@ translate = [-0.4, 0.8, 0.2]
 """
 
 
-def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbench: Callable, tmp_path: Path) -> None:
+def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(
+    shadowbench: Callable, png: Callable, tmp_path: Path
+) -> None:
     scene, size = tmp_path / "soft.toml", 96
     scene.write_text(SOFT)
     truth = cached_truth(chosen_view(scene, size))
     shifted = np.roll(truth.visibility, 1, axis=1)
-    files = []
-    for name, visibility in (("exact", truth.visibility), ("shifted", shifted)):
-        files.append(tmp_path / f"{name}.png")
-        write_mask(files[-1], np.where(truth.receivers, visibility, 1))
+    files = tmp_path / "exact.png", tmp_path / "shifted.png"
+    for file, visibility in zip(files, (truth.visibility, shifted), strict=True):
+        write_mask(file, np.where(truth.receivers, visibility, 1))
     exact, other = (json.loads(shadowbench("score", scene, file, "--json").out) for file in files)
-    assert api.score(read_mask(files[0]), truth) == exact["metrics"] | {
-        name: exact[name] for name in ("truth_error", "truth_error_pen", "penumbra", "width_share")
-    }
+    own = {name: exact[name] for name in ("truth_error", "truth_error_pen", "penumbra", "width_share")}
+    assert api.score(read_mask(files[0]), truth) == exact["metrics"] | own
     assert 0 < exact["truth_error"] < exact["truth_error_pen"] < 0.01 and exact["penumbra"] > 100
     assert exact["metrics"]["rmse"] == exact["metrics"]["width"] == 0
     assert other["metrics"]["rmse_pen"] > 10 * exact["truth_error_pen"]
-    printed = [
-        {words[0]: words[1] for line in shadowbench("score", scene, file).out.splitlines() if (words := line.split())}
-        for file in files
-    ]
+
+    outs = [shadowbench("score", scene, file).out for file in (*files, png("coarse.png", shifted))]
+    printed = [{words[0]: words[1] for line in out.splitlines() if (words := line.split())} for out in outs]
     assert printed[0]["rmse"] == f"<{console.number(exact['truth_error'])}"
     assert printed[0]["rmse_pen"] == printed[0]["noise"] == f"<{console.number(exact['truth_error_pen'])}"
     assert printed[1]["rmse_pen"] == console.number(other["metrics"]["rmse_pen"])
     assert "penumbra," in printed[0] and "width" in printed[0] and "iou" in printed[0]
     assert not {"contact", "acne", "leak", "edge_p95"} & printed[0].keys(), "made for hard edges"
-    coarse = tmp_path / "coarse.png"
-    Image.fromarray(np.rint(shifted * 255).astype(np.uint8)).save(coarse)
-    lines = [shadowbench("score", scene, file).out.splitlines() for file in files]
-    told = [next(line for line in out if "pixels scored" in line) for out in lines]
-    assert f"RMSE <{exact['truth_error']:.2g}, in the penumbra <" in told[0]
-    assert f"RMSE {other['metrics']['rmse']:.2g}, in the penumbra {other['metrics']['rmse_pen']:.2g}" in told[1]
+    assert f"RMSE <{exact['truth_error']:.2g}, in the penumbra <" in outs[0]
+    assert f"RMSE {other['metrics']['rmse']:.2g}, in the penumbra {other['metrics']['rmse_pen']:.2g}" in outs[1]
     rounding = "the mask has 8 bits: rounding makes an RMSE of 0.0011 in the penumbra"
-    assert [rounding in shadowbench("score", scene, file).out for file in (files[1], coarse)] == [False, True]
+    assert [rounding in out for out in outs[1:]] == [False, True]
+
     folder, wrong = tmp_path / "rows", tmp_path / "wrong.png"
     assert shadowbench("score", scene, files[1], "-o", folder, "--name", "mine", "--diff", wrong).code == 0
     with Image.open(wrong) as picture:
@@ -214,29 +208,25 @@ def test_a_shift_and_an_encoding_are_warned_of_and_scored_as_they_are(
         assert found["metrics"] == score(read_mask(file), prepared(SCENE))
 
 
-def test_a_mask_of_another_scene_is_warned_of_and_an_empty_or_a_dark_one_is_not(
-    shadowbench: Callable, drawn: Callable, tmp_path: Path
+UNRELATED = "has little in common with the truth; is it a mask of this scene, view and light?"
+UNIFORM = "the mask is {} in every scored pixel, so most metrics say little"
+
+
+@pytest.mark.parametrize(
+    ("scene", "level", "warnings"),
+    [
+        ("spot-lamp", None, [UNRELATED]),
+        (SCENE, None, []),
+        (SCENE, 1.0, [UNIFORM.format("lit")]),
+        (SCENE, 0.0, [UNIFORM.format("in shadow")]),
+    ],
+)
+def test_a_mask_of_another_scene_or_of_one_value_is_warned_of(
+    shadowbench: Callable, drawn: Callable, tmp_path: Path, scene: str, level: float | None, warnings: list[str]
 ) -> None:
-    file, line = (
-        tmp_path / "mask.png",
-        "has little in common with the truth; is it a mask of this scene, view and light?",
-    )
-    for values, told in (
-        (drawn("spot-lamp"), True),
-        (drawn(SCENE), False),
-        (np.ones((256, 256)), False),
-        (np.zeros((256, 256)), False),
-    ):
-        write_mask(file, values)
-        assert (line in shadowbench("score", SCENE, file).err) == told
-
-
-@pytest.mark.parametrize(("value", "side"), [(1.0, "lit"), (0.0, "in shadow")])
-def test_a_mask_of_one_value_is_warned_of(shadowbench: Callable, tmp_path: Path, value: float, side: str) -> None:
-    file = tmp_path / "mask.png"
-    write_mask(file, np.full((256, 256), value))
-    warning = f"warning: {file}: the mask is {side} in every scored pixel, so most metrics say little\n"
-    assert shadowbench("score", SCENE, file).err == warning
+    write_mask(tmp_path / "mask.png", drawn(scene) if level is None else np.full((256, 256), level))
+    told = shadowbench("score", SCENE, tmp_path / "mask.png").err
+    assert told == "".join(f"warning: {tmp_path / 'mask.png'}: {line}\n" for line in warnings)
 
 
 @pytest.mark.parametrize(("height", "side"), [(-1.0, "lit"), (1.0, "in shadow")])
@@ -260,9 +250,7 @@ def test_a_mask_of_another_size_than_the_export_beside_it_is_warned_of(
     for size, told in ((256, False), (128, True)):
         write_mask(file, drawn(SCENE, size))
         answer = shadowbench("score", SCENE, file)
-        line = (
-            f"128², where {tmp_path / 'view.json'} says 256²; a mask's size is the view's: scored as the view of 128²"
-        )
+        line = f"128², where {tmp_path / 'view.json'} says 256²; a mask's size is the view's: scored as the view of"
         assert (answer.code, line in answer.err) == (0, told)
         found = json.loads(shadowbench("score", SCENE, file, "--json").out)
         assert (found["view_size"], len(found["warnings"])) == (size, int(told))
@@ -318,8 +306,8 @@ def test_ambient_light_that_is_in_both_pictures_is_told_and_what_else_is_wrong(
     level = float(np.median((ambient / (ambient + 0.5 * truth.cosine))[truth.shadow_interior]))
     kinds = {kind.name: kind for kind in found.kinds}
     assert next(iter(kinds)) == "raised shadow"
-    assert found.umbra.level == pytest.approx(level, abs=0.1 if fault == "blur" else 0.03)
-    assert sum(f"its shadow is {found.umbra.level:.2f}, not 0" in line for line in found.warnings) == 1
+    assert found.encoding.umbra == pytest.approx(level, abs=0.1 if fault == "blur" else 0.03)
+    assert sum(f"its shadow is {found.encoding.umbra:.2f}, not 0" in line for line in found.warnings) == 1
     assert not any("edges are soft" in line for line in found.summary()) or fault == "blur"
     if fault == "blur":  # which lightens most of the umbra of such narrow shadows
         assert "give it with --ambient" in kinds["raised shadow"].line
@@ -327,13 +315,13 @@ def test_ambient_light_that_is_in_both_pictures_is_told_and_what_else_is_wrong(
     assert "as ambient light in both pictures leaves it: give it with --ambient" in kinds["raised shadow"].line
     assert ("faint acne" in kinds, "shift" in kinds) == (fault == "acne", fault == "shift")
     assert sum(kinds[name].pixels for name in ("leak", "peter-panning") if name in kinds) < 20
-    assert pictured(mask, ambient, given=True).umbra is None
+    assert pictured(mask, ambient, given=True).encoding.umbra is None
 
 
 def test_shadows_that_are_dark_somewhere_have_no_ambient_light(pictured: Callable, drawn: Callable) -> None:
     exact = drawn(SCENE)
     for mask in (exact, ndimage.gaussian_filter(exact, 4.0), np.ones_like(exact), np.maximum(exact, np.eye(256))):
-        assert pictured(mask).umbra is None
+        assert pictured(mask).encoding.umbra is None
 
 
 @pytest.mark.parametrize("share", [0.01, 0.1, 0.5])
@@ -358,9 +346,13 @@ def test_a_row_is_kept_once_and_a_changed_mask_is_another(
     shadowbench: Callable, mask: Path, drawn: Callable, tmp_path: Path
 ) -> None:
     folder = tmp_path / "rows"
-    keep = ("-o", folder, "--name", "my-engine")
-    assert "score, mask and difference of my-engine added" in shadowbench("score", SCENE, mask, *keep).out
-    assert "already" in shadowbench("score", SCENE, mask, *keep).out
+
+    def assert_added_once(name: str = "my-engine") -> None:
+        words = ("score", SCENE, mask, "-o", folder, "--name", name)
+        assert f"score, mask and difference of {name} added" in shadowbench(*words).out
+        assert "already" in shadowbench(*words).out
+
+    assert_added_once()
     (row,) = rows_of(folder)
     expected = {
         "schema": 1,
@@ -379,12 +371,10 @@ def test_a_row_is_kept_once_and_a_changed_mask_is_another(
     assert (folder / "differences" / f"{row['key']}.png").exists()
     assert (folder / "truth" / f"{SCENE}.camera.light.256.png").exists()
     write_mask(mask, drawn(SCENE, shift=(0, 0.25)))
-    assert "score, mask and difference of my-engine added" in shadowbench("score", SCENE, mask, *keep).out
-    assert "score, mask and difference of another added" in shadowbench("score", SCENE, mask, *keep[:3], "another").out
-    assert len({row["key"] for row in rows_of(folder)}) == len(rows_of(folder)) == 3
+    assert_added_once()
+    assert_added_once("another")
     write_mask(mask, drawn(SCENE))  # as it was at first: the newest row is the one that counts
-    assert "score, mask and difference of my-engine added" in shadowbench("score", SCENE, mask, *keep).out
-    assert "already" in shadowbench("score", SCENE, mask, *keep).out
+    assert_added_once()
     rows = rows_of(folder)
     assert rows[-1]["metrics"] == row["metrics"] and len({row["key"] for row in rows}) == len(rows) == 4
 
@@ -470,10 +460,8 @@ def test_pictures_of_few_pixels_are_scored(shadowbench: Callable, png: Callable,
         mask = png("small.png", values)
         answer = shadowbench("score", SCENE, mask, "--json", "--diff", tmp_path / "diff.png")
         assert answer.code == 0 and json.loads(answer.out)["view_size"] == size
-    lit = png("lit.png", np.ones((size, size)))
-    assert (
-        shadowbench("score", SCENE, "--lit", lit, "--shadowed", mask, "-o", tmp_path / "run", "--name", "x").code == 0
-    )
+    pictures = ("--lit", png("lit.png", np.ones((size, size))), "--shadowed", mask)
+    assert shadowbench("score", SCENE, *pictures, "-o", tmp_path / "run", "--name", "x").code == 0
 
 
 def test_the_difference_is_not_drawn_over_what_is_scored(
@@ -516,40 +504,38 @@ def test_a_stored_truth_gives_the_scores_and_the_row_of_its_scene(
     assert json.loads(found[0].out)["metrics"].keys() == METRICS.keys()
 
 
-@pytest.mark.parametrize(
-    "damage",
-    ["missing", "pipe", "cut", "empty", "text", "array", "bytes", "names", "range", "about", "path", "long", "pickle"],
-)
+DAMAGED: dict[str, dict[str, Any]] = {  # arrays in place of those of a truth
+    "names": {"visibility": None},
+    "range": {"area": np.ones((32, 32), np.float32) + 1},
+    "about": {"about": '{"scene": 1}'},
+    "path": {"about": ('"scene": "', '"scene": "../../')},
+    "long": {"about": ('"name": "', f'"name": "{"é" * 70}')},
+    "pickle": {"about": np.array([{}], dtype=object)},
+}
+
+
+@pytest.mark.parametrize("damage", ["missing", "pipe", "cut", "text", "array", "bytes", *DAMAGED])
 def test_a_damaged_truth_is_one_line(shadowbench: Callable, tmp_path: Path, damage: str) -> None:
     stored, mask = tmp_path / "truth.npz", tmp_path / "mask.png"
     write_mask(mask, np.ones((32, 32)))
-    arrays, data = {}, b""
-    if damage != "missing":
-        assert shadowbench("truth", SCENE, "-o", stored, "--view-size", "32").code == 0
-        arrays, data = dict(np.load(stored)), stored.read_bytes()
-        stored.unlink()
-    changed = {
-        "names": {"visibility": None},
-        "range": {"area": np.ones((32, 32), np.float32) + 1},
-        "about": {"about": np.array('{"scene": 1}')},
-        "path": {"about": np.array(str(arrays.get("about")).replace('"scene": "', '"scene": "../../'))},
-        "long": {"about": np.array(str(arrays.get("about")).replace('"name": "', f'"name": "{"é" * 70}'))},
-        "pickle": {"about": np.array([{}], dtype=object)},
-    }
+    assert shadowbench("truth", SCENE, "-o", stored, "--view-size", "32").code == 0
+    arrays, data = dict(np.load(stored)), stored.read_bytes()
+    stored.unlink()
     if damage == "pipe":
         os.mkfifo(stored)
-    elif damage in changed:
-        kept = {name: value for name, value in (arrays | changed[damage]).items() if value is not None}
-        np.savez(stored, **kept)
+    elif damage in ("cut", "text"):
+        stored.write_bytes(data[: len(data) // 2] if damage == "cut" else b"scene")
+    elif damage == "array":
+        with stored.open("wb") as stream:
+            np.save(stream, arrays["area"])
     elif damage == "bytes":
         with zipfile.ZipFile(stored, "w") as archive:
             for name in arrays:
                 archive.writestr(f"{name}.npy", b"no array")
-    elif damage == "array":
-        with stored.open("wb") as stream:
-            np.save(stream, arrays["area"])
     elif damage != "missing":
-        stored.write_bytes({"cut": data[: len(data) // 2], "empty": b"", "text": b"scene"}[damage])
+        for name, value in DAMAGED[damage].items():
+            arrays[name] = str(arrays[name]).replace(*value) if isinstance(value, tuple) else value
+        np.savez(stored, **{name: value for name, value in arrays.items() if value is not None})
     answer = shadowbench("score", stored, mask)
     assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1)
     assert str(stored) in answer.err and "allowed: a file that `shadowbench truth` wrote" in answer.err

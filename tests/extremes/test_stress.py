@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation
 
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import Axis
-from shadowbench.measure.failures import Limits
+from shadowbench.measure.drawer import Limits
 from shadowbench.measure.flips import flips
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.ranges import Failure, failure, operating_range, operating_ranges
@@ -103,11 +103,8 @@ def test_a_range_whose_default_value_fails_is_empty() -> None:
 def test_unsupported_values_end_a_range_without_a_break() -> None:
     rows = [row(MAP_SIZE, value, "unsupported: too large" if value > 4096 else "ok") for value in MAP_SIZE.values]
     found = operating_range(MAP_SIZE, rows)
-    assert (
-        found.text == "16…4096 texels; refused: 8192, 16384"
-        and found.breaks == ()
-        and found.unsupported == (8192, 16384)
-    )
+    assert found.text == "16…4096 texels; refused: 8192, 16384"
+    assert (found.breaks, found.unsupported) == ((), (8192, 16384))
     assert operating_range(MAP_SIZE, [row(MAP_SIZE, 1024, "unsupported: never")]).plain == "unsupported"
 
 
@@ -287,56 +284,53 @@ def test_a_map_that_does_not_fit_is_refused_before_it_is_made(bench: Any, tmp_pa
     assert again.rows == swept.rows and "draw" not in again.calls
 
 
-class TestCommand:
+def run(shadowbench: Any, plugins: tuple[Path, Path], folder: Path, what: str, *more: str) -> Any:
     """`shadowbench stress`, with a plug-in that breaks in one way or another."""
+    few = ["--quick", "--axis", "depth-format", "--axis", "through-up", "-o", folder]
+    given = [word for plugin in plugins for word in ("--plugin", plugin)]
+    return shadowbench("stress", "-t", f"does:what={what}", "-t", "half", *given, *few, *more)
 
-    def run(self, shadowbench: Any, wild: Path, folder: Path, what: str, *more: str) -> Any:
-        spec = f"does:what={what}"
-        few = ["--quick", "--axis", "depth-format", "--axis", "through-up", "-o", folder]
-        return shadowbench("stress", "-t", spec, "-t", "half", "--plugin", wild, *few, *more)
 
-    @pytest.mark.parametrize(
-        ("what", "code", "said"),
-        [
-            ("nan", 1, "NaN, infinity or an OpenGL error in 6 of 12 cells; the first: does:what=nan at through-up 5"),
-            ("gl-error", 1, "NaN, infinity or an OpenGL error in 6 of 12 cells"),
-            ("odd-facts", 1, "fact 'odd' is nan"),
-            ("raise", 3, "a crash, hang or error in 6 of 12 cells"),
-        ],
+@pytest.mark.parametrize(
+    ("what", "code", "said"),
+    [
+        ("nan", 1, "NaN, infinity or an OpenGL error in 6 of 12 cells; the first: does:what=nan at through-up 5"),
+        ("gl-error", 1, "NaN, infinity or an OpenGL error in 6 of 12 cells"),
+        ("odd-facts", 1, "fact 'odd' is nan"),
+        ("raise", 3, "a crash, hang or error in 6 of 12 cells"),
+    ],
+)
+def test_exit_code_says_what_a_technique_did(
+    shadowbench: Any, wild: Path, half: Path, tmp_path: Path, what: str, code: int, said: str
+) -> None:
+    answer = run(shadowbench, (wild, half), tmp_path, what)
+    assert answer.code == code, answer.err
+    assert said in answer.err
+
+
+def test_breaking_points_are_what_was_asked_for(shadowbench: Any, wild: Path, half: Path, tmp_path: Path) -> None:
+    answer = run(shadowbench, (wild, half), tmp_path, "nothing", "--json")
+    assert answer.code == 0, answer.err
+    ranges = json.loads(answer.out)
+    written, cells = (
+        list(csv.DictReader((tmp_path / f"{name}.csv").read_text().splitlines())) for name in ("ranges", "table")
     )
-    def test_exit_code_says_what_a_technique_did(
-        self, shadowbench: Any, wild: Path, half: Path, tmp_path: Path, what: str, code: int, said: str
-    ) -> None:
-        answer = self.run(shadowbench, wild, tmp_path, what, "--plugin", str(half))
-        assert answer.code == code, answer.err
-        assert said in answer.err
+    assert [one["range"] for one in written] == [one["range"] for one in ranges]
+    assert [(one["spec"], one["light"]) for one in ranges] == [
+        (spec, light) for light in ("directional", "spot") for spec in ("does", "half")
+    ]
+    assert all(one["axis"] == "through-up" and one["range"].startswith("breaks at 5°: leak") for one in ranges)
+    assert len(cells) == 12
+    assert {one["axis_value"] for one in cells} == {"5.0", "1e-05", "0.0"}
+    assert all(one["failure"].startswith("leak") for one in cells)
+    plain = run(shadowbench, (wild, half), tmp_path, "nothing")
+    out = "out of tolerance already at the default value of every axis"
+    assert plain.out.splitlines()[:2] == [f"does: {out}", f"half: {out}"]
+    assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256
 
-    def test_breaking_points_are_what_was_asked_for(
-        self, shadowbench: Any, wild: Path, half: Path, tmp_path: Path
-    ) -> None:
-        answer = self.run(shadowbench, wild, tmp_path, "nothing", "--plugin", str(half), "--json")
-        assert answer.code == 0, answer.err
-        ranges = json.loads(answer.out)
-        with (tmp_path / "ranges.csv").open(newline="") as stream:
-            written = list(csv.DictReader(stream))
-        assert [one["range"] for one in written] == [one["range"] for one in ranges]
-        assert [(one["spec"], one["light"]) for one in ranges] == [
-            (spec, light) for light in ("directional", "spot") for spec in ("does", "half")
-        ]
-        assert all(one["axis"] == "through-up" and one["range"].startswith("breaks at 5°: leak") for one in ranges)
-        with (tmp_path / "table.csv").open(newline="") as stream:
-            cells = list(csv.DictReader(stream))
-        assert len(cells) == 12
-        assert {one["axis_value"] for one in cells} == {"5.0", "1e-05", "0.0"}
-        assert all(one["failure"].startswith("leak") for one in cells)
-        plain = self.run(shadowbench, wild, tmp_path, "nothing", "--plugin", str(half))
-        assert plain.out.splitlines()[:2] == [
-            f"{spec}: out of tolerance already at the default value of every axis" for spec in ("does", "half")
-        ]
-        assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256
 
-    def test_an_unknown_axis_is_an_input_error(self, shadowbench: Any, tmp_path: Path) -> None:
-        answer = shadowbench("stress", "--axis", "time", "-o", tmp_path / "out")
-        assert answer.code == 2
-        assert "--axis: found 'time'; allowed: elevation, through-up" in answer.err
-        assert not (tmp_path / "out").exists()
+def test_an_unknown_axis_is_an_input_error(shadowbench: Any, tmp_path: Path) -> None:
+    answer = shadowbench("stress", "--axis", "time", "-o", tmp_path / "out")
+    assert answer.code == 2
+    assert "--axis: found 'time'; allowed: elevation, through-up" in answer.err
+    assert not (tmp_path / "out").exists()

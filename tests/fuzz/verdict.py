@@ -160,8 +160,8 @@ def _study(case: Case, main: Path, assets: Path) -> bool:
     study = read_study(main, techniques())
     cells = study.cells()
     block = next(study.blocks())
-    blocks = len(study.scenes) * len(study.views) * len(study.lights_of(block.scene))
-    few = blocks * len(cells) <= 8 and len(block.scene.geometry.faces) < 100_000
+    blocks = len(study.scenes) * len(study.views) * len(study.lights_of(block.view.scene))
+    few = blocks * len(cells) <= 8 and len(block.view.scene.geometry.faces) < 100_000
     return few and max(cell.spec.map_size or 0 for cell in cells) <= 1024
 
 

@@ -18,12 +18,12 @@ from shadowbench.files import data_folder
 from shadowbench.geometry import convex
 from shadowbench.geometry.convex import Slice
 from shadowbench.gl.program import Stencil
-from shadowbench.maps import passes as maps
+from shadowbench.maps import caster_map
 from shadowbench.maps.biases import Constant, FrontCull, NoBias, ReceiverPlane
+from shadowbench.maps.caster_map import caster_state
 from shadowbench.maps.filters import PCF, Filter, Hard
 from shadowbench.maps.fits import FixedFit
 from shadowbench.maps.moments import EVSM, VSM
-from shadowbench.maps.passes import caster_state
 from shadowbench.maps.pcss import PCSS
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Scene, View
@@ -253,7 +253,7 @@ def test_coordinates_that_are_not_made_relative_are_caught(studio, monkeypatch) 
 
 
 def test_casters_drawn_by_the_side_that_they_turn_to_the_light_are_caught(studio, monkeypatch) -> None:
-    monkeypatch.setattr(maps, "caster_state", lambda bias, *rest: caster_state(FrontCull(), *rest))
+    monkeypatch.setattr(caster_map, "caster_state", lambda bias, *rest: caster_state(FrontCull(), *rest))
     assert_caught(studio, "reversed winding", VISIBLE, "equal", "a decided pixel differs")
 
 

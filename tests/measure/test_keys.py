@@ -17,8 +17,8 @@ from shadowbench.gl.shaders import compose
 from shadowbench.measure import keys
 from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key, shader_names, view_key
-from shadowbench.measure.loaded_scene import LoadedScene
 from shadowbench.measure.machine import machine_key
+from shadowbench.measure.rendering import LoadedScene
 from shadowbench.plugin import stage
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import techniques
@@ -83,10 +83,8 @@ def test_every_parameter_is_in_the_key(spec: str) -> None:
 
 def test_a_machine_s_key_has_its_renderer_and_its_clock() -> None:
     def of(renderer: str = "r", clock: str = "wall", processor: str = "p") -> str:
-        executor: Any = SimpleNamespace(
-            info=SimpleNamespace(renderer=renderer, clock=clock), machine={"cpu": processor}
-        )
-        return machine_key(executor)
+        drawer: Any = SimpleNamespace(info=SimpleNamespace(renderer=renderer, clock=clock), machine={"cpu": processor})
+        return machine_key(drawer)
 
     assert len({of(), of(renderer="another"), of(clock="another"), of(processor="another")}) == 4
 
@@ -97,13 +95,9 @@ def test_every_parameter_is_varied_above() -> None:
     }  # fmt: skip
 
 
-def test_a_default_that_is_written_is_the_same_cell() -> None:
-    assert key("shadow-map:bias=texel,size=1024") == key()
-    assert key("shadow-map:bias=texel(scale=1)") == key()
-
-
-def test_a_changed_default_is_another_cell(changed_default: Any) -> None:
+def test_a_default_that_is_written_is_the_same_cell_and_a_changed_one_is_another(changed_default: Any) -> None:
     before = key(), key("shadow-map:size=512")
+    assert key("shadow-map:bias=texel,size=1024") == key("shadow-map:bias=texel(scale=1)") == before[0]
     with changed_default(ShadowMap, "size", 512):
         assert key() != before[0]
         assert key() == before[1]
@@ -122,18 +116,16 @@ def test_phase_coordinates_view_and_what_draws_and_traces_are_in_the_key() -> No
     assert len(others) == 6
 
 
-@pytest.mark.parametrize("version", ["DRAW", "TRACE", "SCORE"])
-def test_declared_versions_are_in_the_key(version: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = key()
-    monkeypatch.setattr(versions, version, getattr(versions, version) + 1)
-    assert key() != before
-
-
-@pytest.mark.parametrize("library", ["embreex", "moderngl", "numpy", "pyglm", "scipy"])
-def test_libraries_are_in_the_key(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    before, installed = key(), versions.installed
-    monkeypatch.setattr(versions, "installed", lambda name: "another" if name == library else installed(name))
-    assert key() != before
+def test_declared_versions_and_libraries_are_in_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, installed = [key()], versions.installed
+    for version in ("DRAW", "TRACE", "SCORE"):
+        with monkeypatch.context() as patch:
+            patch.setattr(versions, version, getattr(versions, version) + 1)
+            found.append(key())
+    for library in ("embreex", "moderngl", "numpy", "pyglm", "scipy"):
+        monkeypatch.setattr(versions, "installed", lambda name, library=library: name == library or installed(name))
+        found.append(key())
+    assert len(set(found)) == 9
 
 
 def test_a_view_differs_with_all_that_can_move_a_shadow(cube: View) -> None:
@@ -163,11 +155,11 @@ def test_a_view_differs_with_all_that_can_move_a_shadow(cube: View) -> None:
 
 
 def test_names_of_scene_view_and_light_are_in_the_key(cube: View) -> None:
-    views = [cube, *(replace(cube, **{part: replace(getattr(cube, part), name="other")}) for part in PARTS)]
+    views = [
+        cube,
+        *(replace(cube, **{part: replace(getattr(cube, part), name="other")}) for part in ("scene", "camera", "light")),
+    ]
     assert len({view_key(view) for view in views}) == len({key(view=view_key(view)) for view in views}) == 4
-
-
-PARTS = ("scene", "camera", "light")
 
 
 def test_names_and_colours_are_not_in_the_digest_of_a_view(cube: View) -> None:
@@ -367,31 +359,20 @@ class Heir({parent}):
 """
 
 
-def test_a_plug_in_that_inherits_from_another_rests_on_its_file_too(
-    half: Path, tmp_path: Path, plugged: Callable[..., str]
-) -> None:
-    parent, heir = tmp_path / "parent" / "half.py", tmp_path / "heir.py"
-    parent.parent.mkdir()
-    shutil.copy(half, parent)
-    load(parent)
-    heir.write_text(INHERITS.format(module="plugin_in_test_half", parent="Half"))
-    before = plugged(heir, "Heir")
-    parent.write_text(parent.read_text() + "# changed\n")
-    assert plugged(heir, "Heir") != before
-
-
-def test_a_plug_in_whose_parameters_are_another_s_rests_on_its_file_too(
-    half: Path, tmp_path: Path, plugged: Callable[..., str]
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_plug_in_whose_class_or_parameters_are_derived_from_another_s_rests_on_its_file_too(
+    half: Path, tmp_path: Path, plugged: Callable[..., str], whole: bool
 ) -> None:
     parent, heir = tmp_path / "parent" / "half.py", tmp_path / "heir.py"
     parent.parent.mkdir()
     shutil.copy(half, parent)
     load(parent)
     text = half.read_text().replace("class Params(TechniqueParams)", "class Params(Other.Params)")
-    heir.write_text("from plugin_in_test_half import Half as Other\n" + text)
-    before = plugged(heir)
+    params = "from plugin_in_test_half import Half as Other\n" + text
+    heir.write_text(INHERITS.format(module="plugin_in_test_half", parent="Half") if whole else params)
+    before = plugged(heir, "Heir" if whole else "Half")
     parent.write_text(parent.read_text() + "# changed\n")
-    assert plugged(heir) != before
+    assert plugged(heir, "Heir" if whole else "Half") != before
 
 
 @pytest.mark.parametrize(

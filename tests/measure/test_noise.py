@@ -10,7 +10,7 @@ import pytest
 from shadowbench.gl.clock import QUERIES, WALL, Sample
 from shadowbench.measure import doctor
 from shadowbench.measure.doctor import ROUNDS, SERIES, SPEC, Noise, measure_noise
-from shadowbench.measure.failures import CellFailed
+from shadowbench.measure.drawer import CellFailed
 
 
 class Scripted:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from shadowbench.measure.pipe import Pipe
+from shadowbench.measure.worker import Pipe
 from shadowbench.scenes.views import chosen_view
 
 

@@ -3,8 +3,8 @@
 import base64
 import hashlib
 import io
+import itertools
 import json
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +27,13 @@ from tests.conftest import key_of
 RECEIVERS = 1000
 SIDE = 32
 TRUTH_ERROR = 0.002  # of soft cells
+SCORE = {
+    "schema": 1, "kind": "score", "view": "camera", "phase": 0, "view_size": SIDE, "coordinates": "relative",
+    "renderer": "a renderer",
+}  # fmt: skip
+MEASURED = {
+    "receivers": RECEIVERS, "undecided": 3, "work": {"draws": 1}, "facts": {}, "gpu_bytes": 1, "mask_sha256": "0",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -56,11 +63,10 @@ class Cell:
         return key_of(self.scene, self.spec, self.map_size, self.phase, self.version)
 
     def records(self) -> list[dict[str, Any]]:
-        score = {
-            "schema": 1, "kind": "score", "key": self.key, "scene": self.scene, "view": "camera", "light": "sun",
-            "phase": self.phase, "technique": self.spec.split(":")[0], "spec": self.spec,
-            "full_spec": f"{self.spec}[{self.map_size}]", "map_size": self.map_size, "view_size": SIDE,
-            "coordinates": "relative", "renderer": "a renderer", "status": self.status,
+        score = SCORE | {
+            "key": self.key, "scene": self.scene, "light": "sun", "phase": self.phase, "status": self.status,
+            "technique": self.spec.split(":")[0], "spec": self.spec, "full_spec": f"{self.spec}[{self.map_size}]",
+            "map_size": self.map_size,
         }  # fmt: skip
         if self.status == "ok":
             values = dict.fromkeys(METRICS, 0.5) | {"iou": None if self.error is None else 1 - self.error}
@@ -68,8 +74,7 @@ class Cell:
             if self.rmse_pen is not None:
                 score |= {"truth_error": TRUTH_ERROR, "truth_error_pen": 4 * TRUTH_ERROR, "penumbra": 9}
             values["edge_px"] = 100 * self.error if self.edge is None and self.error is not None else self.edge
-            score |= {"metrics": values, "receivers": RECEIVERS, "undecided": 3, "work": {"draws": 1}, "facts": {}}
-            score |= {"assumptions": ["no light: assumed a sun"], "gpu_bytes": 1, "mask_sha256": "0"}
+            score |= MEASURED | {"metrics": values, "assumptions": ["no light: assumed a sun"]}
         if self.ms is None:
             return [score]
         passes = {name: {"ms": ms, "iqr_ms": 0.1, "n": 3, "changes": "frame"} for name, ms in self.passes}
@@ -160,18 +165,16 @@ class Point:
         return key_of(self.spec, self.axis, self.value, self.light, self.version)
 
     def record(self) -> dict[str, Any]:
-        row = {
-            "schema": 1, "kind": "score", "key": self.key, "scene": f"{self.axis}-{value_label(self.value)}",
-            "view": "camera", "light": dict(NAMES)[self.light], "phase": 0, "technique": self.spec.split(":")[0],
-            "spec": self.spec, "full_spec": f"{self.spec}[1024]", "map_size": 1024, "view_size": SIDE,
-            "coordinates": "relative", "renderer": "a renderer", "status": self.status, "axis": self.axis,
-            "axis_value": self.value, "axis_unit": "", "light_kind": self.light, "home_spec": self.spec,
+        row = SCORE | {
+            "key": self.key, "scene": f"{self.axis}-{value_label(self.value)}", "light": dict(NAMES)[self.light],
+            "technique": self.spec.split(":")[0], "spec": self.spec, "full_spec": f"{self.spec}[1024]",
+            "map_size": 1024, "status": self.status, "axis": self.axis, "axis_value": self.value, "axis_unit": "",
+            "light_kind": self.light, "home_spec": self.spec,
         }  # fmt: skip
         if self.status == "ok":
             hard = [name for name, metric in METRICS.items() if metric.kind != "soft"]
             values = dict.fromkeys(METRICS) | dict.fromkeys(hard, 0.5)
-            values |= {"iou": self.iou, "acne": self.acne, "leak": self.leak}
-            row |= {"metrics": values, "receivers": RECEIVERS, "undecided": 3, "gpu_bytes": 1, "work": {"draws": 1}}
+            row |= MEASURED | {"metrics": values | {"iou": self.iou, "acne": self.acne, "leak": self.leak}}
             row |= {} if self.flips is None else {"flips": self.flips}
         return row
 
@@ -203,6 +206,18 @@ POINTS = (
 """A sweep with all there is: ranges that are whole, that end on one side, hold nothing, crash or are refused."""
 
 
+def write_folder(folder: Path, records: Sequence[dict[str, Any]], about: dict[str, Any], pictures: bool) -> Path:
+    """A folder with these records, and this `run.json` unless it is empty."""
+    folder.mkdir(parents=True)
+    lines = [json.dumps(record) + "\n" for record in records]
+    (folder / "rows.jsonl").write_text("".join(lines), encoding="utf-8")
+    if about:
+        (folder / "run.json").write_text(json.dumps(about), encoding="utf-8")
+    if pictures:
+        write_pictures(folder, records)
+    return folder
+
+
 @pytest.fixture
 def run_folder(tmp_path: Path) -> Callable[..., Path]:
     """Writes a run folder."""
@@ -215,26 +230,20 @@ def run_folder(tmp_path: Path) -> Callable[..., Path]:
         pictures: bool = False,
         about: bool = True,
     ) -> Path:
-        folder = tmp_path / name
-        folder.mkdir(parents=True)
-        lines = [json.dumps(record) + "\n" for cell in cells for record in cell.records()]
-        (folder / "rows.jsonl").write_text("".join(lines), encoding="utf-8")
-        if about:
-            (folder / "run.json").write_text(json.dumps(run_file(software, processor)), encoding="utf-8")
-        if pictures:
-            write_pictures(folder, [record for cell in cells for record in cell.records()])
-        return folder
+        records = [record for cell in cells for record in cell.records()]
+        return write_folder(tmp_path / name, records, run_file(software, processor) if about else {}, pictures)
 
     return write
 
 
 @pytest.fixture
-def section_of(run_folder: Callable[..., Path]) -> Callable[..., Section]:
-    """The only section of a run with these cells."""
+def measured(run_folder: Callable[..., Path]) -> Callable[..., list[Section]]:
+    """The sections of a run with these cells, one per scene."""
+    count = itertools.count()
 
-    def make(cells: Sequence[Cell] = CELLS, **options: Any) -> Section:
-        ((section,),) = sections(read_runs([run_folder(cells, **options)])).values()
-        return section
+    def make(*cells: Cell, **options: Any) -> list[Section]:
+        folder = run_folder(cells or CELLS, **({"name": f"run {next(count)}"} | options))
+        return [section for parts in sections(read_runs([folder])).values() for section in parts]
 
     return make
 
@@ -244,15 +253,8 @@ def sweep_folder(tmp_path: Path) -> Callable[..., Path]:
     """Writes a folder as written by `stress`."""
 
     def write(points: Sequence[Point] = POINTS, name: str = "sweep", pictures: bool = False) -> Path:
-        folder = tmp_path / name
-        folder.mkdir(parents=True)
-        records = [point.record() for point in points]
-        (folder / "rows.jsonl").write_text("".join(json.dumps(one) + "\n" for one in records), encoding="utf-8")
         about = run_file(True, "A processor") | {"command": "shadowbench stress", "assumptions": []}
-        (folder / "run.json").write_text(json.dumps(about), encoding="utf-8")
-        if pictures:
-            write_pictures(folder, records)
-        return folder
+        return write_folder(tmp_path / name, [point.record() for point in points], about, pictures)
 
     return write
 
@@ -260,9 +262,10 @@ def sweep_folder(tmp_path: Path) -> Callable[..., Path]:
 @pytest.fixture
 def stability_of(sweep_folder: Callable[..., Path]) -> Callable[..., Stability]:
     """Stability of a sweep with these points."""
+    count = itertools.count()
 
-    def make(points: Sequence[Point] = POINTS, **options: Any) -> Stability:
-        _, (sweep,) = read_folders([sweep_folder(points, **options)])
+    def make(*points: Point) -> Stability:
+        _, (sweep,) = read_folders([sweep_folder(points or POINTS, name=f"sweep {next(count)}")])
         return analyse(sweep)
 
     return make
@@ -285,16 +288,20 @@ def texts(chart: dict[str, Any]) -> list[str]:
     return [str(line) for text in found for line in (text if isinstance(text, list) else [text])]
 
 
-def scripts(page: str) -> list[Any]:
-    """The JSON data of a page: panels, and the charts and pictures of sweeps."""
-    found = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', page, re.DOTALL)
-    return [json.loads(text) for text in found]
+def data_of(page: str) -> dict[str, Any]:
+    """The data of a page."""
+    found: dict[str, Any] = json.loads(page.partition('id="page">')[2].partition("</script>")[0])
+    return found
+
+
+def parts_of(page: str) -> list[Any]:
+    """The data of a page's panels, then of its sweeps."""
+    return list(data_of(page)["data"].values())
 
 
 def galleries(page: str) -> list[Any]:
     """The galleries of a page."""
-    found = [script if "views" in script else script.get("gallery") for script in scripts(page)]
-    return [one for one in found if one]
+    return [part["gallery"] for part in parts_of(page) if part["gallery"]]
 
 
 def image_of(uri: str) -> Image.Image:

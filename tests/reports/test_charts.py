@@ -1,62 +1,57 @@
 """Charts of a report: every value lies on its axes, and times of different machines are never combined."""
 
 import math
-import re
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, section_figure, size_chart
-from shadowbench.reports.styles import COLORS, MAX_SHOWN, SHAPES, Styles, styles_of
+from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.report import figures
+from shadowbench.reports.vega import COLORS, MAX_SHOWN, SHAPES, styles_of
 from shadowbench.results.configurations import Section, sections, specs_of
 from shadowbench.results.folder import read_runs
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell, marks, texts
 
 Chart = dict[str, Any]
+Make = Callable[..., list[Section]]
 TEXT_WIDTH = 6  # pixels of a letter, on average
 
 
 def charts(section: Section) -> list[Chart]:
-    styles = styles_of(specs_of([section]), legend=True)
+    styles = styles_of(specs_of([section]))
     made = front_chart(section, styles), size_chart(section, styles), pass_chart(section, default_size(section))
     return [chart for chart in made if chart is not None]
 
 
 def domain(chart: Chart, channel: str) -> tuple[float, float]:
-    (found,) = {
-        tuple(layer["encoding"][channel]["scale"]["domain"])
-        for layer in chart["layer"]
-        if "scale" in layer["encoding"].get(channel, {})
-    }
+    scales = [layer["encoding"].get(channel, {}).get("scale") for layer in chart["layer"]]
+    (found,) = {tuple(scale["domain"]) for scale in scales if scale}
     return found
 
 
-def test_zero_error_is_on_the_log_axis_below_every_other_error(section_of: Callable[..., Section]) -> None:
-    section = section_of()
-    for chart in charts(section)[:2]:
+def values(chart: Chart, field: str) -> list[Any]:
+    return [point[field] for point in chart["data"]["values"]]
+
+
+def test_zero_error_is_on_the_log_axis_below_every_other_error(measured: Make) -> None:
+    section, other = measured()[0], measured(Cell("a", 512, 0.1, 3.0), Cell("a", 1024, 0.05, 4.0))[0]
+    for chart, without in zip(charts(section)[:2], charts(other)[:2], strict=True):
         low, high = domain(chart, "y")
-        drawn = {point["spec"]: point["drawn"] for point in chart["data"]["values"]}
+        drawn = dict(zip(values(chart, "spec"), values(chart, "drawn"), strict=True))
         assert 0 < low < drawn["ray-traced"] == section.least_error
         assert drawn["ray-traced"] < min(value for spec, value in drawn.items() if spec != "ray-traced")
         assert max(drawn.values()) < high and math.isfinite(high)
         assert any(text.startswith("no wrong pixel") for text in texts(chart))
+        assert not any(text.startswith("no wrong pixel") for text in texts(without)) and domain(without, "y")[0] > 0.01
 
 
-def test_a_chart_without_zero_errors_has_no_line_for_them(section_of: Callable[..., Section]) -> None:
-    (front, sizes, _) = charts(section_of([Cell("a", 512, 0.1, 3.0), Cell("a", 1024, 0.05, 4.0)]))
-    for chart in (front, sizes):
-        assert not any(text.startswith("no wrong pixel") for text in texts(chart))
-        assert domain(chart, "y")[0] > 0.01
-
-
-def test_errors_of_soft_shadows_are_drawn_down_to_that_of_the_truth(section_of: Callable[..., Section]) -> None:
-    soft = [Cell("a", 512, 0.1, 3.0, rmse_pen=0.2), Cell("a", 1024, 0.2, 4.0, rmse_pen=TRUTH_ERROR)]
-    section = section_of(soft)
-    for chart in charts(section)[:2]:
+def test_errors_of_soft_shadows_are_drawn_down_to_that_of_the_truth(measured: Make) -> None:
+    soft = Cell("a", 512, 0.1, 3.0, rmse_pen=0.2), Cell("a", 1024, 0.2, 4.0, rmse_pen=TRUTH_ERROR)
+    for chart in charts(measured(*soft)[0])[:2]:
         points = chart["data"]["values"]
-        assert [(point["size"], point["drawn"], point["RMSE"]) for point in points] == [
+        assert [(point["size"], point["drawn"], point["told"]["RMSE"]) for point in points] == [
             (1024, TRUTH_ERROR, "<0.00200"),
             (512, 0.05, "0.0500"),
         ]
@@ -65,14 +60,15 @@ def test_errors_of_soft_shadows_are_drawn_down_to_that_of_the_truth(section_of: 
         assert title.startswith("RMSE")
 
 
-def test_no_label_of_the_front_is_cut_at_the_right_edge(section_of: Callable[..., Section]) -> None:
-    drawn = marks(charts(section_of())[0])
+def test_no_label_of_the_front_is_cut_at_the_right_edge(measured: Make) -> None:
+    chart = charts(measured()[0])[0]
+    drawn, wanted = marks(chart), {point.get("label") for point in chart["data"]["values"]} - {None, ""}
     width = max(mark["width"] for mark in drawn if "width" in mark)
-    labels = [mark for mark in drawn if "; label: " in mark.get("description", "")]
-    assert [mark["text"] for mark in labels][-1] == "ray-traced" and len(labels) > 4
+    labels = [mark for mark in drawn if mark.get("text") in wanted and "dx" in mark]
+    assert {mark["text"] for mark in labels} == wanted and len(wanted) > 4
     for mark in labels:
         length = TEXT_WIDTH * len(mark["text"])
-        start = mark["x"] + mark["dx"] - (length if mark["align"] == "right" else 0)
+        start = mark["x"] + mark["dx"] - (length if mark.get("align") == "right" else 0)
         assert start >= 0 and start + length <= width, mark
 
 
@@ -83,57 +79,54 @@ def test_the_times_of_two_machines_share_no_chart(run_folder: Callable[..., Any]
     assert [part.run.label for part in parts] == ["slow", "fast"]
     for part, times in zip(parts, ({cell.ms for cell in CELLS} - {None}, {cell.ms for cell in fast}), strict=True):
         front, _, passes = charts(part)
-        assert {point["ms"] for point in front["data"]["values"]} == times
-        assert {bar["frame"] for bar in passes["data"]["values"]} <= times
+        assert set(values(front, "ms")) == times and set(values(passes, "frame")) <= times
 
 
-def test_only_what_was_measured_is_drawn(section_of: Callable[..., Section]) -> None:
-    for chart in charts(section_of()):
-        assert not {point["spec"] for point in chart["data"]["values"]} & {"planar-projection", "cube-map"}
+def test_only_what_was_measured_is_drawn(measured: Make) -> None:
+    for chart in charts(measured()[0]):
+        assert not set(values(chart, "spec")) & {"planar-projection", "cube-map"}
+    (untimed,) = measured(Cell("a", 512, 0.1, None))
+    assert front_chart(untimed, None) is None and pass_chart(untimed, 512) is None
+    assert size_chart(untimed, None) is not None and bias_charts(untimed) == []
 
 
-def test_a_software_renderers_times_are_headed_as_such(section_of: Callable[..., Section]) -> None:
-    section = section_of()
-    for chart in charts(section):
-        said = texts(section_figure(chart, section))
-        assert any(
-            "times of a software renderer: for trends only, not representative of a GPU" in text for text in said
-        )
-    gpu = section_of(name="gpu", software=False)
-    for chart in charts(gpu):
-        assert not any("software" in text for text in texts(section_figure(chart, gpu)))
+def test_figures_say_whose_times_they_have_and_why_passes_do_not_add_up(measured: Make) -> None:
+    said = {
+        software: [texts(chart) for _, chart in figures({"": measured(software=software)}, [])]
+        for software in (True, False)
+    }
+    trend = "times of a software renderer: for trends only, not representative of a GPU"
+    assert len(said[True]) == len(said[False]) == 3
+    assert all(any(trend in text for text in one) for one in said[True])
+    assert not any("software" in text for one in said[False] for text in one)
+    assert {"ms; passes are timed separately,", "each finished before the next,"} <= set(said[True][2])
+    assert {"so that their sum may exceed the frame;", "tick: the whole frame, timed separately"} <= set(said[True][2])
 
 
-def test_intervals_enclose_their_median(section_of: Callable[..., Section]) -> None:
+def test_intervals_enclose_their_median(measured: Make) -> None:
     errors = (0.1, 0.3, 0.2, 0.0)
-    chart = charts(section_of([Cell("a", 512, error, 3.0, phase=phase) for phase, error in enumerate(errors)]))[1]
+    chart = charts(measured(*(Cell("a", 512, error, 3.0, phase=phase) for phase, error in enumerate(errors)))[0])[1]
     (point,) = chart["data"]["values"]
     assert point["low"] < point["drawn"] < point["high"]
 
 
-def test_passes_are_those_of_one_map_size_and_of_what_has_no_map(section_of: Callable[..., Section]) -> None:
-    section = section_of()
-    assert default_size(section) == 1024
+def test_passes_are_those_of_one_map_size_stacked_as_each_spec_draws_them(measured: Make) -> None:
+    (section,) = measured()
     chart = pass_chart(section, 2048)
-    assert chart is not None
-    assert {bar["spec"] for bar in chart["data"]["values"]} == {"shadow-map", "unshadowed", "ray-traced"}
-
-
-def test_passes_are_stacked_as_each_spec_draws_them(section_of: Callable[..., Section]) -> None:
+    assert default_size(section) == 1024 and chart is not None
+    assert set(values(chart, "spec")) == {"shadow-map", "unshadowed", "ray-traced"}
     orders = {"a": ("depth", "blur", "resolve"), "b": ("resolve", "depth"), "c": ("blur", "again", "depth")}
-    section = section_of(
-        [Cell(spec, 512, 0.1, 9.0, passes=tuple((one, 1.0) for one in order)) for spec, order in orders.items()]
-    )
-    chart = pass_chart(section, 512)
+    cells = [Cell(spec, 512, 0.1, 9.0, passes=tuple((one, 1.0) for one in order)) for spec, order in orders.items()]
+    chart = pass_chart(measured(*cells)[0], 512)
     assert chart is not None
     bars = sorted(chart["data"]["values"], key=lambda bar: bar["rank"])
     assert {spec: tuple(bar["pass"] for bar in bars if bar["spec"] == spec) for spec in orders} == orders
     assert chart["layer"][0]["encoding"]["order"] == {"field": "rank"}
 
 
-def test_each_of_many_passes_has_a_colour_of_its_own(section_of: Callable[..., Section]) -> None:
+def test_no_two_of_many_passes_or_specs_look_alike(measured: Make) -> None:
     names = [f"pass {number}" for number in range(16)]
-    chart = pass_chart(section_of([Cell("a", 512, 0.1, 9.0, passes=tuple((name, 1.0) for name in names))]), 512)
+    chart = pass_chart(measured(Cell("a", 512, 0.1, 9.0, passes=tuple((name, 1.0) for name in names)))[0], 512)
     assert chart is not None
     scale = chart["layer"][0]["encoding"]["color"]["scale"]
     assert scale["domain"] == names and len(set(scale["range"])) == 16
@@ -142,48 +135,23 @@ def test_each_of_many_passes_has_a_colour_of_its_own(section_of: Callable[..., S
     apart = deltaE_ciede2000(lab[:, None], lab[None]) + 100 * np.eye(len(lab))
     assert apart.min() > 20, "a difference of 2 can just be seen side by side"
     assert not {*scale["range"][:8]} & {*COLORS[:MAX_SHOWN]}, "those of specs"
+    many = len(COLORS) * len(SHAPES)
+    assert len(set(styles_of(map(str, range(many))).values())) == many
 
 
-def test_the_chart_of_passes_says_why_they_do_not_add_up(section_of: Callable[..., Section]) -> None:
-    section = section_of()
-    chart = pass_chart(section, 1024)
-    assert chart is not None
-    said = set(texts(section_figure(chart, section)))
-    assert {"ms; passes are timed separately,", "each finished before the next,"} <= said
-    assert {"so that their sum may exceed the frame;", "tick: the whole frame, timed separately"} <= said
-
-
-def test_the_page_says_so_too_and_counts_one_thing_as_one(
-    run_folder: Callable[..., Any], page_of: Callable[..., str]
+def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size_unless_it_is_soft(
+    run_folder: Callable[..., Any],
 ) -> None:
-    page = " ".join(page_of(run_folder([Cell("a", 512, 0.1, 3.0)])).split())
-    assert "each finished before the next, so that their sum may exceed the frame" in page
-    assert "1 cell on" in page and "1 cell, all that" in page
-    assert not re.search(r"\b1 (cells|pictures|records|times|configurations)\b", page)
+    def swept(cells: list[Cell], name: str) -> Section:
+        folder = run_folder(cells, name=name)
+        lines = [f"{one.key},{one.spec},{one.map_size},shadow-map,{specs[one.spec]}" for one in cells]
+        (folder / "table.csv").write_text("\n".join(["key,spec,map_size,bias_of,bias_factor", *lines]))
+        ((section,),) = sections(read_runs([folder])).values()
+        return section
 
-
-def test_without_times_there_is_no_chart_of_times(section_of: Callable[..., Section]) -> None:
-    section = section_of([Cell("a", 512, 0.1, None)])
-    styles = styles_of(specs_of([section]), legend=True)
-    assert front_chart(section, styles) is None and pass_chart(section, 512) is None
-    assert size_chart(section, styles) is not None
-
-
-def test_no_two_of_many_specs_look_alike() -> None:
-    styles = Styles(tuple(map(str, range(len(COLORS) * len(SHAPES)))), legend=True)
-    assert len({styles.color_and_shape(spec) for spec in styles.specs}) == len(COLORS) * len(SHAPES)
-
-
-def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size(run_folder: Callable[..., Any]) -> None:
     specs = {"shadow-map:bias=texel(scale=4.0)": 4.0, "shadow-map": 1.0, "shadow-map:bias=texel(scale=0.5)": 0.5}
     cells = [Cell(spec, size, 0.01 * factor, None) for spec, factor in specs.items() for size in (1024, 512)]
-    floor = Cell("unshadowed", None, 1.0, None)
-    folder = run_folder([*cells, floor])
-    lines = [f"{one.key},{one.spec},{one.map_size},shadow-map,{specs[one.spec]}" for one in cells]
-    head = "key,spec,map_size,bias_of,bias_factor"
-    (folder / "table.csv").write_text("\n".join([head, *lines, f"{floor.key},unshadowed,,,"]))
-    ((section,),) = sections(read_runs([folder])).values()
-    ((base, chart),) = bias_charts(section)
+    ((base, chart),) = bias_charts(swept(cells, "hard"))
     assert base == "shadow-map"
     points = chart["data"]["values"]
     assert [(point["map"], point["factor"]) for point in points] == [
@@ -191,16 +159,5 @@ def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size(run_folder: Call
     ]
     assert [point["factor"] for point in points if point["best"]] == [0.5, 0.5]
     assert {"×0.5", "×1", "×4", "512", "1024"} <= set(texts(chart))
-
-
-def test_a_swept_bias_of_soft_shadows_has_no_chart_of_contact(run_folder: Callable[..., Any]) -> None:
-    cell = Cell("shadow-map", 512, 0.1, None, rmse_pen=0.2)
-    folder = run_folder([cell])
-    line = f"{cell.key},shadow-map,512,shadow-map,1"
-    (folder / "table.csv").write_text(f"key,spec,map_size,bias_of,bias_factor\n{line}")
-    ((section,),) = sections(read_runs([folder])).values()
-    assert section.run.sweep_positions and bias_charts(section) == []
-
-
-def test_without_a_bias_sweep_there_is_no_bias_chart(section_of: Callable[..., Section]) -> None:
-    assert bias_charts(section_of()) == []
+    soft = swept([Cell("shadow-map", 512, 0.1, None, rmse_pen=0.2)], "soft")
+    assert soft.run.sweep_positions and bias_charts(soft) == [], "no chart of contact"

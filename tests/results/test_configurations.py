@@ -13,27 +13,17 @@ from shadowbench.results.curves import Slope, slopes
 from shadowbench.results.ranking import mean
 from shadowbench.results.tables import cells_frame
 from shadowbench.scores.metrics import METRICS
+from tests.results.cells import cell
 from tests.runs import sections_of
 
 
-def result(
-    iou: float | None = 0.5,
-    view: str = "a",
-    size: int | None = 64,
-    untimed: str | None = None,
-    light: str = "sun",
-    spec: str = "t",
-    phase: int = 0,
-    **of: Any,
-) -> Result:
-    """A cell's rows; keywords: fields of the time record."""
-    score = {
-        "scene": "cube", "view": view, "light": light, "phase": phase, "technique": "t", "spec": spec,
-        "full_spec": spec, "map_size": size, "view_size": 8, "renderer": "r", "status": "ok", "key": "k",
-        "metrics": dict.fromkeys(METRICS) | {"iou": iou},
-    }  # fmt: skip
-    time = {"status": f"failed: {untimed}"} if untimed else of or None
-    return Result(score, time)
+def result(iou: float = 0.5, size: int | None = 64, time: dict[str, Any] | None = None, **score: Any) -> Result:
+    """A cell with an IoU, of some other metrics if given."""
+    metrics = dict.fromkeys(METRICS) | {"iou": iou} | score.pop("metrics", {})
+    return Result(cell(score.pop("spec", "t"), "cube", size, metrics=metrics, **score), time)
+
+
+UNTIMED = {"status": "failed: crashed"}
 
 
 def configurations(*cells: Result) -> tuple[Configuration, ...]:
@@ -52,14 +42,15 @@ def one(
     return Configuration(spec, spec, spec, size, 1, (), values, phases, unset)
 
 
-def timed(ratio: float, reference_ms: float = 10.0) -> dict[str, Any]:
-    times = {"frame_ms": ratio * reference_ms, "ratio": ratio, "ratio_iqr": 0.01, "passes": {}}
-    return times | {"reference": "r", "reference_ms": reference_ms}
+def timed(ratio: float, **times: Any) -> dict[str, Any]:
+    reference = {"reference": "r", "reference_ms": 10.0, "frame_ms": 10 * ratio}
+    return {"ratio": ratio, "ratio_iqr": 0.01, "passes": {}} | reference | times
 
 
-def test_a_summary_is_the_median_over_views() -> None:
+def test_a_summary_is_the_median_over_views_without_details_of_measurement() -> None:
     cells = [
-        result(iou, view, **timed(ratio)) for iou, view, ratio in [(0.1, "a", 0.1), (0.2, "b", 0.2), (0.9, "c", 3)]
+        result(iou, view=view, time=timed(ratio, frame_iqr_ms=0.1, added_ms=0.5, n=9, clock="gpu"))
+        for iou, view, ratio in [(0.1, "a", 0.1), (0.2, "b", 0.2), (0.9, "c", 3)]
     ]
     (row,) = configurations(*cells)
     iou, ms = row.values["iou"], row.values["frame_ms"]
@@ -67,36 +58,35 @@ def test_a_summary_is_the_median_over_views() -> None:
     assert (row.cells, iou.median, ms.median) == (3, 0.2, 2)
     assert (iou.low, iou.high) == (0.1, 0.9)
     assert row.values["ssim"] is None
+    assert {"frame_ms", "frame_iqr_ms", "added_ms", "ratio"} <= row.values.keys()
+    assert not {"n", "clock"} & row.values.keys()
 
 
 def test_facts_of_techniques_have_columns() -> None:
-    told, silent = result(spec="volume"), result(spec="map")
-    told.score["facts"] = {"open_parts": 2.0}
-    assert cells_frame([told, silent])["fact_open_parts"].tolist() == pytest.approx([2.0, np.nan], nan_ok=True)
+    frame = cells_frame([result(facts={"open_parts": 2.0}), result()])
+    assert frame["fact_open_parts"].tolist() == pytest.approx([2.0, np.nan], nan_ok=True)
 
 
-@pytest.mark.filterwarnings("error::pandas.errors.PerformanceWarning")
 def test_a_table_of_more_than_100_columns_is_in_one_piece() -> None:
-    cell = result()
-    cell.score["facts"] = dict.fromkeys(map(str, range(100)), 1.0)
-    assert slopes_of(cell) == []
+    """Each technique has passes and facts, and so columns, of its own; warnings of pandas are errors in tests."""
+    passes = {f"pass-{number}": {"ms": 1.0} for number in range(120)}
+    facts = dict.fromkeys(map(str, range(100)), 1.0)
+    cells = [result(0.5, size, timed(1, passes=passes), facts=facts) for size in (64, 128)]
+    assert len(slopes_of(*cells)) == 1
 
 
 def test_unsuccessful_cells_are_left_out() -> None:
-    cells = [result(0.1, "a"), result(0.9, "b", untimed="crashed"), result(0.2, "c")]
+    cells = [result(0.1, view="a"), result(0.9, view="b", time=UNTIMED), result(0.2, view="c")]
     (row,) = configurations(*cells)
-    assert row.values["iou"] is not None
-    assert row.values["iou"].median == pytest.approx(0.15)
+    assert row.value("iou") == pytest.approx(0.15)
     assert (row.cells, row.refused) == (2, ("failed: while timed: crashed",))
 
 
 def test_the_interval_is_the_middle_95_percent_of_the_median() -> None:
     # The median of 401 draws from 0, 1, …, 400 lies at rank 200 ± 10 (one standard deviation), about normally.
     found = interval([*np.random.default_rng(1).permutation(401).astype(float), float("nan")])
-    assert found is not None
-    assert found.median == 200
-    assert found.low == pytest.approx(200 - 1.96 * 10, abs=2)
-    assert found.high == pytest.approx(200 + 1.96 * 10, abs=2)
+    assert found is not None and found.median == 200
+    assert (found.low, found.high) == pytest.approx((200 - 1.96 * 10, 200 + 1.96 * 10), abs=2)
 
 
 def test_an_interval_excludes_a_fortieth_of_the_resampled_medians_on_either_side(
@@ -106,8 +96,7 @@ def test_an_interval_excludes_a_fortieth_of_the_resampled_medians_on_either_side
         """A random generator whose resamples have medians 0, 1, 2, …"""
 
         def choice(self, values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-            assert shape[1] == len(values)
-            return np.broadcast_to(np.arange(shape[0])[:, None], shape)
+            return np.broadcast_to(np.arange(shape[0])[:, None], (shape[0], len(values)))
 
     monkeypatch.setattr(np.random, "default_rng", lambda seed: Ramp())
     found = interval([1.0, 2.0, 3.0])
@@ -128,43 +117,30 @@ def test_an_error_is_the_complement_with_its_ends_exchanged() -> None:
 def test_a_slope_is_fitted_separately_for_each_view_and_phase(apart: dict[str, Any]) -> None:
     # Errors of c / size in one and c / size² in the other: slopes −1 and −2.
     cells = [
-        result(1 - scale * (64 / size) ** power, size=size, **of)
+        result(1 - scale * (64 / size) ** power, size, **of)
         for of, scale, power in [({}, 0.5, 1), (apart, 0.1, 2)]
         for size in (64, 128, 256)
     ]
     (found,) = slopes_of(*cells)
     assert (found.slope.low, found.slope.median, found.slope.high) == pytest.approx((-2, -1.5, -1))
-    assert found.sizes == (64, 128, 256)
+    assert (found.sizes, found.phases) == ((64, 128, 256), 2 if "phase" in apart else 1)
 
 
 def test_a_cell_without_an_error_has_no_logarithm_and_takes_no_part_in_a_slope() -> None:
-    cells = [result(1 - 64 / size, size=size) for size in (128, 256)] + [result(1.0, size=512), result(1.0, size=64)]
-    (found,) = slopes_of(*cells)
-    assert (found.slope.median, found.sizes) == (pytest.approx(-1), (128, 256))
+    found = slopes_of(result(0.5, 128), result(0.75, 256), result(1.0, 512), result(1.0, 64), result(0.5, None))
+    assert [(one.slope.median, one.sizes) for one in found] == [(pytest.approx(-1), (128, 256))]
+    assert slopes_of(result(), result(size=None), result(0.9, view="b")) == [], "one size has none"
 
 
-def test_a_table_of_many_passes_is_summarised_without_a_warning() -> None:
-    """Each technique of a study has passes, and so columns, of its own; warnings are errors in tests."""
-    passes = {f"pass-{number}": {"ms": 1.0} for number in range(120)}
-    cells = [result(0.5, size=size, **(timed(1) | {"passes": passes})) for size in (64, 128)]
-    assert len(slopes_of(*cells)) == 1
-
-
-def test_one_size_has_no_slope() -> None:
-    assert slopes_of(result(0.5), result(0.5, size=None), result(0.9, "b")) == []
-
-
-def test_a_summary_has_times_without_their_measurement_details() -> None:
-    times = timed(2.0) | {"frame_iqr_ms": 0.1, "added_ms": 0.5, "n": 9, "clock": "gpu"}
-    (row,) = configurations(result(**times))
-    assert {"frame_ms", "frame_iqr_ms", "added_ms", "ratio"} <= row.values.keys()
-    assert row.values["ratio"] == Interval(2.0)
-    assert not {"n", "clock"} & row.values.keys()
+def test_a_slope_of_soft_shadows_is_that_of_their_rmse() -> None:
+    cells = [result(0.9, size, metrics={"rmse": rmse, "rmse_pen": 0.5}) for size, rmse in ((512, 0.1), (1024, 0.4))]
+    (slope,) = slopes_of(*cells)
+    assert slope.slope.median == pytest.approx(2)
 
 
 def test_times_that_were_added_are_columns_after_all_others() -> None:
     times = {"wall_ms": 2.0, "still_ms": 0.0, "camera_ms": 3.0, "light_ms": 4.0}
-    frame = cells_frame([result(frame_ms=1.0, **times), result()])
+    frame = cells_frame([result(time={"frame_ms": 1.0, **times}), result()])
     assert list(frame)[-4:] == list(times)
     assert frame.loc[0, list(times)].tolist() == list(times.values())
     assert frame.loc[1, list(times)].isna().all()
@@ -172,48 +148,32 @@ def test_times_that_were_added_are_columns_after_all_others() -> None:
 
 def test_lights_of_one_scene_are_tables_of_their_own() -> None:
     """Techniques that support only a sun must not be compared with medians that include lamps."""
-    cells = [result(0.9), result(0.5, light="lamp"), result(0.8, spec="cascades")]
-    assert {scene: [row.spec for row in section.configurations] for scene, section in sections_of(*cells).items()} == {
-        "cube, sun": ["t", "cascades"],
-        "cube, lamp": ["t"],
-    }
+    cells = [result(0.9), result(light="lamp"), result(0.8, spec="cascades")]
+    found = {scene: [row.spec for row in section.configurations] for scene, section in sections_of(*cells).items()}
+    assert found == {"cube, sun": ["t", "cascades"], "cube, lamp": ["t"]}
     assert list(sections_of(cells[0])) == ["cube"], "one light needs no name"
 
 
-def test_soft_shadows_are_ranked_by_rmse_and_hard_ones_by_iou() -> None:
+@pytest.mark.parametrize(("rmse_pen", "order"), [(None, ["sharp", "wide"]), (0.5, ["wide", "sharp"])])
+def test_soft_shadows_are_ranked_by_rmse_and_hard_ones_by_iou(rmse_pen: float | None, order: list[str]) -> None:
     """A truth without penumbrae leaves `rmse_pen` undefined."""
-    cells = [result(0.9, spec="sharp"), result(0.8, spec="wide")]
-    for cell, rmse in zip(cells, (0.2, 0.1), strict=True):
-        cell.score["metrics"] |= {"rmse": rmse}
+    errors = {} if rmse_pen is None else {"truth_error": 0.01, "truth_error_pen": 0.02, "penumbra": 7}
+    cells = [
+        result(iou, spec=spec, metrics={"rmse": rmse, "rmse_pen": rmse_pen}, **errors)
+        for spec, iou, rmse in (("sharp", 0.9, 0.2), ("wide", 0.8, 0.1))
+    ]
     rows = configurations(*cells)
-    assert [(row.spec, row.soft) for row in rows] == [("sharp", False), ("wide", False)]
-    for cell in cells:
-        cell.score["metrics"] |= {"rmse_pen": 0.5}
-        cell.score.update({"truth_error": 0.01, "truth_error_pen": 0.02, "penumbra": 7, "width_share": None})
-    frame, rows = cells_frame(cells), configurations(*cells)
-    assert [(row.spec, row.soft) for row in rows] == [("wide", True), ("sharp", True)]
-    assert (rows[0].values["truth_error"], rows[0].values["truth_error_pen"]) == (Interval(0.01), Interval(0.02))
-    assert frame["penumbra"].tolist() == [7, 7]
-    assert mean([rows[0], rows[0]]).values["truth_error_pen"] == Interval(0.02)
-
-
-def test_a_slope_of_soft_shadows_is_that_of_their_rmse() -> None:
-    cells = [result(0.9, size=512), result(0.9, size=1024)]
-    for cell, rmse in zip(cells, (0.1, 0.4), strict=True):
-        cell.score["metrics"] |= {"rmse": rmse, "rmse_pen": 0.5}
-    (slope,) = slopes_of(*cells)
-    assert slope.slope.median == pytest.approx(2)
+    assert [(row.spec, row.soft) for row in rows] == [(spec, rmse_pen is not None) for spec in order]
+    if rmse_pen is not None:
+        assert (rows[0].values["truth_error"], rows[0].values["truth_error_pen"]) == (Interval(0.01), Interval(0.02))
+        assert cells_frame(cells)["penumbra"].tolist() == [7, 7]
+        assert mean([rows[0], rows[0]]).values["truth_error_pen"] == Interval(0.02)
 
 
 def test_a_score_below_the_error_of_the_truth_is_no_number() -> None:
-    values = {
-        "rmse": Interval(0.001, 0.0005, 0.003),
-        "rmse_pen": Interval(0.01),
-        "noise": Interval(0.004),
-        "iou": Interval(0.9),
-    }
-    truth = {"truth_error": Interval(0.002), "truth_error_pen": Interval(0.005)}
-    row = one("a", None, **values, **truth)
+    medians = {"rmse_pen": 0.01, "noise": 0.004, "iou": 0.9, "truth_error": 0.002, "truth_error_pen": 0.005}
+    values = {name: Interval(median) for name, median in medians.items()}
+    row = one("a", None, rmse=Interval(0.001, 0.0005, 0.003), **values)
     assert row.error_text("{:.3g}".format) == "<0.002"
     shown = [row.text(name, "{:.3g}".format) for name in ("rmse_pen", "noise", "iou", "width")]
     assert shown == ["0.01", "<0.005", "0.9", "–"]
@@ -228,26 +188,21 @@ def test_a_number_by_which_specs_of_a_technique_differ_is_printed_at_its_default
         "shadow-map:bias=none,linear=true": "shadow-map:bias=none,linear=true",
         "cascades:count=3": "cascades:count=3,lambda=0.5",
     }
-    cells = [result(spec=spec) for spec in specs]
-    for cell, full in zip(cells, specs.values(), strict=True):
-        cell.score["full_spec"] = full
-    printed = {row.spec: row.name for row in configurations(*cells)}
+    rows = configurations(*(result(spec=spec, full_spec=full) for spec, full in specs.items()))
     differing = {
         "light-samples": "light-samples:n=16",
         "light-samples:of=shadow-volume": "light-samples:of=shadow-volume,n=16",
     }
-    assert printed == {spec: differing.get(spec, spec) for spec in specs}
+    assert {row.spec: row.name for row in rows} == {spec: differing.get(spec, spec) for spec in specs}
 
 
 def test_a_map_that_was_scored_at_one_offset_is_marked() -> None:
     two = [result(phase=0), result(0.6, phase=1)]
-    without, lost = result(size=None, spec="volume"), result(spec="lost", untimed="crashed")
-    (row,) = configurations(*two)
-    assert (row.phases, row.single_phase) == (2, False)
-    (row,) = configurations(*two[:1])
-    assert (row.phases, row.single_phase) == (1, True)
+    for cells, phases in ((two, 2), (two[:1], 1)):
+        (row,) = configurations(*cells)
+        assert (row.phases, row.single_phase) == (phases, phases == 1)
+    without, lost = result(size=None, spec="volume"), result(spec="lost", time=UNTIMED)
     assert not any(row.single_phase for row in configurations(without, lost)), "no map, or none that held"
-    assert [fit.phases for fit in slopes_of(*two, result(size=128), result(0.7, size=128, phase=1))] == [2]
 
 
 def test_a_mean_over_scenes_has_the_fewest_phases_of_them_and_no_value_that_one_lacks() -> None:

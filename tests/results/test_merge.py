@@ -11,14 +11,16 @@ import pytest
 
 from shadowbench.scores.masks import mask_sha256, write_mask
 from tests.reports.conftest import POINTS
-from tests.results.test_check import GOOD, WORSE, cell, rows, timed
+from tests.results.cells import GOOD, SIDE, WORSE, cell, read, rows, timed
 
-Shadowbench = Callable[..., Any]
+Merge = Callable[..., Any]
+LIT = np.ones((SIDE, SIDE), np.float32)
 
 
-def read(folder: Path, kind: str = "score") -> list[dict[str, Any]]:
-    lines = (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()
-    return [row for row in map(json.loads, lines) if row["kind"] == kind]
+@pytest.fixture
+def merge(shadowbench: Callable[..., Any], tmp_path: Path) -> Merge:
+    """`merge` of folders into `all`."""
+    return lambda *words: shadowbench("merge", *words, "-o", tmp_path / "all")
 
 
 def described(folder: Path, *records: dict[str, Any], machine: str = "m", **study: Any) -> Path:
@@ -30,35 +32,41 @@ def described(folder: Path, *records: dict[str, Any], machine: str = "m", **stud
     return folder
 
 
-def test_cells_times_images_and_facts_of_all_folders_are_in_the_result(
-    shadowbench: Shadowbench, tmp_path: Path
-) -> None:
+def write(folder: Path, name: str, level: float) -> Path:
+    """Write an image of one level."""
+    file = folder / f"{name}.png"
+    file.parent.mkdir(exist_ok=True)
+    write_mask(file, level * LIT)
+    return file
+
+
+def test_cells_times_images_and_facts_of_all_folders_are_in_the_result(merge: Merge, tmp_path: Path) -> None:
     mine, yours = cell("shadow-map"), cell("cube-map")
     one = described(tmp_path / "one", mine, timed(mine), scenes=["s"], specs=["shadow-map"], rounds=9, view_size=16)
     two = described(tmp_path / "two", mine, yours, scenes=["s"], specs=["cube-map"], rounds=0, view_size=16)
     for folder, record in ((one, mine), (two, yours)):
         for name in (f"masks/{record['key']}", "truth/s.camera.sun.16", "masks/" + "0" * 24):
-            (folder / name).parent.mkdir(exist_ok=True)
-            write_mask(folder / f"{name}.png", np.ones((16, 16), np.float32))
-    answer = shadowbench("merge", one, two, "-o", tmp_path / "all")
+            write(folder, name, 1.0)
+    answer, merged = merge(one, two), tmp_path / "all"
     assert (answer.code, answer.err) == (0, "")
     assert answer.out.endswith("all: 2 cells, 1 time of 1 machine, from 2 folders\n")
-    assert read(tmp_path / "all") == [mine, yours] and read(tmp_path / "all", "time") == [timed(mine)]
-    about = json.loads((tmp_path / "all" / "run.json").read_text())
+    assert read(merged) == [mine, yours] and read(merged, "time") == [timed(mine)]
+    about = json.loads((merged / "run.json").read_text())
     assert about["keys"] == [mine["key"], yours["key"]] and about["assumptions"] == ["of one", "of two"]
     assert about["study"] == {"scenes": ["s"], "specs": ["shadow-map", "cube-map"], "view_size": 16}
-    found = {str(file.relative_to(tmp_path / "all")) for file in (tmp_path / "all").glob("*/*.png")}
+    found = {str(file.relative_to(merged)) for file in merged.glob("*/*.png")}
     assert found == {f"masks/{mine['key']}.png", f"masks/{yours['key']}.png", "truth/s.camera.sun.16.png"}
-    assert len((tmp_path / "all" / "table.csv").read_text().splitlines()) == 3
+    assert len((merged / "table.csv").read_text().splitlines()) == 3
     assert sorted(file.name for file in tmp_path.iterdir()) == ["all", "one", "two"]
 
 
-def test_a_merged_folder_checks_equal_to_the_whole(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_a_merged_folder_checks_equal_to_the_whole(
+    merge: Merge, shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
     cells = [cell(size=size) for size in (256, 512, 1024)]
     parts = [rows(tmp_path / str(record["map_size"]), record) for record in cells]
-    whole = rows(tmp_path / "whole", *cells)
-    assert shadowbench("merge", *parts, "-o", tmp_path / "all", "-q").code == 0
-    answer = shadowbench("check", tmp_path / "all", "--baseline", whole)
+    assert merge(*parts, "-q").code == 0
+    answer = shadowbench("check", tmp_path / "all", "--baseline", rows(tmp_path / "whole", *cells))
     assert answer.code == 0 and answer.out.startswith("3 cells compared")
 
 
@@ -72,70 +80,61 @@ def test_a_merged_folder_checks_equal_to_the_whole(shadowbench: Shadowbench, tmp
     ],
 )
 def test_equal_keys_with_unequal_scores_are_listed_and_nothing_is_written(
-    shadowbench: Shadowbench, tmp_path: Path, changed: dict[str, Any], what: list[str]
+    merge: Merge, tmp_path: Path, changed: dict[str, Any], what: list[str]
 ) -> None:
     same, other = cell("cube-map"), cell("shadow-map")
-    one, two = rows(tmp_path / "one", same, other), rows(tmp_path / "two", same, other | changed)
-    answer = shadowbench("merge", one, two, "-o", tmp_path / "all", "--json", "-q")
-    assert answer.code == 1 and answer.err == (
-        "shadowbench: nothing was written: 1 cell with unequal scores in 2 folders\n"
-    )
+    folders = rows(tmp_path / "one", same, other), rows(tmp_path / "two", same, other | changed)
+    answer = merge(*folders, "--json", "-q")
+    told = "shadowbench: nothing was written: 1 cell with unequal scores in 2 folders\n"
+    assert (answer.code, answer.err) == (1, told)
     differing = json.loads(answer.out)["differing"]
     assert [one["what"] for one in differing] == what
     assert {one["cell"] for one in differing} == {"s camera sun shadow-map at 512"}
     assert sorted(file.name for file in tmp_path.iterdir()) == ["one", "two"]
-    assert "unequal scores" in shadowbench("merge", one, two, "-o", tmp_path / "all").out
+    assert "unequal scores" in merge(*folders).out
 
 
-def test_scores_that_differ_by_rounding_are_equal(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_scores_that_differ_by_rounding_are_equal(merge: Merge, tmp_path: Path) -> None:
     exact, rounded = GOOD | {"bias": 0.0}, GOOD | {"iou": GOOD["iou"] * (1 + 1e-14), "bias": 1e-17}
-    one, two = rows(tmp_path / "one", cell(metrics=exact)), rows(tmp_path / "two", cell(metrics=rounded))
-    assert shadowbench("merge", one, two, "-o", tmp_path / "all").code == 0
+    assert merge(rows(tmp_path / "one", cell(metrics=exact)), rows(tmp_path / "two", cell(metrics=rounded))).code == 0
     assert read(tmp_path / "all") == [cell(metrics=exact)]
 
 
-def test_cells_of_other_code_are_kept_and_noted(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_cells_of_other_code_are_kept_and_noted(merge: Merge, tmp_path: Path) -> None:
     old, new = cell(key="0" * 24), cell(key="1" * 24)
-    folders = described(tmp_path / "old", old), described(tmp_path / "new", new)
-    answer = shadowbench("merge", *folders, "-o", tmp_path / "all")
+    answer = merge(described(tmp_path / "old", old), described(tmp_path / "new", new))
     assert answer.code == 0 and answer.err.startswith("note: 1 cell in rows.jsonl but not in the table: ")
     assert read(tmp_path / "all") == [old, new]
     assert len((tmp_path / "all" / "table.csv").read_text().splitlines()) == 2
 
 
-def test_scores_of_engines_alone_are_merged(shadowbench: Shadowbench, tmp_path: Path) -> None:
+@pytest.mark.parametrize("order", [1, -1])
+def test_scores_of_engines_are_merged_with_those_of_one_renderer(merge: Merge, tmp_path: Path, order: int) -> None:
     engine = cell("my-engine", size=None, renderer="my-engine", content="c")
-    folders = rows(tmp_path / "engine", engine), rows(tmp_path / "run", cell())
-    for order in (folders, folders[::-1]):
-        assert shadowbench("merge", *order, "-o", tmp_path / f"{order[0].name}-first").code == 0
-    assert (
-        shadowbench("merge", *folders, rows(tmp_path / "gpu", cell(renderer="a GPU")), "-o", tmp_path / "x").code == 2
-    )
+    folders = [rows(tmp_path / "engine", engine), rows(tmp_path / "run", cell())]
+    assert merge(*folders, rows(tmp_path / "gpu", cell(renderer="a GPU"))).code == 2
+    assert merge(*folders[::order]).code == 0
 
 
-def test_facts_are_those_of_a_folder_that_has_them(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_facts_are_those_of_a_folder_that_has_them(merge: Merge, tmp_path: Path) -> None:
     stopped, complete = rows(tmp_path / "stopped", cell("cube-map")), described(tmp_path / "complete", cell())
-    assert shadowbench("merge", stopped, complete, "-o", tmp_path / "all").code == 0
+    assert merge(stopped, complete).code == 0
     assert json.loads((tmp_path / "all" / "run.json").read_text())["machine_key"] == "m"
-
-
-def masked(folder: Path, record: dict[str, Any], level: float | None) -> Path:
-    """A folder of a cell, and a mask of one level; None for half a PNG."""
-    file = described(folder, record) / "masks" / f"{record['key']}.png"
-    file.parent.mkdir()
-    write_mask(file, np.full((16, 16), 1.0 if level is None else level, np.float32))
-    if level is None:
-        file.write_bytes(file.read_bytes()[:45])
-    return file
 
 
 @pytest.mark.parametrize("damaged", [0.5, None])
 def test_a_good_mask_is_taken_and_a_damaged_one_named(
-    shadowbench: Shadowbench, tmp_path: Path, damaged: float | None
+    merge: Merge, shadowbench: Callable[..., Any], tmp_path: Path, damaged: float | None
 ) -> None:
-    record = cell(mask_sha256=mask_sha256(np.ones((16, 16))))
-    bad, good = (masked(tmp_path / name, record, level) for name, level in (("bad", damaged), ("good", 1.0)))
-    answer = shadowbench("merge", tmp_path / "bad", tmp_path / "good", "-o", tmp_path / "all")
+    """One of another level, or half a PNG."""
+    record = cell(mask_sha256=mask_sha256(LIT))
+    bad, good = (
+        write(described(tmp_path / name, record), f"masks/{record['key']}", 1.0 if level is None else level)
+        for name, level in (("bad", damaged), ("good", 1.0))
+    )
+    if damaged is None:
+        bad.write_bytes(bad.read_bytes()[:45])
+    answer = merge(tmp_path / "bad", tmp_path / "good")
     told = f"note: {bad}: is not what was scored: that of another folder is taken\n"
     assert (answer.code, answer.err) == (0, told)
     assert (tmp_path / "all" / "masks" / bad.name).read_bytes() == good.read_bytes()
@@ -145,94 +144,87 @@ def test_a_good_mask_is_taken_and_a_damaged_one_named(
     assert read(tmp_path / "alone") == [record] and not (tmp_path / "alone" / "masks").exists()
 
 
-def test_of_two_truths_the_later_folder_s_is_shown(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_of_two_truths_the_later_folder_s_is_shown(merge: Merge, tmp_path: Path) -> None:
     """As its rows are the later ones of the table."""
     folders = [described(tmp_path / name, cell(name)) for name in ("one", "two")]
-    for folder, level in zip(folders, (0.0, 1.0), strict=True):
-        (folder / "truth").mkdir()
-        write_mask(folder / "truth" / "s.camera.sun.16.png", np.full((16, 16), level, np.float32))
-    assert shadowbench("merge", *folders, "-o", tmp_path / "all").code == 0
-    file = Path("truth", "s.camera.sun.16.png")
-    assert (tmp_path / "all" / file).read_bytes() == (folders[1] / file).read_bytes()
+    _, later = (
+        write(folder, "truth/s.camera.sun.16", level) for folder, level in zip(folders, (0.0, 1.0), strict=True)
+    )
+    assert merge(*folders).code == 0
+    assert (tmp_path / "all" / "truth" / later.name).read_bytes() == later.read_bytes()
 
 
-def test_only_images_are_merged(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_only_images_are_merged(merge: Merge, shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     """Of a link, the file; a pipe is not waited for."""
-    record = cell(mask_sha256=mask_sha256(np.ones((16, 16))))
-    mask = masked(tmp_path / "part", record, 1.0)
+    record = cell(mask_sha256=mask_sha256(LIT))
+    part = described(tmp_path / "part", record)
+    mask = write(part, f"masks/{record['key']}", 1.0)
     mask.rename(tmp_path / "elsewhere.png")
     mask.symlink_to(tmp_path / "elsewhere.png")
     (tmp_path / "private").write_text("not for others")
-    (tmp_path / "part" / "pictures").mkdir()
-    (tmp_path / "part" / "truth").mkdir()
-    os.mkfifo(tmp_path / "part" / "pictures" / f"{record['key']}.png")
-    (tmp_path / "part" / "truth" / "s.camera.sun.16.png").symlink_to(tmp_path / "private")
-    answer = shadowbench("merge", tmp_path / "part", "-o", tmp_path / "all")
+    for kind in ("pictures", "truth"):
+        (part / kind).mkdir()
+    os.mkfifo(part / "pictures" / f"{record['key']}.png")
+    (part / "truth" / "s.camera.sun.16.png").symlink_to(tmp_path / "private")
+    answer, merged = merge(part), tmp_path / "all"
     assert answer.code == 0 and answer.err.count("is no PNG: left out\n") == answer.err.count("\n") == 2
-    assert [str(file.relative_to(tmp_path / "all")) for file in (tmp_path / "all").glob("*/*")] == [
-        f"masks/{mask.name}"
-    ]
-    assert not (tmp_path / "all" / "masks" / mask.name).is_symlink()
+    assert [str(file.relative_to(merged)) for file in merged.glob("*/*")] == [f"masks/{mask.name}"]
+    assert not (merged / "masks" / mask.name).is_symlink()
     mask.unlink()
     os.mkfifo(mask)
-    answer = shadowbench("merge", tmp_path / "part", "-o", tmp_path / "none", "-q")
+    answer = shadowbench("merge", part, "-o", tmp_path / "none", "-q")
     assert answer.code == 0 and not (tmp_path / "none" / "masks").exists()
 
 
-@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_a_failed_row_gives_way_to_one_that_succeeded(
-    shadowbench: Shadowbench, tmp_path: Path, order: tuple[int, int]
-) -> None:
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_failed_row_gives_way_to_one_that_succeeded(merge: Merge, tmp_path: Path, order: int) -> None:
     failed = cell(status="failed: the worker died")
     parts = [rows(tmp_path / "failed", failed), rows(tmp_path / "ok", failed, cell())]
-    assert shadowbench("merge", *(parts[at] for at in order), "-o", tmp_path / "all").code == 0
+    assert merge(*parts[::order]).code == 0
     assert [row["status"] for row in read(tmp_path / "all")] == ["ok"]
 
 
-def test_times_are_kept_by_machine_and_the_table_has_those_of_one(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_times_are_kept_by_machine_and_the_table_has_those_of_one(merge: Merge, tmp_path: Path) -> None:
     one, two = cell(size=256), cell(size=512)
     slow = [timed(record, machine="slow", frame_ms=9.0) for record in (one, two)]
     parts = [
         described(tmp_path / "quick", one, timed(one)),
         described(tmp_path / "slow", one, two, *slow, machine="slow"),
     ]
-    answer = shadowbench("merge", *parts, tmp_path / "slow", "-o", tmp_path / "all")
-    assert "3 times of 2 machines" in answer.out
+    assert "3 times of 2 machines" in merge(*parts, tmp_path / "slow").out
     assert read(tmp_path / "all", "time") == [timed(one), *slow]
     assert (tmp_path / "all" / "table.csv").read_text().count(",slow,") == 2
 
 
-def test_sweeps_are_merged_with_their_ranges(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_sweeps_are_merged_with_their_ranges(merge: Merge, shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     records = [point.record() for point in POINTS]
     lines = [[row for row in records if (row["home_spec"] == "shadow-map") == ours] for ours in (True, False)]
     parts = [rows(tmp_path / str(index), *line) for index, line in enumerate(lines)]
-    assert shadowbench("merge", *parts, "-o", tmp_path / "all").code == 0
+    assert merge(*parts).code == 0
     assert sorted(row["key"] for row in read(tmp_path / "all")) == sorted(row["key"] for row in records)
     ranges = (tmp_path / "all" / "ranges.csv").read_text()
     assert "breaks at 0.2°" in ranges and "cube-map,cube-map" in ranges
     assert shadowbench("report", tmp_path / "all", "-o", tmp_path / "report.md", "--format", "md").code == 0
 
 
-def test_a_folder_whose_command_was_stopped_is_merged_and_named(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_a_folder_whose_command_was_stopped_is_merged_and_named(merge: Merge, tmp_path: Path) -> None:
     part = rows(tmp_path / "part", cell())
     with (part / "rows.jsonl").open("a") as stream:
         stream.write('{"schema": 1, "kin')
-    answer = shadowbench("merge", part, "-o", tmp_path / "all")
-    assert answer.code == 0
-    assert (
-        answer.err == f"note: {part}: the last row is cut off: its command was stopped; repeat it, then merge again\n"
-    )
+    answer = merge(part)
+    told = f"note: {part}: the last row is cut off: its command was stopped; repeat it, then merge again\n"
+    assert (answer.code, answer.err) == (0, told)
     assert read(tmp_path / "all") == [cell()]
 
 
-def test_what_a_killed_merge_left_is_replaced(shadowbench: Shadowbench, start: Any, tmp_path: Path) -> None:
+def test_what_a_killed_merge_left_is_replaced(merge: Merge, start: Any, tmp_path: Path) -> None:
     part = rows(tmp_path / "part", *(cell(size=size) for size in range(1, 4001)))
-    merge = start("merge", part, "-o", tmp_path / "all")
-    merge.until(lambda: len([*tmp_path.iterdir()]) > 1)
-    merge.process.kill()
-    merge.end()
+    started = start("merge", part, "-o", tmp_path / "all")
+    started.until(lambda: len([*tmp_path.iterdir()]) > 1)
+    started.process.kill()
+    started.end()
     assert not (tmp_path / "all").exists() and (tmp_path / ".all.merging").exists()
-    assert shadowbench("merge", part, "-o", tmp_path / "all").code == 0
+    assert merge(part).code == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ["all", "part"]
 
 
@@ -248,19 +240,18 @@ def test_what_a_killed_merge_left_is_replaced(shadowbench: Shadowbench, start: A
     ],
 )
 def test_folders_that_do_not_belong_together_are_one_line(
-    shadowbench: Shadowbench, tmp_path: Path, made: dict[str, Any], words: list[str]
+    merge: Merge, tmp_path: Path, made: dict[str, Any], words: list[str]
 ) -> None:
     ((name, records),) = made.items()
-    one = rows(tmp_path / "one", cell())
     if records is not None:
         rows(tmp_path / name, *records)
-    answer = shadowbench("merge", one, tmp_path / name, "-o", tmp_path / "all")
+    answer = merge(rows(tmp_path / "one", cell()), tmp_path / name)
     assert answer.code == 2 and answer.err.count("\n") == 1
     assert [word for word in words if word not in answer.err] == []
     assert not (tmp_path / "all").exists()
 
 
-def test_an_output_with_other_files_is_one_line(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_an_output_with_other_files_is_one_line(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     part = rows(tmp_path / "part", cell())
     for output, words in ((part, "is one of the folders to merge"), (tmp_path, "found other files, such as part")):
         answer = shadowbench("merge", part, "-o", output)

@@ -9,20 +9,17 @@ import pytest
 
 from shadowbench.measure.rows import Result
 from shadowbench.results.repeat import compare_runs
+from tests.results.cells import TIME, cell, read
+from tests.results.cells import rows as write
 
 
 def result(
     name: str, ratio: float | None = 1.0, spread: float = 0.0, scene: str = "cube", fragments: int = 5, **time: Any
 ) -> Result:
-    score = {
-        "scene": scene, "view": "a", "light": "sun", "phase": 0, "spec": name, "full_spec": name, "map_size": None,
-        "view_size": 8, "coordinates": "relative", "status": "ok", "work": {"fragments": fragments}, "gpu_bytes": 1,
-    }  # fmt: skip
-    if ratio is None:
-        return Result(score, None)
-    quartiles = [ratio - spread, ratio + spread]
-    timed = {"machine": "m", "clock": "c", "reference": "r", "ratio": ratio, "ratio_quartiles": quartiles} | time
-    return Result(score, timed)
+    score = cell(name, scene, None, work={"fragments": fragments})
+    quartiles = None if ratio is None else [ratio - spread, ratio + spread]
+    timed = TIME | {"ratio": ratio, "ratio_quartiles": quartiles} | time
+    return Result(score, None if ratio is None else timed)
 
 
 def rows(*ratios: float, spread: float = 0.0, **of: Any) -> list[Result]:
@@ -33,7 +30,7 @@ def rows(*ratios: float, spread: float = 0.0, **of: Any) -> list[Result]:
 def test_runs_that_order_cells_alike_have_a_tau_of_one() -> None:
     found = compare_runs(rows(1, 2, 3), rows(2, 3, 9))
     (ranking,) = found.rankings
-    assert (ranking.block, ranking.cells, ranking.sharp, ranking.swapped) == ("cube a sun 0", 3, 3, 0)
+    assert (ranking.block, ranking.cells, ranking.sharp, ranking.swapped) == ("cube camera sun 0", 3, 3, 0)
     assert (ranking.tau, ranking.tau_of_all) == (1, 1)
     assert found.rankings_agree
 
@@ -101,14 +98,12 @@ spec = "ray-traced"
 """
 
 
-def with_ratios(file: Path) -> None:
+def retimed(folder: Path, ratios: list[float]) -> None:
     """Times as on a machine without noise, in place of measured ones."""
-    lines = [json.loads(line) for line in file.read_text().splitlines()]
-    times = [line for line in lines if line["kind"] == "time"]
-    assert len(times) == 4
-    for number, line in enumerate(times, 1):
-        line |= {"ratio": float(number), "ratio_quartiles": [float(number)] * 2}
-    file.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    times = read(folder, "time")
+    assert len(times) == len(ratios)
+    changed = [row | {"ratio": ratio, "ratio_quartiles": [ratio] * 2} for row, ratio in zip(times, ratios, strict=True)]
+    write(folder, *read(folder), *changed)
 
 
 def test_the_same_study_run_twice(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
@@ -116,49 +111,35 @@ def test_the_same_study_run_twice(tmp_path: Path, shadowbench: Callable[..., Any
     folders = [tmp_path / name for name in "ab"]
     for folder in folders:
         assert shadowbench("run", "-s", tmp_path / "study.toml", "-o", folder, "-q").code == 0
-        with_ratios(folder / "rows.jsonl")
-    answer = shadowbench("check", folders[1], "--baseline", folders[0], "--repeat")
+        retimed(folder, [1.0, 2.0, 3.0, 4.0])
+    words = ("check", folders[1], "--baseline", folders[0], "--repeat")
+    answer = shadowbench(*words)
     assert answer.code == 0, answer.out
     assert "work: exactly the same in 4 of 4 cells" in answer.out
-    found = json.loads(shadowbench("check", folders[1], "--baseline", folders[0], "--repeat", "--json").out)
+    found = json.loads(shadowbench(*words, "--json").out)
     (ranking,) = found["rankings"]
-    assert (ranking["tau"], found["holds"], found["unequal"]) == (1, True, [])
-    assert ranking["sharp"] >= 3
-
-    rows_file = folders[1] / "rows.jsonl"
-    rows_file.write_text(rows_file.read_text().replace('"draws": ', '"draws": 1'))
-    answer = shadowbench("check", folders[1], "--baseline", folders[0], "--repeat")
-    assert answer.code == 1
-    assert "work differs: cube-on-plane shadow-map 64" in answer.out
+    assert (ranking["tau"], found["holds"], found["unequal"]) == (1, True, []) and ranking["sharp"] >= 3
+    file = folders[1] / "rows.jsonl"
+    file.write_text(file.read_text().replace('"draws": ', '"draws": 1'))
+    answer = shadowbench(*words)
+    assert answer.code == 1 and "work differs: cube-on-plane shadow-map 64" in answer.out
 
 
 def test_a_folder_that_was_timed_again_is_compared_with_itself(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
-    (tmp_path / "study.toml").write_text(STUDY.replace("rounds = 9", "rounds = 1"))
-    command = ("run", "-s", tmp_path / "study.toml", "-o", tmp_path / "out", "-q")
+    (tmp_path / "study.toml").write_text(STUDY)
+    folder = tmp_path / "out"
+    command = ("run", "-s", tmp_path / "study.toml", "-o", folder, "-q")
     assert shadowbench(*command).code == 0
-    once = shadowbench("check", tmp_path / "out", "--repeat")
+    once = shadowbench("check", folder, "--repeat")
     assert once.code == 2 and "no cell was timed twice" in once.err and "--time-again" in once.err
-    rows_file = tmp_path / "out" / "rows.jsonl"
-
-    def times() -> list[dict[str, Any]]:
-        return [row for row in map(json.loads, rows_file.read_text().splitlines()) if row["kind"] == "time"]
-
-    assert shadowbench(*command).code == 0 and len(times()) == 4, "a second call times nothing"
+    assert shadowbench(*command).code == 0 and len(read(folder, "time")) == 4, "a second call times nothing"
     assert shadowbench(*command, "--time-again").code == 0
-    keys = [row["key"] for row in times()]
+    keys = [row["key"] for row in read(folder, "time")]
     assert len(keys) == 8 and set(keys[:4]) == set(keys[4:])
-
-    scores = [line for line in rows_file.read_text().splitlines() if '"score"' in line]
-    for last, tau in ((1, 1), (-1, -1)):  # the second times in the order of the first, and against it
-        known = {key: 2.0**place for place, key in enumerate(sorted(set(keys)))}
-        ratios = [known[key] ** (1 if at < 4 else last) for at, key in enumerate(keys)]
-        changed = [
-            row | {"ratio": ratio, "ratio_quartiles": [ratio, ratio]}
-            for row, ratio in zip(times(), ratios, strict=True)
-        ]
-        rows_file.write_text("\n".join([*scores, *map(json.dumps, changed), ""]))
-        (ranking,) = json.loads(shadowbench("check", tmp_path / "out", "--repeat", "--json").out)["rankings"]
-        assert (ranking["cells"], ranking["sharp"], ranking["tau"]) == (4, 6, tau)
+    for last in (1, -1):  # the second times in the order of the first, and against it
+        retimed(folder, [2.0 ** ((1 if at < 4 else last) * sorted(keys).index(key)) for at, key in enumerate(keys)])
+        (ranking,) = json.loads(shadowbench("check", folder, "--repeat", "--json").out)["rankings"]
+        assert (ranking["cells"], ranking["sharp"], ranking["tau"]) == (4, 6, last)
 
 
 def test_runs_that_cannot_be_compared_are_one_line(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:

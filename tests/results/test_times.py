@@ -9,34 +9,25 @@ from hypothesis import strategies as st
 
 from shadowbench.measure.rows import Result
 from shadowbench.results.tables import cells_frame
-from shadowbench.results.times import DRIFT, ROUGH, ReferenceTime, normalise_times, pareto_front, time_notes
+from shadowbench.results.times import DRIFT, ReferenceTime, normalise_times, pareto_front, time_notes
 from shadowbench.scores.metrics import METRICS
+from tests.results.cells import cell
 from tests.runs import sections_of
 
 
-def timed(
-    spec: str,
-    frame_ms: float,
-    reference_ms: float = 10.0,
-    iqr: float = 0.02,
-    scene: str = "cube",
-    view: str = "a",
-    light: str = "sun",
-    **of: Any,
-) -> Result:
-    """A cell and its time, in a block in which the reference took `reference_ms`; `iqr` is the ratio's."""
-    score = {
-        "scene": scene, "view": view, "light": light, "phase": 0, "technique": spec, "spec": spec, "full_spec": spec,
-        "map_size": None,
-        "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS),
-    }  # fmt: skip
+def timed(spec: str, frame_ms: float, reference_ms: float = 10.0, iqr: float = 0.02, **of: Any) -> Result:
+    """A cell and its time, in a block in which the reference took `reference_ms`; `iqr` is the ratio's.
+
+    of: other fields of the time record, or the cell's scene, view and light.
+    """
+    score = {name: of.pop(name) for name in ("scene", "view", "light") if name in of}
     time = {
         "frame_ms": frame_ms, "frame_iqr_ms": 99.0, "ratio": frame_ms / reference_ms, "ratio_iqr": iqr,
         "reference": "shadow-map:size=1024", "reference_ms": reference_ms, "added_ms": frame_ms - 1, "wall_ms": None,
         "still_ms": 0.0, "camera_ms": frame_ms / 2, "light_ms": frame_ms, "prepare_ms": 7.0,
         "passes": {"depth": {"ms": frame_ms / 2}},
     }  # fmt: skip
-    return Result(score, time | of)
+    return Result(cell(spec, size=None, metrics=dict.fromkeys(METRICS), **({"scene": "cube"} | score)), time | of)
 
 
 # One cell of a quiet block, the reference itself, and one of a block at half the speed.
@@ -45,6 +36,12 @@ MIXED = [timed("slow", 18.0), timed("reference", 10.0), timed("fast", 16.0, refe
 
 def shown(*cells: Result) -> pd.DataFrame:
     return normalise_times(cells_frame(cells))[0].set_index("spec")
+
+
+def reference_of(*cells: Result) -> ReferenceTime:
+    reference = normalise_times(cells_frame(cells))[1]
+    assert reference is not None
+    return reference
 
 
 def test_cells_of_different_blocks_are_ordered_by_their_ratios() -> None:
@@ -65,8 +62,7 @@ def test_the_interquartile_range_of_the_reference_is_that_of_its_own_rounds() ->
 
 def test_the_reference_time_weights_all_blocks_equally() -> None:
     cells = [*(timed(str(number), 10.0, 10.0) for number in range(5)), timed("a", 1.0, 20.0), timed("b", 1.0, 30.0)]
-    reference = normalise_times(cells_frame(cells))[1]
-    assert reference is not None
+    reference = reference_of(*cells)
     assert (reference.name, reference.ms, reference.blocks) == ("shadow-map:size=1024", 20, 3)
     assert (reference.shortest_ms, reference.longest_ms) == (10, 30)
 
@@ -110,33 +106,24 @@ def test_each_table_has_a_reference_of_its_own() -> None:
 @pytest.mark.parametrize(("longest", "drifted"), [(10 * DRIFT, False), (10 * DRIFT + 0.1, True)])
 def test_a_table_says_where_the_reference_took_longer_by_more_than_a_quarter(longest: float, drifted: bool) -> None:
     assert DRIFT == 1.25
-    reference = normalise_times(cells_frame([timed("a", 1.0), timed("b", 1.0, longest)]))[1]
-    assert reference is not None and reference.drifted is drifted
+    reference = reference_of(timed("a", 1.0), timed("b", 1.0, longest))
+    assert reference.drifted is drifted
     assert any("load of the machine varied" in note for note in time_notes(reference)) is drifted
 
 
 def test_a_reference_that_costs_more_in_another_view_is_no_drift_of_the_machine() -> None:
     cells = [timed("a", 1.0), timed("a", 1.0, 30.0, view="b"), timed("a", 1.0, 20.0, light="lamp")]
-    reference = normalise_times(cells_frame(cells))[1]
-    assert reference is not None and not reference.drifted and reference.blocks == 3
-    reference = normalise_times(cells_frame([*cells, timed("b", 1.0, 40.0, view="b")]))[1]
-    assert reference is not None and reference.drifted
+    reference = reference_of(*cells)
+    assert not reference.drifted and reference.blocks == 3
+    reference = reference_of(*cells, timed("b", 1.0, 40.0, view="b"))
+    assert reference.drifted
     assert (reference.shortest_ms, reference.longest_ms) == (30, 40), "of the view whose blocks differ"
 
 
-@pytest.mark.parametrize(("spread", "wide"), [(0.99 * ROUGH, False), (1.01 * ROUGH, True)])
-def test_a_time_whose_own_rounds_spread_is_marked(spread: float, wide: bool) -> None:
-    (row,) = sections_of(timed("a", 30.0, iqr=3 * spread))["cube"].configurations
-    assert row.rough is wide
-
-
 def test_notes_name_the_reference_and_the_mark() -> None:
-    reference = normalise_times(cells_frame(MIXED))[1]
-    first, *others = time_notes(reference, [True, False])
-    assert (
-        first
-        == "ms: time relative to shadow-map:size=1024, in interleaved rounds, × 15 ms, its median over 2 measurements"
-    )
+    first, *others = time_notes(reference_of(*MIXED), [True, False])
+    told = "ms: time relative to shadow-map:size=1024, in interleaved rounds, × 15 ms, its median over 2 measurements"
+    assert first == told
     assert any(note.startswith("~: 1 of 2 times have an interquartile range") for note in others)
 
 

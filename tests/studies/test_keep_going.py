@@ -9,7 +9,7 @@ import pytest
 
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import Block
-from shadowbench.measure.failures import CellFailed
+from shadowbench.measure.drawer import CellFailed
 from tests.runs import CHANGING
 
 Shadowbench = Callable[..., Any]
@@ -54,7 +54,7 @@ def test_a_block_that_fails_is_left_out_and_measured_by_the_next_command(
     score = Campaign._score
 
     def fail(self: Campaign, block: Block) -> None:
-        if block.scene.name == "good":
+        if block.view.scene.name == "good":
             raise CellFailed("crashed: SIGSEGV")
         score(self, block)
 

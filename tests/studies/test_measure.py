@@ -11,8 +11,7 @@ from shadowbench.errors import InputError
 from shadowbench.options import Measuring, ViewOptions
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.studies.measure import study_from_options
-from shadowbench.studies.study import Study
+from shadowbench.studies.study import Study, study_from_options
 
 KNOWN = techniques()
 SPEC = parse_spec("shadow-map", KNOWN)

@@ -13,7 +13,7 @@ from shadowbench.errors import InputError
 from shadowbench.measure.cells import Block
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
-from shadowbench.studies.part import Part, part_of
+from shadowbench.studies.run import Part, names_of
 
 
 @given(st.lists(st.integers(), unique=True, min_size=1, max_size=40), st.data())
@@ -32,8 +32,8 @@ def test_a_part_does_not_depend_on_the_order_of_its_items() -> None:
 def test_blocks_of_two_lights_are_dealt_alike_in_any_order() -> None:
     scene = load_scene("stairs")
     lights = [replace(scene.lights[0], name=f"sun-{number}") for number in range(12)]
-    blocks = [Block((view_of(scene, scene.cameras[0], light, 16),), ()) for light in lights]
-    assert set(Part(1, 3).of_blocks(blocks)) == set(Part(1, 3).of_blocks(blocks[::-1]))
+    blocks = [Block(view_of(scene, scene.cameras[0], light, 16), ()) for light in lights]
+    assert set(Part(1, 3).of(blocks, names_of)) == set(Part(1, 3).of(blocks[::-1], names_of))
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_blocks_of_two_lights_are_dealt_alike_in_any_order() -> None:
 )
 def test_what_is_no_part_is_an_error(text: str) -> None:
     with pytest.raises(InputError, match=r"^--part: found '.*'; allowed: K/N, as in 3/16, "):
-        part_of(text)
+        Part.named(text)
 
 
 def test_more_parts_than_cells_are_an_error() -> None:

@@ -16,9 +16,8 @@ from shadowbench.options import Measuring
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import builtin_names, hard_names
-from shadowbench.studies.measure import study_from_options
 from shadowbench.studies.stress import default_specs
-from shadowbench.studies.study import Study, find_study, read_study, study_names
+from shadowbench.studies.study import Study, find_study, read_study, study_from_options, study_names
 
 SCENE = 'scenes = ["cube-on-plane"]\n'
 HOME = "shadow-map"
@@ -276,7 +275,7 @@ def test_scenes_are_built_in_names_or_files_beside_the_study(read: ReadStudy, tm
     (tmp_path / "below").mkdir()
     (tmp_path / "below" / "other.toml").write_text(TWO_OF_EACH.replace("pair", "other"))
     study = read('scenes = ["pair.toml", "below/other.toml", "cube-on-plane"]\n')
-    assert list(dict.fromkeys(block.scene.name for block in study.blocks())) == ["pair", "other", "cube-on-plane"]
+    assert list(dict.fromkeys(block.view.scene.name for block in study.blocks())) == ["pair", "other", "cube-on-plane"]
 
 
 def test_absolute_coordinates_and_limits_are_taken(read: ReadStudy) -> None:
@@ -324,7 +323,7 @@ ONE = '[[technique]]\nspec = "shadow-map"\n'
         (SCENE + ONE + "taps = 3\n", ["technique 1", "'taps'", "filter"]),
         (SCENE + ONE + ONE + "size = [64, 0]\n", ["technique 2", "size", "0"]),
         (SCENE + ONE + 'bias = ["texel", "velvet"]\n', ["technique 1", "'velvet'", "slope"]),
-        (SCENE + ONE + "phases = 0\n", ["technique 1", "phases", "0", "1 to 10000"]),
+        (SCENE + ONE + "phases = 0\n", ["technique 1", "phases", "0"]),
         (SCENE + ONE + "phases = true\n", ["technique 1", "phases", "True"]),
         (SCENE + ONE + "phases = [8]\n", ["technique 1", "phases", "[8]"]),
         (SCENE + ONE + "bias = []\n", ["technique 1", "bias"]),

@@ -59,9 +59,8 @@ def test_true_means_a_quarter_to_four_times_with_the_spec_itself_among_them(tmp_
         "shadow-map:bias=texel(scale=2.0)",
         "shadow-map:bias=texel(scale=4.0)",
     ]
-    (sweep,) = made.sweeps
-    assert [factor for factor, _ in sweep.variants] == [0.25, 0.5, 1, 2, 4]
-    assert [spec for _, spec in sweep.variants] == list(made.specs)
+    assert [factor for _, factor, _ in made.sweeps] == [0.25, 0.5, 1, 2, 4]
+    assert [spec for _, _, spec in made.sweeps] == list(made.specs)
     without = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = false")
     assert ([spec.text for spec in without.specs], without.sweeps) == (["shadow-map"], ())
 
@@ -69,7 +68,7 @@ def test_true_means_a_quarter_to_four_times_with_the_spec_itself_among_them(tmp_
 def test_a_factor_beyond_the_limits_of_the_bias_is_dropped_with_a_note(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map:bias=constant(units=0.5)'\nbias_sweep = [4, 1]")
     assert [spec.text for spec in made.specs] == ["shadow-map:bias=constant(units=0.5)"]
-    assert [factor for sweep in made.sweeps for factor, _ in sweep.variants] == [1]
+    assert [factor for _, factor, _ in made.sweeps] == [1]
     (note,) = made.notes
     assert "dropped" in note and "bias_sweep 4" in note
 

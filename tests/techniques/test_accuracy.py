@@ -27,10 +27,6 @@ def test_ray_traced_is_the_truth_on_the_other_scenes_too(name, builtin, truth_of
     assert scores["iou"] >= 0.9999
 
 
-def test_unshadowed_is_all_1(builtin, mask) -> None:
-    assert (mask("unshadowed", builtin("canopy")) == 1).all()
-
-
 @pytest.mark.parametrize("name", ["cube-on-plane", "spot-lamp"])
 def test_a_fine_map_of_a_small_view(name, builtin, truth_of, mask, scored) -> None:
     """2048² texels for 256² pixels: only the texels along an edge can be wrong."""

@@ -11,12 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
-from shadowbench.geometry.convex import Slice, slices
+from shadowbench.geometry.convex import Slice
 from shadowbench.geometry.lights import Box, light_space, snapped, window
 from shadowbench.gl.gbuffer import download
-from shadowbench.maps.biases import Bias
-from shadowbench.maps.filters import Filter
-from shadowbench.maps.splits import PracticalSplit, ShareSplit, Split
+from shadowbench.maps.fits import PracticalSplit, ShareSplit, Split
 from shadowbench.plugin.base import Frame, Phase
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
@@ -47,25 +45,11 @@ def test_depths_rise_from_near_to_far(near: float, ratio: float, count: int, wei
     assert depths[[0, -1]] == pytest.approx([near, near * ratio])
 
 
-def test_fixed_splits_are_the_published_shares_of_far(studio, build) -> None:
-    scene = load_scene("deep-street")
-    shot = studio.shot(view_of(scene, scene.cameras[0], scene.lights[0], 32))
-    one = build("cascades:split=fixed,size=64", shot)
-    one.draw(shot)
-    far = shot.filed.near_far[1]
-    found = [one.technique.facts()[f"far_{number}_m"] for number in range(1, 6)]
-    assert found == pytest.approx([far / 50, far / 25, far / 10, far / 2, far])
-    assert one.technique.map.texture.layers == 5
-
-
-def test_slices_end_at_the_shares_of_far_that_an_engine_sets() -> None:
+def test_slices_end_at_shares_of_far_that_engines_set_and_those_before_near_are_empty() -> None:
+    assert Split.from_value("fixed").depths(3.0, 50.0, 5).tolist() == [3, 3, 3, 5, 25, 50]
     unity = parse_spec("cascades:preset=unity", techniques()).params.split
     assert unity.depths(0.3, 50.0, 4) == pytest.approx([0.3, 3.35, 10.0, 23.35, 50.0])
     assert ShareSplit(first=0.5, second=0.2).depths(1.0, 10.0, 4) == pytest.approx([1.0, 5.0, 5.0, 5.0, 10.0])
-
-
-def test_a_fixed_slice_that_ends_before_near_is_empty() -> None:
-    assert Split.from_value("fixed").depths(3.0, 50.0, 5).tolist() == [3, 3, 3, 5, 25, 50]
 
 
 # What a map shows
@@ -131,25 +115,6 @@ def test_the_sphere_touches_the_farthest_corners(found) -> None:
         )
 
 
-@given(lit_slices(), st.integers(0, 2**32))
-@settings(deadline=None)
-def test_within_a_scene_the_box_holds_all_that_both_hold(found, seed: int) -> None:
-    part, light = found
-    random = np.random.default_rng(seed)
-    bounds = np.sort(random.uniform(-60, 60, (2, 3)), axis=0) + np.array([[0.0], [1.0]])
-    rays = np.column_stack([random.uniform(-1, 1, (2000, 2)) * np.tan(part.camera.fov_y / 2), -np.ones(2000)])
-    points = rays @ part.camera.basis() * random.uniform(part.near, part.far, (2000, 1)) + part.camera.position
-    inside = points[((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)]
-    if len(inside) == 0:
-        return
-    space = light_space(light)
-    held, box = space.box(inside), space.box(part.corners_within(bounds, 60.0))
-    assert (box.low <= held.low + 1e-6).all() and (box.high >= held.high - 1e-6).all()
-    around = space.box(part.corners)
-    slack = 1e-6 * (1 + part.far)
-    assert (box.low >= around.low - slack).all() and (box.high <= around.high + slack).all(), "and no more than tight"
-
-
 def test_a_box_on_the_far_side_of_zero_is_not_stretched_to_it() -> None:
     """A maximum sought from the smallest positive float up would end at 0."""
     camera = Camera("camera", (-40.0, -30.0, -20.0), (-40.0, -30.0, -21.0), 0.8)
@@ -158,12 +123,6 @@ def test_a_box_on_the_far_side_of_zero_is_not_stretched_to_it() -> None:
     flat = Slice(camera, 1.0, 4.0).corners @ space.basis.T * [1, 1, -1]
     assert (box.high < 0).any()
     assert box.low == pytest.approx(flat.min(axis=0)) and box.high == pytest.approx(flat.max(axis=0))
-
-
-def test_slices_overlap_by_a_share_of_the_one_before() -> None:
-    camera = Camera("camera", (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 1.0)
-    parts = slices(camera, np.array([1.0, 3.0, 13.0]), 0.1)
-    assert [(part.near, part.far) for part in parts] == [(1.0, 3.0), (pytest.approx(2.8), 13.0)]
 
 
 @pytest.mark.parametrize("name", ["cube-on-plane", "street", "terrain", "canopy"])
@@ -226,14 +185,6 @@ def test_selection_by_depth_uses_the_slice_of_the_view_depth(studio, build, buil
     assert len(colors) >= 4 and len(set(colors)) == len(colors)
 
 
-def test_background_pixels_are_not_tinted(studio, build, builtin) -> None:
-    shot = studio.shot(builtin("street", SIZE))
-    one = build("cascades", shot)
-    one.draw(shot)
-    missed = shot.triangle < 0
-    assert missed.any() and (tinted(one)[missed] == 1).all()
-
-
 @pytest.mark.parametrize("select", ["box", "depth"])
 def test_blending_changes_only_cascade_borders(select: str, studio, build, builtin) -> None:
     shot = studio.shot(builtin("street", 192))
@@ -280,41 +231,6 @@ def test_one_layered_draw_and_one_draw_per_layer_store_the_same_bits(
     assert (maps[0] < 1).any(axis=(1, 2)).sum() > count / 2, "most layers have something, also of back faces alone"
 
 
-def test_one_draw_counts_as_one(studio, build, builtin, device) -> None:
-    shot = studio.shot(builtin("cube-on-plane", 32))
-    draws = {}
-    for layers in ("geometry", "passes"):
-        one = build(f"cascades:count=4,size=64,layers={layers}", shot)
-        before = device.draws
-        one.draw(shot)
-        draws[layers] = device.draws - before
-    assert draws == {"geometry": 2, "passes": 5}
-
-
-@pytest.mark.parametrize("row", [*Bias.table.values(), *Filter.table.values()], ids=lambda row: row.name)
-def test_every_component_that_supports_arrays_works_by_its_name_alone(row, studio, build, builtin, device) -> None:
-    shot = studio.shot(builtin("cube-on-plane", SIZE))
-    spec = f"cascades:{row.family().__name__.lower()}={row.name},size=256"
-    parsed = parse_spec(spec, techniques())
-    reason = parsed.technique.unsupported(parsed.params, shot.view, device)
-    if "array" not in row.maps:
-        assert reason == f"{row.name} has no meaning for an array of maps"
-        return
-    assert reason is None
-    reference = build("shadow-map:size=1024", shot).draw(shot) < 0.5
-    shadow = build(spec, shot).draw(shot) < 0.5
-    assert shadow[reference].mean() > 0.9 and (row.name == "none" or shadow[~reference].mean() < 0.05)
-
-
-@pytest.mark.parametrize("kind", ["spot", "point"])
-def test_only_a_directional_light_has_cascades(kind: str, device, studio, builtin) -> None:
-    parsed = parse_spec("cascades", techniques())
-    view = studio.shot(builtin("spot-lamp" if kind == "spot" else "room-with-lamp", 32)).view
-    assert parsed.technique.unsupported(parsed.params, view, device) == (
-        f"a {kind} light shines from a place; cascades follow a directional one"
-    )
-
-
 @pytest.mark.parametrize(
     ("items", "told"),
     [
@@ -353,28 +269,7 @@ def test_a_caster_far_towards_the_light_needs_the_clamp_or_a_long_reach(shape, l
             assert (mask[ground] < 0.5).mean() == shadowed, (items, box)
 
 
-@pytest.mark.parametrize("bias", ["texel", "constant(0.05)", "receiver-plane"])
-def test_a_low_sun_behind_a_block_outside_the_picture_shadows_all(bias: str, shape, looking, mask, studio) -> None:
-    low = Light("sun", "directional", (1.0, -0.0875, 0.0))
-    view = looking([shape("plane", 80.0), shape("box", 20.0, (-25.0, 10.0, 0.0))], low, 64, eye=(3.0, 4.0, 3.0))
-    dark = mask(f"cascades:size=256,bias={bias}", view)
-    assert (dark[studio.shot(view).triangle >= 0] == 0).all()
-
-
 # A camera that moves
-
-
-@pytest.mark.parametrize("box", BOXES)
-def test_a_phase_shifts_each_window_by_parts_of_its_texel(box: str, studio, build, builtin) -> None:
-    shot = studio.shot(builtin("street", 32))
-    one = build(f"cascades:box={box},size=128", shot)
-    one.draw(shot)
-    before = one.technique.light_views
-    one.draw(shot, phase=3)
-    for plain, moved in zip(before, one.technique.light_views, strict=True):
-        for a, b in ((plain.box.low, moved.box.low), (plain.box.high, moved.box.high)):
-            assert (b - a)[:2] / plain.texel == pytest.approx(Phase(3).shift, abs=1e-6)
-            assert b[2] == a[2]
 
 
 def followed(one, shot, direction: np.ndarray, steps: int, length: float) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -455,26 +350,18 @@ def test_snapped_texels_do_not_depend_on_where_the_camera_looks(studio, build, b
 # What the map and the facts show
 
 
-def test_the_map_image_has_the_layers_side_by_side(studio, build, builtin) -> None:
-    shot = studio.shot(builtin("cube-on-plane", 32))
-    one = build("cascades:count=3,size=64", shot)
-    one.draw(shot)
-    image, stored = one.technique.map_image(), one.technique.map.texture.read()
-    assert image.shape == (64, 3 * 64)
-    for layer in range(3):
-        assert np.array_equal(image[:, 64 * layer : 64 * (layer + 1)], stored[layer, ::-1])
-
-
-def test_facts_are_metres(studio, build, builtin) -> None:
+def test_facts_are_metres_and_a_blend_reads_two_cascades_for_every_pixel(studio, build, builtin) -> None:
     shot = studio.shot(builtin("street", 32))
-    one = build("cascades:count=2,size=128,bias=constant(0.01)", shot)
-    one.draw(shot)
-    facts, scale = one.technique.facts(), shot.placement.scale
-    assert facts["far_2_m"] == pytest.approx(shot.filed.near_far[1])
-    first = one.technique.light_views[0]
+    plain, faded = (build(f"cascades:size=128,bias=constant(0.01),blend={blend}", shot) for blend in (0, 0.1))
+    plain.draw(shot), faded.draw(shot)
+    facts, scale = plain.technique.facts(), shot.placement.scale
+    assert facts["far_5_m"] == pytest.approx(shot.filed.near_far[1])
+    first = plain.technique.light_views[0]
     assert facts["texel_1_m"] == pytest.approx(max(first.texel) / scale)
     assert facts["bias_1_m"] == pytest.approx(0.01 * (first.far - first.near) / scale)
     assert facts["texel_1_m"] < facts["texel_2_m"]
+    assert "reads" not in facts, "what the filter declares"
+    assert faded.technique.facts()["reads"] == 2 * 32 * 32
 
 
 # Against the truth
@@ -494,22 +381,3 @@ def test_five_cascades_beat_one_map_of_as_many_texels_on_the_deep_street(studio,
     assert len(scene.cameras) == 6
     assert all(few < many for few, many in zip(*errors.values(), strict=True)), "in every view"
     assert np.mean(errors["shadow-map:size=2290"]) >= 3 * np.mean(errors["cascades"])  # found at 1024²: 4.6
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["street", "pebbles", "statue", "table-top", "canopy"])
-def test_cascades_beat_one_frustum_map_over_a_large_depth_range(name, studio, build, builtin, truth_of, scored):
-    shot, truth = studio.shot(builtin(name, 1024)), truth_of(name, 1024)
-    errors = []
-    for spec in ("cascades", "shadow-map:fit=view,size=2290"):
-        errors.append(1 - scored(build(spec, shot).draw(shot), truth)["iou"])
-    assert errors[0] < errors[1]
-
-
-def test_a_blend_reads_two_cascades_for_every_pixel(studio, build, builtin) -> None:
-    shot = studio.shot(builtin("street", 32))
-    plain, faded = build("cascades:filter=pcf(taps=3)", shot), build("cascades:filter=pcf(taps=3),blend=0.1", shot)
-    for one in (plain, faded):
-        one.draw(shot)
-    assert "reads" not in plain.technique.facts(), "what the filter's row declares"
-    assert faded.technique.facts()["reads"] == 2 * 9 * 32 * 32

@@ -109,14 +109,16 @@ def test_contacts_and_extremes_are_traced(text, tmp_path, mask) -> None:
         assert (mask(spec, view) != rays).mean() < 2e-4, spec
 
 
-def test_a_fit_that_leaves_casters_out_is_refused() -> None:
-    with pytest.raises(InputError, match="fit=fixed leaves out casters and receivers, allowed: scene, view, visible"):
-        parse_spec("hybrid:fit=fixed", techniques())
-
-
-def test_a_shader_traces_one_ray_for_each_pixel() -> None:
-    with pytest.raises(InputError, match=r"where=gpu .* samples is 4, allowed: 1"):
-        parse_spec("ray-traced:where=gpu,samples=4", techniques())
+@pytest.mark.parametrize(
+    ("spec", "told"),
+    [
+        ("hybrid:fit=fixed", "fit=fixed leaves out casters and receivers, allowed: scene, view, visible"),
+        ("ray-traced:where=gpu,samples=4", r"where=gpu .* samples is 4, allowed: 1"),
+    ],
+)
+def test_parameters_that_contradict_each_other_are_refused(spec: str, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        parse_spec(spec, techniques())
 
 
 def test_a_scene_whose_tree_fits_no_texture_is_declined(device: Device, builtin, monkeypatch) -> None:

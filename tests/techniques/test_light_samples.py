@@ -160,6 +160,7 @@ def test_the_points_lie_on_the_light(name, sized) -> None:
         ("light-samples:of=shadow-map(preset=none)", "unknown preset"),
         ("light-samples:of=3", "unknown technique '3'"),
         ("light-samples:n=0", "n"),
+        (f"ray-traced:samples={MOST_SAMPLES + 1}", "4097"),
     ],
 )
 def test_a_mistake_in_the_inner_technique_is_one_line(spec, words) -> None:
@@ -168,29 +169,7 @@ def test_a_mistake_in_the_inner_technique_is_one_line(spec, words) -> None:
     assert words in str(error.value) and "\n" not in str(error.value)
 
 
-def test_what_the_inner_technique_cannot_draw_is_declined_in_its_words(device, studio, builtin) -> None:
-    spec = parse_spec("light-samples:of=shadow-map", techniques())
-    view = studio.shot(builtin("room-with-lamp", 32)).view
-    assert "point light" in str(spec.technique.declines(spec.params, view, device))
-
-
-def test_no_more_samples_are_allowed_than_there_are_tabulated_points() -> None:
-    parse_spec(f"ray-traced:samples={MOST_SAMPLES}", techniques())
-    with pytest.raises(InputError, match="4097"):
-        parse_spec(f"ray-traced:samples={MOST_SAMPLES + 1}", techniques())
-
-
 def test_a_spec_knows_the_techniques_that_it_names() -> None:
     spec = parse_spec("light-samples:of=cube-map(preset=course)", techniques())
     assert [one.name for one in spec.techniques] == ["light-samples", "cube-map"]
     assert spec.text == "light-samples:of=cube-map(bias=constant(world=0.05),filter=pcf-20)"
-
-
-def test_rays_of_all_points_are_counted(sized, build, studio) -> None:
-    shot = studio.shot(sized("sun")[0])
-    found = []
-    for spec in ("light-samples:of=ray-traced,n=4", "ray-traced:samples=4", "ray-traced"):
-        one = build(spec, shot)
-        one.draw(shot)
-        found.append(one.technique.facts()["rays"])
-    assert found[1] == 4 * found[2] and found[0] == pytest.approx(found[1], rel=0.02)

@@ -45,7 +45,14 @@ def test_passes_depend_on_what_they_must(spec: str, studio, build, builtin) -> N
 
 
 @pytest.mark.parametrize(
-    ("spec", "kind"), [*CASES, ("shadow-map:fit=scene", "directional"), ("shadow-map:fit=fixed", "spot")]
+    ("spec", "kind"),
+    [
+        *CASES,
+        ("shadow-map:fit=scene", "directional"),
+        ("shadow-map:fit=fixed", "spot"),
+        ("shadow-volume:compare=depth", "point"),
+        ("shadow-volume:faces=triangle", "directional"),
+    ],
 )
 def test_passes_that_change_with_the_light_are_not_redrawn_for_another_camera(
     spec: str, kind: str, studio, build, builtin, monkeypatch: pytest.MonkeyPatch

@@ -14,7 +14,7 @@ from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import hard_names, load_scene
-from shadowbench.scenes.model import IDENTITY_PLACEMENT, Camera, Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.vectors import vec3
 from shadowbench.techniques.planar_projection import flattening
 from shadowbench.truths.trace import trace
@@ -177,27 +177,63 @@ def test_casters_behind_the_light_or_below_the_plane_cast_nothing(kind, shape, l
     assert seen.facts["planes_drawn"] >= 1, "it is the casters that are cut off, not the plane"
 
 
-@pytest.mark.parametrize("kind", ["spot", "point"])
-def test_casters_that_straddle_lights_height_and_plane_are_cut_at_both(kind, shape, looking, judged) -> None:
+def straddling(shape) -> list[Mesh]:
     """Walls from below the floor to above the lamp: the shadow of their upper ends is infinitely far away."""
-    place = (0.1, 1.2, 0.1)
-    light = Light(kind, kind, (0.1, -1.0, 0.05), place, math.radians(160))
-    casters = [
+    return [
+        shape("plane", 12.0),
         shape("box", [0.2, 4.0, 0.5], (0.9, 0.5, 0.3)),
         shape("cylinder", [0.3, 3.0, 0.3], (-0.8, 0.4, -0.6)),
         shape("sphere", 0.7, (-0.5, 1.2, 0.9)),
         shape("torus", 0.8, (0.2, 1.2, -1.2)),
     ]
-    seen = judged(looking([shape("plane", 12.0), *casters], light, 512, eye=(3.3, 5.0, 4.4)))
-    floor = seen.planar & (seen.triangle < 2)
-    assert (seen.wanted & floor).sum() > 10_000 and (~seen.wanted & floor).sum() > 10_000
-    assert seen.iou(floor) >= 0.9999
 
 
-def test_a_caster_that_straddles_the_plane_is_cut_there_under_a_sun(shape, looking, sun, judged) -> None:
-    seen = judged(looking([shape("plane", 8.0), shape("sphere", 1.5, (0.0, 0.2, 0.0))], sun(20.0), 512))
+def posts(shape) -> list[Mesh]:
+    return [
+        shape("plane", 10.0),
+        *(shape("box", [0.05, 0.3, 0.05], (x, 0.15, 0.37 * x)) for x in np.linspace(-1.5, 1.5, 12)),
+    ]
+
+
+def far_lamp(distance: float, elevation: float) -> Light:
+    high, along = math.sin(math.radians(elevation)), math.cos(math.radians(elevation))
+    return Light("lamp", "point", position=vec3(distance * np.array([along, high, 0.3])))
+
+
+@pytest.mark.parametrize(
+    ("meshes", "light", "options", "shadowed"),
+    [
+        *(
+            (straddling, Light(kind, kind, (0.1, -1.0, 0.05), (0.1, 1.2, 0.1), 2.8), {"eye": (3.3, 5.0, 4.4)}, 10_000)
+            for kind in ("spot", "point")
+        ),
+        (lambda shape: [shape("plane", 8.0), shape("sphere", 1.5, (0.0, 0.2, 0.0))], 20.0, {}, 5000),
+        (
+            lambda shape: [
+                shape("plane", 12.0),
+                shape("sphere", 0.3, (2.0, 0.15, 0.2)),
+                shape("box", 0.3, (2.5, 0.1, 0)),
+            ],
+            3.0,  # a low sun throws long shadows
+            {"eye": (-3.0, 3.0, 4.0)},
+            5000,
+        ),
+        (
+            # Each face of the frustum has corners of the ground on its outer side, and yet it fills the picture.
+            lambda shape: [shape("plane", 60.0), shape("box", [0.2, 0.5, 0.2], (0.0, 0.25, -1.0))],
+            45.0,
+            {"eye": (0.0, 2.0, 1.0), "target": (0, 0, -1), "near": 0.2, "far": 9.0},
+            500,
+        ),
+        *((posts, far_lamp(distance, height), {}, 500) for distance in (1e3, 1e6) for height in (60.0, 1.0)),
+    ],
+)
+def test_the_ground_is_shadowed_as_rays_say(meshes, light, options, shadowed, shape, looking, sun, judged) -> None:
+    """Where casters are cut at the plane and at the light's height, and where shadows are long."""
+    light = light if isinstance(light, Light) else sun(light)
+    seen = judged(looking(meshes(shape), light, 512, **options))
     floor = seen.planar & (seen.triangle < 2)
-    assert (seen.wanted & floor).sum() > 5000
+    assert (seen.wanted & floor).sum() > shadowed and (~seen.wanted & floor).sum() > shadowed
     assert seen.iou(floor) >= 0.9999
 
 
@@ -211,29 +247,6 @@ def test_a_shadow_ends_at_its_planes_edge(shape, looking, judged) -> None:
     assert not seen.dark[seen.triangle < 0].any() and not seen.dark[seen.triangle >= 14].any()
     assert (seen.wanted & seen.decided & (seen.triangle >= 14)).sum() > 100, "the ball is in the box's shadow"
     assert seen.iou(seen.planar) == 1.0 and (seen.dark & seen.planar).sum() > 500
-
-
-def test_planes_at_angles_each_have_their_pass(shape, looking, judged) -> None:
-    """A corner of a room under a lamp, all of it askew."""
-    turn, tilt = math.radians(28), math.radians(17)
-    across = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
-    up = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
-    room = [
-        shape("box", [4.0, 0.1, 4.0], (0.0, -0.05, 0.0)),
-        shape("box", [0.1, 3.0, 4.0], (-2.05, 1.5, 0.0)),
-        shape("box", [4.0, 3.0, 0.1], (0.0, 1.5, -2.05)),
-        shape("torus", 0.9, (-0.8, 1.0, -0.8)),
-        shape("sphere", 0.5, (0.2, 0.3, -0.9)),
-    ]
-    askew = [replace(mesh, vertices=mesh.vertices @ (across @ up).T) for mesh in room]
-    light = Light("lamp", "point", position=vec3(across @ up @ (0.9, 1.6, 0.7)))
-    view = looking(askew, light, 512, eye=vec3(across @ up @ (2.6, 2.4, 2.9)), target=(-0.5, 0.5, -0.5))
-    seen = judged(view)
-    for box in range(3):
-        wall = seen.planar & (seen.triangle // 12 == box)
-        assert (seen.wanted & wall).sum() > 300
-        assert seen.iou(wall) >= 0.9999
-    assert seen.facts["planes_drawn"] < seen.facts["planes"], "backs of the walls are not drawn"
 
 
 def test_triangles_in_the_plane_cast_nothing_and_those_above_do(shape, looking, sun, judged) -> None:
@@ -263,29 +276,6 @@ def test_a_plane_is_shadowed_on_whichever_side_the_light_is(shape, looking, judg
         assert (seen.dark & seen.planar).sum() > 500 and seen.iou(seen.planar) >= 0.9999
         behind = judged(looking([plane, ball], light, 256, eye=(1.0, -side * 3.0, 3.0)))
         assert not behind.dark.any() and behind.facts["planes_drawn"] == 0
-
-
-def test_a_low_sun_throws_long_shadows_to_the_right_pixel(shape, looking, sun, judged) -> None:
-    casters = [shape("sphere", 0.3, (-2.0, 0.15, 0.2)), shape("box", [0.2, 0.4, 0.2], (-2.5, 0.2, -0.4))]
-    seen = judged(looking([shape("plane", 12.0), *casters], sun(3.0, 180.0), 512, eye=(3.0, 3.0, 4.0)))
-    floor = seen.planar & (seen.triangle < 2)
-    assert (seen.wanted & floor).sum() > 5000
-    assert seen.iou(floor) >= 0.9999
-
-
-@pytest.mark.parametrize(("scale", "shift"), [(1e-4, 0.0), (1.0, 1e6), (1e5, 0.0)])
-def test_neither_scale_nor_place_of_the_scene_matters(scale, shift, judged) -> None:
-    scene = load_scene("table-top")
-
-    def place(point) -> np.ndarray:
-        return np.asarray(point) * scale + shift
-
-    camera, light = scene.cameras[0], Light("lamp", "point", position=vec3(place((1.2, 2.4, 1.5))))
-    camera = Camera("moved", vec3(place(camera.position)), vec3(place(camera.target)), camera.fov_y)
-    meshes = tuple(replace(mesh, vertices=place(mesh.vertices)) for mesh in scene.meshes)
-    seen = judged(view_of(Scene("moved", meshes, (camera,), (light,)), camera, light, 256))
-    assert seen.facts["planes"] == 18
-    assert (seen.wanted & seen.planar).sum() > 3000 and seen.iou(seen.planar) >= 0.9999
 
 
 def test_share_and_count_choose_the_planes(judged, builtin) -> None:
@@ -322,25 +312,6 @@ def test_only_flagged_meshes_receive_when_asked_for(device, studio, shape, looki
     assert found.technique.unsupported(found.params, round_only, device) == "no receiver is a plane"
 
 
-@pytest.mark.parametrize("elevation", [45.0, pytest.param(3.0, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("small", ["ball", "decal", "marking"])
-def test_nearby_triangles_do_not_hide_a_plane(small, elevation, shape, looking, sun, judged) -> None:
-    """Triangles that are nearly on the ground, and too small for a plane of their own or not, leave it the ground."""
-    size = 100.0 if small == "marking" else 10.0
-    extra = {
-        "ball": shape("sphere", 0.02, (0.5, 0.01, 0.5)),
-        "decal": shape("plane", 0.5, (2.0, 5e-5, 1.0)),
-        "marking": shape("plane", [0.3, 1.0, 60.0], (2.0, 3e-4, 1.0)),
-    }[small]
-    ground, box = shape("plane", size), shape("box", 1.0, (-1.0, 0.5, 0.0))
-    seen = judged(looking([ground, box, extra], sun(elevation), 512))
-    floor = seen.decided & (seen.triangle < 2)
-    if small != "ball":  # a part of what it lies on: the sliver of shadow at its rim, of a light this low, is not drawn
-        floor &= seen.wanted == judged(looking([ground, box], sun(elevation), 512)).wanted
-    assert (floor & seen.planar).sum() > 0.999 * floor.sum()
-    assert (seen.wanted & floor).sum() > 200 and seen.iou(floor) >= 0.9999
-
-
 def test_a_rounded_mesh_is_a_plane_that_does_not_shadow_itself(shape, looking, sun, judged) -> None:
     """Four decimals in 10 m: corners are off the plane by more than float32 rounding, on both sides of it."""
     x, z = np.meshgrid(*[np.linspace(-5.0, 5.0, 33)] * 2, indexing="ij")
@@ -353,44 +324,6 @@ def test_a_rounded_mesh_is_a_plane_that_does_not_shadow_itself(shape, looking, s
     ground = seen.decided & (seen.triangle < 2048)
     assert (ground & ~seen.other).sum() == ground.sum() and (seen.wanted & ground).sum() > 500
     assert seen.iou(ground) >= 0.9999
-
-
-def test_only_what_receives_is_searched_and_measured(shape, looking, sun, judged) -> None:
-    """A table of 0.3 m is all that receives: its share is not of the ground."""
-    ground = shape("plane", 20.0, (0.0, -0.2, 0.0), receives=False)
-    table, post = shape("plane", 0.3), shape("box", [0.05, 0.1, 0.05], (0.0, 0.05, 0.0), receives=False)
-    seen = judged(looking([ground, table, post], sun(45.0), 256, eye=(0.2, 0.5, 0.4)))
-    assert seen.facts["planes"] == 1 and seen.facts["planar_share"] == pytest.approx(1.0)
-    assert (seen.wanted & seen.planar).sum() > 300 and seen.iou(seen.planar) >= 0.9999
-
-
-def test_planes_out_of_the_picture_are_not_drawn(shape, looking, sun, judged) -> None:
-    ground, box = shape("plane", 4.0), shape("box", 1.0, (0.0, 0.5, 0.0))
-    away = [shape("plane", 1.0, at) for at in ((30.0, 1.5, 0.0), (-30.0, 2.0, 0.0), (0.0, 3.0, -90.0), (0.0, 9.0, 9.0))]
-    near, spread = (looking(meshes, sun(45.0), 128) for meshes in ([ground, box], [ground, box, *away]))
-    drawn = [judged(view).facts for view in (near, spread)]
-    assert drawn[1]["planes"] == drawn[0]["planes"] + 4
-    assert drawn[1]["planes_drawn"] == drawn[0]["planes_drawn"] > 0
-
-
-def test_a_plane_that_leaves_the_picture_on_all_sides_is_drawn(shape, looking, sun, judged) -> None:
-    """Each face of the frustum has corners of the ground on its outer side, and yet it fills the picture."""
-    post = shape("box", [0.2, 0.5, 0.2], (0.0, 0.25, -1.0))
-    view = looking(
-        [shape("plane", 60.0), post], sun(45.0), 256, eye=(0.0, 2.0, 1.0), target=(0, 0, -1), near=0.2, far=9.0
-    )
-    seen = judged(view)
-    assert (seen.wanted & seen.planar).sum() > 500 and seen.iou(seen.planar) >= 0.9999
-
-
-@pytest.mark.parametrize("distance", [1e3, 1e6])
-@pytest.mark.parametrize("elevation", [60.0, 1.0])
-def test_a_lamp_far_outside_the_scene_is_as_good_as_a_sun(distance, elevation, shape, looking, judged) -> None:
-    posts = [shape("box", [0.05, 0.3, 0.05], (x, 0.15, 0.37 * x)) for x in np.linspace(-1.5, 1.5, 12)]
-    high, along = math.sin(math.radians(elevation)), math.cos(math.radians(elevation))
-    lamp = Light("lamp", "point", position=vec3(distance * np.array([along, high, 0.3])))
-    seen = judged(looking([shape("plane", 10.0), *posts], lamp, 512))
-    assert (seen.wanted & seen.planar).sum() > 500 and seen.iou(seen.planar) == 1.0
 
 
 def test_far_from_the_origin_the_projection_loses_nothing_more(device, studio, shape, looking, judged) -> None:
@@ -411,3 +344,12 @@ def test_far_from_the_origin_the_projection_loses_nothing_more(device, studio, s
     floor = seen.planar & (seen.triangle < 2)
     assert (seen.wanted & floor).sum() > 200
     assert seen.iou(floor) == 1.0
+
+
+def test_planes_out_of_the_picture_are_not_drawn(shape, looking, sun, judged) -> None:
+    ground, box = shape("plane", 4.0), shape("box", 1.0, (0.0, 0.5, 0.0))
+    away = [shape("plane", 1.0, at) for at in ((30.0, 1.5, 0.0), (-30.0, 2.0, 0.0), (0.0, 3.0, -90.0), (0.0, 9.0, 9.0))]
+    near, spread = (looking(meshes, sun(45.0), 128) for meshes in ([ground, box], [ground, box, *away]))
+    drawn = [judged(view).facts for view in (near, spread)]
+    assert drawn[1]["planes"] == drawn[0]["planes"] + 4
+    assert drawn[1]["planes_drawn"] == drawn[0]["planes_drawn"] > 0

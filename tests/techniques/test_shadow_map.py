@@ -8,8 +8,6 @@ import pytest
 from shadowbench.maps.biases import Bias
 from shadowbench.maps.filters import Filter
 from shadowbench.maps.fits import Fit
-from shadowbench.plugin.registry import techniques
-from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Light
 from shadowbench.truths.trace import trace
 
@@ -51,12 +49,6 @@ def pairwise(choices: dict[str, list[str]]) -> list[dict[str, str]]:
 CELLS = pairwise(CHOICES)
 
 
-def test_every_pair_of_settings_occurs() -> None:
-    for a, b in product(CHOICES, repeat=2):
-        if a != b:
-            assert {(cell[a], cell[b]) for cell in CELLS} == set(product(CHOICES[a], CHOICES[b]))
-
-
 @pytest.mark.parametrize("kind", SCENES)
 @pytest.mark.parametrize("cell", CELLS, ids=lambda cell: "-".join(cell.values()))
 def test_every_two_settings_together_draw_a_mask(cell, kind, studio, build, builtin, device) -> None:
@@ -67,15 +59,6 @@ def test_every_two_settings_together_draw_a_mask(cell, kind, studio, build, buil
     assert np.isfinite(mask).all() and mask.min() >= 0 and mask.max() <= 1
     assert (mask[shot.triangle < 0] == 1).all()
     assert (mask == 1).any()
-
-
-def test_reversed_needs_clip_control_and_says_so(studio, builtin, device, monkeypatch: pytest.MonkeyPatch) -> None:
-    spec = parse_spec("shadow-map:reversed=true", techniques())
-    view = studio.shot(builtin("cube-on-plane", 32)).view
-    monkeypatch.setattr(type(device), "clip_control", False)
-    assert spec.technique.unsupported(spec.params, view, device) == "reversed depth needs clip control (OpenGL 4.5)"
-    monkeypatch.setattr(type(device), "clip_control", True)
-    assert spec.technique.unsupported(spec.params, view, device) is None
 
 
 @pytest.mark.parametrize("filter_", ["hard", "hardware", "pcf(5)", "dither-4"])
@@ -148,27 +131,6 @@ def test_16_bits_are_too_few_for_a_deep_perspective_map(shape, looking, spot, st
     assert one.technique.light_view.far / one.technique.light_view.near == pytest.approx(1e4)
     assert iou["d16"] < 0.1
     assert iou["d24"] > 0.95 and iou["d32f"] > 0.95
-
-
-@pytest.mark.parametrize("name", ["cube-on-plane", "spot-lamp"])
-def test_the_error_falls_as_the_map_grows(name, studio, build, builtin, truth_of, scored) -> None:
-    shot, truth = studio.shot(builtin(name, 256)), truth_of(name, 256)
-    errors = []
-    for size in (128, 256, 512, 1024):
-        one = build(f"shadow-map:size={size}", shot)
-        errors.append(np.median([1 - scored(one.draw(shot, phase), truth)["iou"] for phase in range(4)]))
-    assert errors == sorted(errors, reverse=True)
-    assert errors[3] < errors[0] / 4
-
-
-def test_mapped_bytes_follow_size_and_format(studio, build, builtin) -> None:
-    shot = studio.shot(builtin("cube-on-plane", 32))
-    held = {
-        items: build(f"shadow-map:{items}", shot).stage.bytes
-        for items in ("size=256", "size=512", "size=512,depth=d16")
-    }
-    assert held["size=512"] - held["size=256"] == (512**2 - 256**2) * 4
-    assert held["size=512"] - held["size=512,depth=d16"] == 512**2 * 2
 
 
 @pytest.mark.parametrize("bias", ["texel", "constant(0.05)", "slope", "receiver-plane"])

@@ -10,7 +10,8 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
-from shadowbench.plugin.registry import FAMILIES, own_techniques, techniques
+from shadowbench.plugin.params import Component
+from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.plugin.template import write_technique
 from shadowbench.scenes.library import load_scene
@@ -65,7 +66,7 @@ def hosted() -> Iterator[tuple[str, tuple[str, ...]]]:
     """Each parameter: of each technique, and of each component in a technique that has it."""
     for technique in own_techniques():
         yield from ((technique.name, (key,)) for key in technique.Params.model_fields)
-    for family in FAMILIES:
+    for family in Component.__subclasses__():
         key = family.__name__.lower()
         for name, component in family.table.items():
             host = "cascades" if key == "split" else "cube-map" if name == "pcf-20" else "shadow-map"

@@ -8,7 +8,7 @@ from shadowbench.errors import InputError
 from shadowbench.maps.biases import NoBias, Sum, Texel
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.params import Component
-from shadowbench.plugin.registry import FAMILIES, own_techniques, techniques
+from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.viewer.widgets import (
@@ -54,7 +54,7 @@ def test_every_parameter_has_a_widget_with_its_help(technique: type[Technique]) 
         assert (technique.Params.model_fields[one.key].description or "") in one.help
 
 
-@pytest.mark.parametrize("family", FAMILIES, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("family", Component.__subclasses__(), ids=lambda one: one.__name__)
 def test_every_component_is_a_choice_and_unfolds_its_own_parameters(family: type[Component]) -> None:
     host = {"Split": "cascades"}.get(family.__name__, "shadow-map")
     key, params = family.__name__.lower(), techniques()[host].Params()

@@ -1,6 +1,5 @@
 """Registration of techniques: built in, from entry points and from files; broken ones are named."""
 
-import textwrap
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -36,8 +35,6 @@ uniform float level;
 out float visibility;
 void main() { visibility = receiver_at(ivec2(gl_FragCoord.xy)).facing ? level : 1.0; }
 """
-
-
 FILTER = """
 from shadowbench.maps.filters import Filter, param
 
@@ -54,11 +51,13 @@ FILTER_SHADER = """
 uniform float filter_share;
 float filter_visibility(ShadowCoord p) { return filter_share * float(FILTER_STEPS); }
 """
+SHARE = FILTER.format(name="share", shader=FILTER_SHADER)
 
 
 def plugin(folder: Path, text: str, file: str = "dusk.py") -> Path:
     path = folder / file
-    path.write_text(textwrap.dedent(text), encoding="utf-8")
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(text, encoding="utf-8")
     return path
 
 
@@ -73,79 +72,34 @@ def entry_point(monkeypatch: pytest.MonkeyPatch):
     return install
 
 
-def test_built_in_techniques_are_registered_by_name() -> None:
-    assert {"unshadowed", "shadow-map", "ray-traced"} <= set(techniques())
-    assert all(techniques()[one.name] is one for one in own_techniques())
-
-
 @pytest.mark.parametrize("technique", own_techniques())
-def test_each_technique_has_a_description(technique) -> None:
-    assert technique.__doc__
+def test_each_technique_is_registered_and_documented(technique) -> None:
+    assert techniques()[technique.name] is technique and technique.__doc__
     assert source_file(technique).is_file()
     assert shader_folder(technique) is None, "ours read the shared folder"
 
 
-def test_a_file_brings_its_technique_and_the_shaders_beside_it(tmp_path: Path) -> None:
-    found = techniques([plugin(tmp_path, PLUGIN.format(name="dusk"))])
-    assert shader_folder(found["dusk"]) == tmp_path
-    assert source_file(found["dusk"]) == tmp_path / "dusk.py"
-    assert set(found) == {*techniques(), "dusk"}, "and only for those who asked for it"
-
-
-def test_a_plugin_draws(tmp_path: Path, studio, builtin) -> None:
-    from shadowbench.gl.clock import Clock
-    from shadowbench.gl.gbuffer import download
-    from shadowbench.plugin.base import Frame, Phase, Stage
-
+def test_a_file_brings_its_technique_and_the_shaders_beside_it(tmp_path: Path, studio, builtin, build) -> None:
     (tmp_path / "dusk.frag").write_text(SHADER, encoding="utf-8")
-    found = techniques([plugin(tmp_path, PLUGIN.format(name="dusk"))])
-    spec = parse_spec("dusk:level=0.75", found)
-    shot = studio.shot(builtin("cube-on-plane", 64))
-    folder = shader_folder(spec.technique)
-    stage = Stage(shot.view.scene, studio.device, (64, 64), shot.geometry, shot.placement, folder)
-    technique = spec.technique(spec.params)
-    technique.build(stage)
-    clock = Clock(studio.device)
-    values = download(technique.draw(Frame(shot.view, Phase(), 0, shot.surface, clock)))
-    assert set(values.ravel().tolist()) == {0.75, 1.0}
-    stage.release()
-
-
-def test_one_file_may_bring_several(tmp_path: Path) -> None:
-    two = PLUGIN.format(name="dusk") + "\nclass Dawn(Dusk):\n    name = 'dawn'\n"
-    assert {"dusk", "dawn"} <= set(techniques([plugin(tmp_path, two)]))
-
-
-def test_an_abstract_base_in_a_plugin_is_no_technique(tmp_path: Path) -> None:
-    text = """
-    from abc import abstractmethod
-    from shadowbench.plugin.base import Technique
-    class Base(Technique):
-        def build(self, stage): pass
-        @abstractmethod
-        def shade(self): ...
-    class Night(Base):
-        name = "night"
-        def draw(self, frame): pass
-        def shade(self): pass
-    """
-    found = techniques([plugin(tmp_path, text)])
-    assert set(found) == {*techniques(), "night"}
-
-
-def test_the_same_file_twice_is_not_a_clash(tmp_path: Path) -> None:
     file = plugin(tmp_path, PLUGIN.format(name="dusk"))
-    assert "dusk" in techniques([file, file])
+    found = techniques([file, file])
+    assert shader_folder(found["dusk"]) == tmp_path and source_file(found["dusk"]) == file
+    assert set(found) == {*techniques(), "dusk"}, "and only for those who asked for it"
+    shot = studio.shot(builtin("cube-on-plane", 64))
+    assert set(build("dusk:level=0.75", shot, found).draw(shot).ravel().tolist()) == {0.75, 1.0}
+
+
+def test_one_file_may_bring_several_and_a_base_of_theirs_that_is_none(tmp_path: Path) -> None:
+    bases = PLUGIN.replace('name = "{name}"', "pass") + "\nclass Night(Dusk):\n    name = 'night'\n"
+    two = bases + "\nclass Dawn(Dusk):\n    name = 'dawn'\n"
+    assert set(techniques([plugin(tmp_path, two)])) == {*techniques(), "night", "dawn"}
 
 
 def test_two_plug_ins_with_the_same_stem_are_both_loaded(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    one = plugin(tmp_path / "a", PLUGIN.format(name="dusk"))
-    two = plugin(tmp_path / "b", PLUGIN.format(name="dawn"))
+    one, two = (plugin(tmp_path / name, PLUGIN.format(name=name)) for name in ("dusk", "dawn"))
     found = techniques([one, two])
     assert source_file(found["dusk"]) == one and source_file(found["dawn"]) == two
-    assert shader_folder(found["dusk"]) == tmp_path / "a"
+    assert shader_folder(found["dusk"]) == tmp_path / "dusk"
 
 
 def test_an_installed_package_brings_its_technique(entry_point) -> None:
@@ -153,13 +107,8 @@ def test_an_installed_package_brings_its_technique(entry_point) -> None:
     assert techniques()["shadow-map"] is ShadowMap, "ours again is no clash"
 
 
-def test_a_name_that_is_taken_is_an_error_that_names_both_files(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"two techniques are called 'shadow-map': .*shadow_map\.py and .*dusk\.py"):
-        techniques([plugin(tmp_path, PLUGIN.format(name="shadow-map"))])
-
-
 def test_a_file_may_bring_only_a_filter_for_every_technique_that_has_one(tmp_path: Path) -> None:
-    known = techniques([plugin(tmp_path, FILTER.format(name="share", shader=FILTER_SHADER))])
+    known = techniques([plugin(tmp_path, SHARE)])
     assert set(known) == {one.name for one in own_techniques()}
     for name in ("shadow-map", "cascades"):
         spec = parse_spec(f"{name}:filter=share(0.5,steps=2)", known)
@@ -179,7 +128,7 @@ def test_the_shader_of_a_plugged_filter_is_text_or_a_file_beside_it(
     """Its parameters are passed as those of built-in filters, and it may include files beside it."""
     (tmp_path / "share.glsl").write_text('#include "uniforms.glsl"\n' + FILTER_SHADER.split(";", 1)[1])
     (tmp_path / "uniforms.glsl").write_text("uniform float filter_share;\n")
-    text = FILTER.format(name="share", shader=FILTER_SHADER if kind == "text" else "share.glsl")
+    text = SHARE if kind == "text" else FILTER.format(name="share", shader="share.glsl")
     if kind == "file of a base":
         text += "\nclass Heir(Share):\n    name = 'heir'\n"
     known = techniques([plugin(tmp_path, text)])
@@ -190,7 +139,7 @@ def test_the_shader_of_a_plugged_filter_is_text_or_a_file_beside_it(
 
 
 def test_a_filter_that_changed_on_disk_is_loaded_anew(tmp_path: Path) -> None:
-    file = plugin(tmp_path, FILTER.format(name="share", shader=FILTER_SHADER))
+    file = plugin(tmp_path, SHARE)
     first = parse_spec("shadow-map:filter=share", techniques([file])).params.filter
     file.write_text(file.read_text().replace("0.25", "0.75"))
     again = parse_spec("shadow-map:filter=share", techniques([file])).params.filter
@@ -205,43 +154,32 @@ def test_a_package_may_bring_only_a_filter(entry_point, tmp_path: Path, monkeypa
     del Filter.table["installed-share"]  # which lasts as long as the module
 
 
-def test_a_filter_s_name_that_is_taken_is_an_error_that_names_both_files(tmp_path: Path) -> None:
-    taken = plugin(tmp_path, FILTER.format(name="pcf", shader=FILTER_SHADER))
-    with pytest.raises(InputError, match=r"two filters are called 'pcf': .*filters\.py and .*dusk\.py") as caught:
-        techniques([taken])
-    assert "\n" not in str(caught.value)
+def test_a_name_that_is_taken_is_an_error_that_names_both_files(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"two techniques are called 'shadow-map': .*shadow_map\.py and .*dusk\.py"):
+        techniques([plugin(tmp_path, PLUGIN.format(name="shadow-map"))])
+    with pytest.raises(InputError, match=r"two filters are called 'pcf': .*filters\.py and .*dusk\.py"):
+        techniques([plugin(tmp_path, FILTER.format(name="pcf", shader=FILTER_SHADER))])
     assert Filter.table["pcf"] is PCF
-    two = [plugin(tmp_path, FILTER.format(name="share", shader=FILTER_SHADER), f"{name}.py") for name in "ab"]
     with pytest.raises(InputError, match=r"two filters are called 'share': .*a\.py and .*b\.py"):
-        techniques(two)
+        techniques([plugin(tmp_path, SHARE, f"{name}.py") for name in "ab"])
 
 
 BROKEN = {
     "syntax": ("def (", "SyntaxError"),
     "raises": ("raise OSError('no such thing')", "OSError: no such thing"),
-    "imports": ("import nothing_of_this_name", "ModuleNotFoundError"),
     "quits": ("raise SystemExit(3)", "SystemExit"),
-    "empty": ("x = 1", "defines no subclass"),
     "only imports the base": ("from shadowbench.plugin.base import Technique", "defines no subclass"),
-    "nameless": (
-        "from shadowbench.plugin.base import Technique\nclass A(Technique):\n"
-        "    def build(self, stage): pass\n    def draw(self, frame): pass",
-        "A has no name",
-    ),
+    "nameless": (PLUGIN.replace('name = "{name}"', "pass"), "Dusk has no name"),
     "misnamed": (PLUGIN.format(name="no such name!"), "name"),
     "a nameless filter": ("from shadowbench.maps.moments import VSM\nclass A(VSM):\n    pass", "A has no name"),
     "an incomplete filter": (
         "from shadowbench.maps.filters import Filter\nclass A(Filter):\n    name = 'a'\n",
-        r"A lacks radius\(self, size: int\) -> float; the property reads -> int; shader, a file or text",
+        "A lacks radius, reads, shader, a file or text",
     ),
     "a misnamed filter": (FILTER.format(name="no such!", shader=FILTER_SHADER), "name 'no such!' is not a valid name"),
-    "of an older version": (
-        PLUGIN.format(name="mine") + "    exact = True\n",
-        r"has exact; allowed: catalogue = Entry\(exact=…\)",
-    ),
     "incomplete": (
         "from shadowbench.plugin.base import Technique\nclass A(Technique):\n    name = 'a'\n",
-        r"A lacks build\(self, stage: Stage\) -> None; draw\(self, frame: Frame\) -> ",
+        "A lacks build, draw",
     ),
 }
 
@@ -266,7 +204,6 @@ def test_a_plugin_that_is_not_there_or_no_python(tmp_path: Path) -> None:
     ("value", "wanted"),
     [
         ("nothing_of_this_name:A", "cannot be imported"),
-        ("shadowbench.techniques.shadow_map:Nobody", "cannot be imported"),
         ("shadowbench.techniques.shadow_map:np", "not a subclass of Technique"),
         ("shadowbench.plugin.base:Technique", "has no name"),
     ],

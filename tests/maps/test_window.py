@@ -5,12 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from shadowbench.errors import InputError
 from shadowbench.geometry.convex import SceneHull
 from shadowbench.geometry.lights import Box, light_space, window
-from shadowbench.maps.fits import FitContext, FixedFit, SceneFit, VisibleFit
-from shadowbench.plugin.registry import techniques
-from shadowbench.plugin.spec import parse_spec
+from shadowbench.maps.fits import FitContext, SceneFit, VisibleFit
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Scene
 
 SUN = light_space(Light("sun", "directional", (0.0, -1.0, 0.0)))
@@ -92,18 +89,3 @@ def test_the_position_step_is_half_a_float32_spacing_of_the_farthest_place(
     hull = SceneHull(Scene("test", (shape("box", [2 * extent, extent, extent]),), (), ()))
     light = Light(kind, kind, (0.0, -1.0, 0.0), (0.0, -place, place / 2), 1.0)
     assert hull.position_step(light) == np.spacing(np.float32(farthest)) / 2
-
-
-@pytest.mark.parametrize(
-    ("items", "allowed"),
-    [
-        *((f"{name}={value}", value > 0) for name in ("half", "near", "far") for value in (-0.5, 0.0, 0.5)),
-        *((f"fov={value}", 0 < value <= 170) for value in (-0.5, 0.0, 0.5, 169.0, 171.0)),
-    ],
-)
-def test_fixed_takes_lengths_above_0_and_a_field_of_view_below_170_degrees(items: str, allowed: bool) -> None:
-    if allowed:
-        assert isinstance(parse_spec(f"shadow-map:fit=fixed({items})", techniques()).params.fit, FixedFit)
-    else:
-        with pytest.raises(InputError, match=items.partition("=")[0]):
-            parse_spec(f"shadow-map:fit=fixed({items})", techniques())

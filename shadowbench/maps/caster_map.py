@@ -1,0 +1,282 @@
+"""The map of a shadow-map technique: casters drawn from the light, and the inputs of shaders that look it up.
+
+A technique with one 2-D map uses `FittedView`, then `CasterMap`, then a `ResolvePass` with the map's textures and with
+`map_uniforms` for `map.glsl`. A `FilteredMap` is looked up by `shadow_map.glsl`, with a bias and a filter.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from shadowbench.geometry.convex import SceneHull
+from shadowbench.geometry.lights import LightView
+from shadowbench.gl.clock import Changes
+from shadowbench.gl.device import Device
+from shadowbench.gl.library import moderngl
+from shadowbench.gl.program import Comparison, Program, Sampling, State, Texture, Value, Wrap
+from shadowbench.gl.targets import DepthFormat, Kind, unsupported_map
+from shadowbench.maps.biases import Bias, NoBias
+from shadowbench.maps.contents import MapContents
+from shadowbench.maps.culling import CasterChunks
+from shadowbench.maps.filters import Filter
+from shadowbench.maps.resolve import ResolvePass
+from shadowbench.plugin.base import Frame, Stage
+from shadowbench.scenes.model import Light
+from shadowbench.scenes.vectors import Floats, vec3
+
+# Values that `recommend` tries for every map technique. No biases: all cost the same, and their defaults are tuned.
+MAP_GRID = {
+    "filter": ("hard", "hardware", "pcf(taps=3)", "pcf(taps=5)"),
+    "depth": ("d16", "d32f"),  # the smallest and the most precise format
+}
+# The filters in place of these where a light has a size.
+MAP_SOFT_GRID = {
+    "filter": ("hardware", "pcss(search=8,taps=8)", "pcss(search=8,taps=16)", "pcss", "pcss(search=32,taps=64)"),
+}
+Textures = Mapping[str, tuple[Texture, Sampling]]
+MapInputs = tuple[Textures, dict[str, Value]]
+"""Textures and uniforms of a shader that reads a map."""
+_NO_BIAS = NoBias()
+
+
+@dataclass(frozen=True)
+class MapLayout:
+    """How a map is laid out, drawn and read.
+
+    kind, layers: one square map, an array of `layers`, or the six faces of a cube. clamp: clamps casters in front of
+    the near plane to it; cull: skips casters that cannot shadow any receiver in the map; reversed_depth: 1 at near and
+    0 at far. wrap: outside the map; far_rule: receivers beyond the far plane are lit, or with none in shadow.
+    """
+
+    size: int
+    depth: DepthFormat = "d32f"
+    kind: Kind = "2d"
+    layers: int = 1
+    clamp: bool = True
+    cull: bool = True
+    reversed_depth: bool = False
+    wrap: Wrap = "border"
+    far_rule: Literal["lit", "none"] = "lit"
+
+    def unsupported(self, device: Device, bias: Bias, filter: Filter) -> str | None:
+        """Why bias, filter or device does not support such a map; None if all do."""
+        names = {"2d": "a 2-D map", "array": "an array of maps", "cube": "a cube map"}
+        parts: tuple[Bias | Filter, ...] = (*bias.terms, filter)
+        unable = [f"{part.name} has no meaning for {names[self.kind]}" for part in parts if self.kind not in part.maps]
+        return unable[0] if unable else unsupported_map(device, self.size, self.depth, self.kind, self.layers)
+
+
+class CasterMap:
+    """A shadow map: casters rendered from the light into a depth texture, and what a filter stores besides.
+
+    program: has `in vec3 position`, and for `draw` `uniform mat4 world_to_clip`; with `contents` its fragment shader is
+    `contents.frag`.
+
+    Attributes: `texture`, the depths; `textures`, the samplers of map.glsl; `step`, the spacing of stored depths near
+    1; `culled`, the number of triangles that the last draw skipped.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        program: Program,
+        layout: MapLayout,
+        bias: Bias = _NO_BIAS,
+        contents: MapContents | None = None,
+    ) -> None:
+        self.program, self.layout, self.contents = program, layout, contents
+        depth_target = stage.depth_target(layout.size, layout.depth, layout.kind, layout.layers)
+        self.texture, self.step = depth_target.texture, depth_target.step
+        self._all_layers, self._layer_targets = depth_target.target, depth_target.layer_targets
+        self._far = (1.0, 1.0, 1.0, 1.0)
+        if contents is not None:
+            self._far = contents.far
+            self._all_layers = stage.target(contents.texture, depth=self.texture)
+            self._layer_targets = tuple(
+                stage.target(contents.texture, depth=self.texture, layer=layer)
+                for layer in range(len(self._layer_targets))
+            )
+        # Of triangles with the same depth at a texel, the last drawn decides what a filter stores besides.
+        self._chunks = chunks = CasterChunks(stage.scene, layout.cull, reorder=contents is None)
+        self._casters = (
+            stage.drawable(program, {"position": chunks.vertices}, indices=chunks.faces)
+            if chunks.reordered
+            else stage.casters(program)
+        )
+        self._state = caster_state(bias, layout.clamp, layout.reversed_depth)
+        # A negative polygon offset may move casters beyond the far plane in front of it.
+        self._sides = 5 if min(bias.effect.factor, bias.effect.units) >= 0 else 4
+        self.culled = 0
+
+    @property
+    def textures(self) -> Textures:
+        border = 0.0 if self.layout.reversed_depth else 1.0
+        compare: Comparison = ">=" if self.layout.reversed_depth else "<="
+        wrap = self.layout.wrap
+        stored = {} if self.contents is None else self.contents.sampler(wrap)
+        return {
+            "map_depths": (self.texture, Sampling(wrap=wrap, border=border)),
+            "map_compare": (self.texture, Sampling(linear=True, wrap=wrap, border=border, compare=compare)),
+            **stored,
+        }
+
+    def draw(self, frame: Frame, views: Sequence[LightView], layered: bool = False) -> None:
+        """Clear the map and draw the casters into each layer by its light view.
+
+        layered: one draw for all layers, by a program that sets `gl_Layer`.
+        """
+        matrices = [view.to_clip(self.layout.reversed_depth) for view in views]
+        depths = [view.to_linear for view in views]
+        regions = [view.planes[: self._sides] for view in views]
+        draws: list[tuple[dict[str, Value], list[Floats]]] = [
+            ({"world_to_clip": matrix, "caster_to_linear": depth}, [region])
+            for matrix, depth, region in zip(matrices, depths, regions, strict=True)
+        ]
+        if layered:
+            draws = [({"world_to_clip": np.stack(matrices), "caster_to_linear": np.stack(depths)}, regions)]
+        self.draw_layers(frame, draws)
+
+    def draw_layers(self, frame: Frame, draws: Sequence[tuple[Mapping[str, Value], Sequence[Floats]]]) -> None:
+        """Clear the map and draw the casters, once for all layers or once for each.
+
+        draws: for each draw the program's uniforms, and convex regions as (P, 4) planes; casters that cannot shadow
+        any point of them are culled.
+        """
+        targets = self._layer_targets if len(draws) > 1 else (self._all_layers,)
+        self.culled = 0
+        for target, (uniforms, regions) in zip(targets, draws, strict=True):
+            ranges = self._chunks.index_ranges(frame.light_uniform, *regions)
+            self.culled += self._chunks.count_culled(ranges)
+            self.program.set(**uniforms)
+            # Each layer on its own, just before it is drawn: tiled renderers then clear a tile as they draw it.
+            target.clear(*self._far, depth=0.0 if self.layout.reversed_depth else 1.0)
+            self._casters.draw(target, state=self._state, ranges=ranges)
+
+
+class FilteredMap(CasterMap):
+    """A map that `shadow_map.glsl` looks up with the bias and the filter of a technique's parameters.
+
+    params: with size, bias and filter; vertex, geometry: shaders of the casters; defines: of all shaders. `last` are
+    the frame, textures and uniforms of the last lookup.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        params: Any,
+        layout: MapLayout,
+        hull: SceneHull,
+        projection: Literal["orthographic", "perspective", "cube"],
+        vertex: str = "casters.vert",
+        geometry: str | None = None,
+        defines: Mapping[str, int] = {},
+    ) -> None:
+        self._stage, self._params, self.hull, self._defines = stage, params, hull, defines
+        self.bias: Bias = params.bias
+        self.filter: Filter = params.filter
+        self.includes = self._includes(layout, projection)
+        stored, contents = self.filter.contents, None
+        if stored is not None:
+            contents = MapContents(stage, params, stored, layout.size, layout.kind, layout.layers, self.includes)
+        folder = "cube-map/" if layout.kind == "cube" else ""
+        fragment = f"{folder}depth.frag" if contents is None else f"{folder}contents.frag"
+        program = stage.program(vertex, fragment, geometry, params=params, defines=defines, includes=self.includes)
+        super().__init__(stage, program, layout, self.bias, contents)
+        self._debug_passes: dict[str, ResolvePass] = {}
+
+    def _includes(self, layout: MapLayout, projection: str) -> dict[str, str]:
+        """The files that `shadow_map.glsl` is composed of, besides the bias and the filter."""
+        comparison, contents = "flat", self.filter.contents
+        if self.bias.on_plane or self.filter.on_plane:
+            comparison = "plane-cube" if layout.kind == "cube" else "plane"
+        return {
+            "projection": projection,
+            "map": layout.kind,
+            "depths": "reversed" if layout.reversed_depth else "standard",
+            "far_rule": layout.far_rule,
+            "radius": self.filter.radius_shader,
+            "comparison": comparison,
+            "gradient": "of-receiver" if comparison == "plane" and not self.bias.on_plane else "of-bias",
+            "contents": "depth" if contents is None else "mipmapped" if contents.mips else "stored",
+        }
+
+    def resolve_pass(self, fragment: str, components: int = 1, **includes: str) -> ResolvePass:
+        """A pass over the pixels by a shader that includes `shadow_map.glsl`. includes: in place of the map's."""
+        return ResolvePass(self._stage, fragment, self._params, self._defines, self.includes | includes, components)
+
+    def light_radius(self, light: Light) -> float:
+        """Of the light by which the filter widens; see `Filter.light_radius`."""
+        return self.filter.light_radius(light, self._stage.placement)
+
+    def prepare(self, frame: Frame, changes: Changes, texels: Sequence[float] = ()) -> None:
+        """Blur what the filter stores, if it does. texels: see `MapContents.prepare`."""
+        if self.contents:
+            with frame.timed("blur", changes=changes):
+                self.contents.prepare(texels)
+
+    def inputs(self, light: Light, uniforms: Mapping[str, Value]) -> MapInputs:
+        """Textures and uniforms of `shadow_map.glsl`. uniforms: of its projection."""
+        return self.textures, {
+            "filter_radius": self.filter.radius(self.layout.size),
+            "depth_step": self.step,
+            "position_step": self.hull.position_step(light),
+            **uniforms,
+        }
+
+    def look_up(self, resolve: ResolvePass, frame: Frame, inputs: MapInputs) -> moderngl.Texture:
+        """The visibility that a resolve pass finds."""
+        textures, uniforms = inputs
+        self.last = frame, textures, uniforms
+        return resolve(frame, textures, **uniforms, **self._penumbra(resolve.program, frame.light))
+
+    def _penumbra(self, program: Program, light: Light) -> dict[str, Value]:
+        """Uniforms of `penumbra.glsl`, if a program includes it."""
+        if not program.has("light_radius"):
+            return {}
+        radius = self.light_radius(light)
+        if radius == 0.0:  # all penumbrae have a width of 0, and the search for the nearest caster is of no use
+            return {"light_radius": 0.0, "nearest_caster": 1.0}
+        sun = light.kind == "directional"
+        return {
+            "light_radius": radius,
+            "nearest_caster": self.hull.highest_caster(light) if sun else self.hull.nearest_caster(light),
+        }
+
+    def debug(self, fragment: str) -> moderngl.Texture:
+        """Four components of each pixel by another shader, with the inputs of the last lookup."""
+        if fragment not in self._debug_passes:
+            self._debug_passes[fragment] = self.resolve_pass(fragment, components=4)
+        frame, textures, uniforms = self.last
+        return self._debug_passes[fragment](frame, textures, **uniforms)
+
+    def facts(self, pixels: int) -> dict[str, float]:
+        """Culled triangles, and texture reads if the map is read to prepare it, as other filters' are per pixel."""
+        facts: dict[str, float] = {"culled_triangles": self.culled}
+        return facts | ({"reads": self.filter.reads * pixels + self.contents.reads} if self.contents else {})
+
+
+def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -> State:
+    """Render state of the depth pass. `clamp` clamps casters in front of the near plane to it."""
+    sign = -1 if reversed_depth else 1
+    return State(
+        depth_test=">=" if reversed_depth else "<=",
+        cull=bias.effect.cull,
+        polygon_offset=(sign * bias.effect.factor, sign * bias.effect.units),
+        depth_clamp=clamp,
+        zero_to_one=reversed_depth,
+    )
+
+
+def map_uniforms(light_views: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:
+    """Uniforms of `projection/matrix.glsl` for the light views of a map's layers, all of one light."""
+    to_map = np.stack([view.to_map(reversed_depth) for view in light_views])
+    return {
+        "world_to_map": to_map,
+        "map_to_world": np.linalg.inv(to_map).astype(np.float64),
+        "world_to_linear": np.stack([view.to_linear for view in light_views]),
+        "texel_width": np.array([view.texel for view in light_views]),
+        "depth_scale": np.array([view.depth_scale for view in light_views]),
+        "light_axis": vec3(light_views[0].space.basis[2]),
+    }

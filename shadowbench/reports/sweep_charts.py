@@ -1,0 +1,217 @@
+"""Charts of a sweep: the heat map of operating ranges, and the metrics along each axis."""
+
+import json
+import math
+import re
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+from shadowbench.extremes.model import NAMES, Axis, Value, value_label
+from shadowbench.measure.flips import row_metrics
+from shadowbench.measure.rows import Record
+from shadowbench.reports.stability import Stability
+from shadowbench.reports.vega import (
+    BASE_CHART,
+    INK,
+    PARAMS,
+    SHOWN_ONLY,
+    TOLD,
+    Chart,
+    Styles,
+    chart_of,
+    looks,
+    mark,
+    quantity,
+)
+from shadowbench.reports.words import digits
+from shadowbench.results.ranges import TOLERANCES, OperatingRange, failure, tolerances_of, value_text
+
+SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
+"""Colours of shares 0, ½ and 1; distinguishable in greyscale and by the colour-blind."""
+UNSUPPORTED_COLOR = "#dedede"
+_DARK = 0.19  # share below which text on the colour is white, so that the contrast is at least 4.5
+CELL = 74
+"""Width of a heat map's cell, enough for its text."""
+_LINE = 11  # height of a line of text
+
+ERROR = "1 − IoU"
+LIMITS: dict[str, float] = {ERROR: round(1 - TOLERANCES["iou"], 9)} | {
+    name: limit for name, limit in TOLERANCES.items() if name != "iou"
+}
+"""The metrics in charts along axes, all of them errors, with the largest value of each that is in tolerance."""
+_ALL_LIGHTS = "all"
+_DASHES = {"sun": [1, 0], "spot": [7, 4], "lamp": [2, 3]}
+
+
+def share_style(one: OperatingRange | None) -> str:
+    """The CSS of a range's cell: the colour of its share, and white text on a dark one."""
+    if one is None or one.share is None:
+        return "" if one is None else f"background: {UNSUPPORTED_COLOR}"
+    return f"background: {share_color(one.share)}{'; color: #fff' if one.share < _DARK else ''}"
+
+
+def share_color(share: float) -> str:
+    """The hex colour of a share in [0, 1] on the heat map's scale."""
+    low = int(share >= 0.5)
+    ends = zip(bytes.fromhex(SHADES[low][1:]), bytes.fromhex(SHADES[low + 1][1:]), strict=True)
+    return "#" + "".join(f"{round(a + (b - a) * (2 * share - low)):02x}" for a, b in ends)
+
+
+def heat_map(found: Stability) -> Chart:
+    """The share of values in tolerance, as a colour: rows are specs by kind of light, columns are axes."""
+    names = {series: f"{series[0]}, {NAMES[series[1]]}" for series in found.series}
+    cells: list[Chart] = [
+        {"row": names[spec, kind], "axis": axis.name, "share": one.share, "text": textwrap.wrap(one.plain, 12)}
+        for spec, kind in found.series
+        for axis in found.axes
+        if (one := found.range_at.get((spec, axis.name, kind))) is not None
+    ]
+    rows: list[Chart] = [
+        {"row": name, "text": textwrap.wrap(re.sub("([,:])", r"\1 ", name), 32)} for name in names.values()
+    ]
+    heads = [{"axis": one.name, "text": [*one.name.split("-"), *textwrap.wrap(one.unit, 10)]} for one in found.axes]
+    bands = {"type": "ordinal", "axis": None, "scale": {"paddingInner": 0.05, "paddingOuter": 0.02}}
+    x = {"field": "axis", "sort": [axis.name for axis in found.axes], **bands}
+    y = {"field": "row", "sort": list(names.values()), **bands}
+    scale = {"domain": [0, 0.5, 1], "range": list(SHADES), "interpolate": "rgb"}
+    legend: Chart = {"orient": "bottom", "direction": "horizontal", "format": "%", "values": [0, 0.5, 1]}
+    legend |= {"gradientLength": 220, "titleLimit": 330, "titleFontWeight": "normal"}
+    shades = quantity("share", "share of the axis' values in tolerance", scale=scale, legend=legend)
+    at, text, unsupported = {"x": x, "y": y}, {"text": {"field": "text"}}, {"filter": "datum.share === null"}
+    diagonal = {"x": {**x, "bandPosition": 0}, "x2": {"field": "axis", "bandPosition": 1}}
+    diagonal |= {"y": {**y, "bandPosition": 1}, "y2": {"field": "row", "bandPosition": 0}}
+    dark = {"condition": {"test": f"datum.share !== null && datum.share < {_DARK}", "value": "white"}, "value": "black"}
+    lines = {"fontSize": 9.5, "lineHeight": _LINE, "baseline": "middle"}
+    middle = {"expr": f"-{_LINE / 2} * (length(datum.text) - 1)"}
+    beside = mark("text", text | {"x": {"value": -6}, "y": y}, **lines, dy=middle, align="right")
+    higher = {"expr": f"-6 - {_LINE} * (length(datum.text) - 1)"}
+    above = mark("text", text | {"x": x, "y": {"value": 0}}, **lines, dy=higher)
+    layer: list[Chart] = [
+        mark("rect", {**at, "color": shades}, {"filter": "datum.share !== null"}),
+        mark("rect", at, unsupported, color=UNSUPPORTED_COLOR),
+        mark("rule", diagonal, unsupported, color="#8c8c8c"),
+        mark("text", at | text | {"color": dark}, **lines, dy=middle),
+        {"data": {"values": rows}, **beside},
+        {"data": {"values": heads}, **above},
+    ]
+    most = max(len(one["text"]) for one in (*cells, *rows))
+    about = f"Operating range of every technique along every axis, {found.sweep.label}"
+    return chart_of(about, cells, layer, {"step": _LINE * most + 8})
+
+
+def axis_chart(found: Stability, axis: Axis) -> Chart:
+    """The chart of one metric along an axis; the page sets its signals `metric` and `light`."""
+    chart = chart_of(f"Metrics along {axis.name}, {found.sweep.label}", *_along(found, axis, None, "metric"), 230)
+    signals = [{"name": "metric", "value": ERROR}, {"name": "light", "value": _ALL_LIGHTS}]
+    return {**chart, "params": [*PARAMS, *signals]}
+
+
+def axis_figure(found: Stability, axis: Axis, styles: Styles) -> Chart:
+    """A figure of all metrics along an axis, in panels one below the other."""
+    panels = []
+    for name in metrics_along(found, axis):
+        values, layer = _along(found, axis, styles, f"'{name}'")
+        title = {"text": name, "anchor": "start"}
+        panels.append({"width": 760, "height": 190, "title": title, "data": {"values": values}, "layer": layer})
+    params = [*PARAMS, {"name": "light", "value": _ALL_LIGHTS}]
+    return {**BASE_CHART, "description": f"Metrics along {axis.name}", "params": params, "vconcat": panels}
+
+
+def metrics_along(found: Stability, axis: Axis) -> list[str]:
+    """The metrics that have a value anywhere on an axis."""
+    every = [_errors(row) for one in found.ranges if one.axis is axis for row in found.rows_of(one)]
+    return [name for name in LIMITS if any(errors[name] is not None for errors in every)]
+
+
+def _along(found: Stability, axis: Axis, styles: Styles | None, metric: str) -> tuple[list[Chart], list[Chart]]:
+    """The data and layers of one panel; metric: Vega expression of the metric's name."""
+    keys = {(spec, axis.name, kind): NAMES[kind] for spec, kind in found.series}
+    ranges = {found.range_at[key]: light for key, light in keys.items() if key in found.range_at}
+    swept = [value for value in axis.values if any(value in one.swept for one in ranges)]
+    places = dict(zip(swept, _places(swept), strict=True))
+    points = [
+        _point(one, light, row, places[row["axis_value"]])
+        for one, light in ranges.items()
+        for row in found.rows_of(one)
+    ]
+    ticks, labels = list(places.values()), json.dumps([value_label(value) for value in swept], ensure_ascii=False)
+    x = quantity(
+        "x",
+        f"{axis.name}{f', {axis.unit}' if axis.unit else ''}; default: {value_label(axis.default)}",
+        scale={"domain": [min(ticks), max(ticks)], "nice": False, "zero": False, "padding": 12},
+        axis={
+            "values": ticks,
+            "labelExpr": f"{labels}[indexof({json.dumps(ticks)}, datum.value)]",
+            "labelOverlap": "greedy",
+            "grid": True,
+        },
+    )
+    scale = {"type": "symlog", "constant": 1e-4, "domain": [0, 1], "nice": False}
+    y = quantity("y", None, scale=scale, axis={"values": [0, 1e-4, 1e-3, 1e-2, 1e-1, 1], "format": ".2~%"})
+    dash = {
+        "field": "light",
+        "title": None,
+        "legend": {"orient": "bottom", "symbolType": "stroke"} if styles else None,
+        "scale": {"domain": list(_DASHES), "range": list(_DASHES.values())},
+    }
+    chosen = {"filter": f"light == '{_ALL_LIGHTS}' || datum.light == light"}
+    value = {"calculate": f"datum[{metric}]", "as": "y"}
+    valid = [chosen, SHOWN_ONLY, value, {"filter": "isValid(datum.y)"}]
+    limit = {"data": {"values": [LIMITS]}, "transform": [value]}
+    label = {"x": {"value": 0}, "y": y, "text": {"value": "tolerance"}}
+    look = looks(styles, (one.spec for one in ranges))
+    at, color = {"x": x, "y": y}, {"color": look["color"]}
+    line = {"strokeDash": dash, "detail": [{"field": "spec"}, {"field": "light"}], "order": {"field": "x"}}
+    broken = {"stroke": {"condition": {"test": "datum.broken", "value": INK}, "value": None}}
+    cross: dict[str, Any] = {"text": "✕", "fontSize": 14, "fontWeight": "bold", "cursor": "crosshair"}
+    ended = {"x": x, "y": {"value": 7}} | color | TOLD
+    layer: list[Chart] = [
+        {**limit, **mark("rule", {"y": y}, color=INK, strokeDash=[2, 2])},
+        {**limit, **mark("text", label, align="left", dx=3, dy=-6, fontSize=10.5, color=INK)},
+        mark("line", at | color | line, *valid, strokeWidth=1.6),
+        mark("point", at | look | broken | TOLD, *valid, filled=True, size=44, strokeWidth=1.2, cursor="crosshair"),
+        mark("text", ended, chosen, SHOWN_ONLY, {"filter": "datum.ended"}, **cross),
+    ]
+    return points, layer
+
+
+def _point(one: OperatingRange, light: str, row: Record, x: float) -> Chart:
+    """The chart data of a row; metrics without a value are None."""
+    broken, verdict, errors = failure(row), str(row["status"]), _errors(row)
+    ended = broken is not None and verdict != "ok"
+    if verdict == "ok":
+        verdict = "in tolerance" if broken is None else f"out of tolerance: {broken}"
+    told = {
+        "spec": one.spec,
+        "light": light,
+        "at": value_text(one.axis, row["axis_value"]),
+        "scores": ", ".join(f"{name} {digits(value)}" for name, value in errors.items() if value is not None) or "none",
+        "verdict": verdict,
+    }
+    return {
+        "spec": one.spec,
+        "light": light,
+        "x": x,
+        **errors,
+        "told": told,
+        "broken": broken is not None,
+        "ended": ended,
+    }
+
+
+def _errors(row: Record) -> dict[str, float | None]:
+    """The metrics in charts, by name; None without a value, or for shadows of the other kind."""
+    values = row_metrics(row)
+    judged = {name: values.get(name) for name in tolerances_of(values)}
+    iou = judged.pop("iou", None)
+    return dict.fromkeys(LIMITS) | judged | {ERROR: None if iou is None else 1 - iou}
+
+
+def _places(values: Sequence[Value]) -> list[float]:
+    """Coordinates of values, in the order of the axis: logarithmic if they span a decade, else at equal distances."""
+    numbers = [float(value) for value in values if not isinstance(value, str)]
+    if len(numbers) < len(values) or len(numbers) < 2 or min(numbers) <= 0 or max(numbers) < 10 * min(numbers):
+        return [float(index) for index in range(len(values))]
+    sign = 1.0 if numbers[0] < numbers[-1] else -1.0
+    return [sign * round(math.log10(value), 9) for value in numbers]
