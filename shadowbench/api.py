@@ -26,10 +26,10 @@ from typing import Any
 import pandas as pd
 from numpy.typing import NDArray
 
-from shadowbench.advice.recommend import has_penumbra, target_of
+from shadowbench.advice.recommend import Recommendation, has_penumbra
 from shadowbench.advice.recommend import recommend as measure_recommendation
-from shadowbench.advice.recommendation import Recommendation
 from shadowbench.advice.space import technique_names
+from shadowbench.advice.target import target_of
 from shadowbench.arguments import as_list, as_visibility, instance_of, number, whole_number, whole_numbers
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError

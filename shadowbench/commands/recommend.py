@@ -12,7 +12,7 @@ from shadowbench.errors import InputError
 from shadowbench.options import ViewOptions
 
 if TYPE_CHECKING:
-    from shadowbench.advice.recommendation import Recommendation
+    from shadowbench.advice.recommend import Recommendation
     from shadowbench.advice.search import Trial
     from shadowbench.measure.drawer import DeviceInfo
 
@@ -108,9 +108,11 @@ def recommend(
       MiB         memory of textures and buffers
       key         name of the cell's mask and picture in the output folder
     """
-    from shadowbench.advice.recommend import export_choice, has_penumbra, target_of, values
+    from shadowbench.advice.recommend import has_penumbra
     from shadowbench.advice.recommend import recommend as measure_recommendation
     from shadowbench.advice.space import technique_names
+    from shadowbench.advice.target import target_of
+    from shadowbench.advice.words import export_choice, values
     from shadowbench.measure.plugin_output import techniques_with
 
     target_of(min_iou, max_edge_px, budget_ms, max_rmse)  # invalid options, before the scene is read
@@ -182,12 +184,11 @@ def _is_rough(found: "Recommendation", one: "Trial") -> bool:
     """Whether the rounds of a time varied much."""
     from shadowbench.results.times import ROUGH
 
-    time = one.result.time if one.result else None
+    time = one.result.time
     return found.unit == "ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]
 
 
 def _cells(found: "Recommendation", one: "Trial") -> list[str]:
-    assert one.result is not None
     from shadowbench.scores.metrics import METRICS
 
     row = one.result.score

@@ -23,8 +23,7 @@ from shadowbench.commands.options import (
 from shadowbench.options import PHASES, SceneOptions
 
 if TYPE_CHECKING:
-    from shadowbench.advice.tune_scores import Setting
-    from shadowbench.advice.tune_search import Tuning
+    from shadowbench.advice.tune_search import Setting, Tuning
 
 app = typer.Typer()
 

@@ -84,8 +84,7 @@ def view(
             chosen = reporter.view(str(scene), view_size, options)
         camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
         first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
-        origin = Origin(str(scene), options.assets, options.up, options.sun, options.no_ground)
-        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
+        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, Origin(str(scene), options))
     show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())
 
 
