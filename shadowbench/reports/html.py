@@ -14,7 +14,7 @@ from shadowbench.extremes.model import NAMES
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports import stability, sweep_charts, verdict, words
-from shadowbench.reports.gallery import Place, breaking_cells, gallery, no_pictures, scored_cells, size_limit
+from shadowbench.reports.gallery import Place, breaking_cells, gallery, no_pictures
 from shadowbench.reports.panels import panel_data, panels_of
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.vega import COLORS, MAX_SHOWN, OUTLINES, SHAPES, styles_of
@@ -35,15 +35,12 @@ def html_report(
     place: puts each part of the data into the page, or into a file of the folder of the name `beside`.
     """
     every = [section for parts in scenes.values() for section in parts]
-    scored = {section: scored_cells(section) for section in every}
-    breaking = [breaking_cells(found) for found in swept]
-    max_size = size_limit(sum(map(len, [*scored.values(), *breaking])))
     panels = [panel for index, run in enumerate(runs) for panel in panels_of(run, index, every)]
-    data = {panel.id: panel_data(panel, scored[panel.sections[0]], max_size, place) for panel in panels}
-    for index, (found, pictures) in enumerate(zip(swept, breaking, strict=True)):
+    data = {panel.id: panel_data(panel, place) for panel in panels}
+    for index, found in enumerate(swept):
         charts = {axis.name: sweep_charts.axis_chart(found, axis) for axis in found.axes}
-        shown = gallery(found.sweep.folder, pictures, max_size, place)
-        data[f"stability-{index}"] = {"charts": charts, "gallery": shown}
+        shown = gallery(found.sweep.folder, breaking_cells(found), place)
+        data[f"stability-{index}"] = {"charts": charts, "gallery": shown, "specs": found.specs}
     specs = list(styles_of([*specs_of(every), *(spec for found in swept for spec in found.specs)]))
     page = {
         "panels": [

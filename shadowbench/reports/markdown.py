@@ -1,12 +1,14 @@
 """The report as Markdown tables, for READMEs and papers."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from shadowbench.extremes.model import NAMES
+from shadowbench.reports.html import Scenes
 from shadowbench.reports.panels import Panel, panels_of
 from shadowbench.reports.stability import Stability, range_text, tolerances
 from shadowbench.reports.verdict import target_name, verdict
 from shadowbench.reports.words import (
+    COLUMNS,
     digits,
     fault_lines,
     mask_warnings,
@@ -23,13 +25,9 @@ from shadowbench.results.ranking import targets_of
 from shadowbench.scores.metrics import METRICS
 
 _TIMES = {"ms": "frame_ms", "camera moves, ms": "camera_ms", "× ref": "ratio"}
-_COLUMNS = {"SSIM": "ssim", "edge px": "edge_px", "acne": "acne", "leak": "leak"}
-_SOFT_COLUMNS = {"RMSE pen": "rmse_pen", "IoU": "iou", "SSIM": "ssim"} | {
-    name: name for name in ("bleed", "noise", "width", "hardening")
-}
 
 
-def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
+def markdown_report(runs: Sequence[Run], scenes: Scenes, swept: Sequence[Stability]) -> str:
     """The Markdown text of a report: verdicts, configurations and costs, over all scenes and by scene; then ranges."""
     every = [section for parts in scenes.values() for section in parts]
     panels = [panel for index, run in enumerate(runs) for panel in panels_of(run, index, every)]
@@ -64,7 +62,7 @@ def _section(section: Section) -> list[str]:
     if section.timed:
         blocks.append(f"*{sentence(time_source(section.run))}* Bold: on the Pareto front of error and time.")
     blocks += [_cell(sentence(line)) for line in section_notes(section)]
-    columns = (_SOFT_COLUMNS if section.soft else _COLUMNS) | _TIMES
+    columns = COLUMNS[section.soft] | _TIMES
     best, rows = section.front, []
     for one in section.scored:
         name = f"**`{one.name}`**" if one in best else f"`{one.name}`"

@@ -123,24 +123,17 @@ addEventListener("hashchange", () => {
   if (first && hash !== written && (!hash || new URLSearchParams(hash).has("scene"))) window.drawn = restore();
 });
 
-function drawCharts({ front, sizes, passes, pass_size, biases }) {
-  const chartElement = (kind) => document.querySelector(`.chart.${kind}`), choice = byId("pass-size"), bias = byId("biases");
+function drawCharts({ front, sizes, passes, pass_size }) {
+  const chartElement = (kind) => document.querySelector(`.chart.${kind}`), choice = byId("pass-size");
   const points = [front, sizes, ...passes.map(([, chart]) => chart)].flatMap((chart) => chart?.data.values ?? []);
-  fillLegend(legendOf(byId("charts")), new Set(points.map((point) => point.spec)), remember);
+  fillLegend(legendOf(byId("charts")), new Set(points.map((point) => point.spec)), PAGE.specs, remember);
   const rowOf = (point) => data(currentPanel).rows.find((row) => row.spec === point.spec && row.map === point.size);
   const onClick = (point) => showPicture(point.spec, point.size, rowOf(point)?.scene);
   choice.replaceChildren(...passes.map(([size], at) => new Option(size, at, false, size === pass_size)));
   choice.closest("label").hidden = passes.length < 2;
   chartElement("passes").closest("section").hidden = !passes.length;
   choice.onchange = () => draw(chartElement("passes"), passes[choice.value]?.[1]);
-  bias.hidden = !biases.length;
-  bias.querySelector(".pair").replaceChildren(...biases.map(([base]) => make("figure", {}, make("figcaption", {}, ...breakable(base)), make("div", { className: "chart" }))));
-  return Promise.all([
-    draw(chartElement("front"), front, onClick),
-    draw(chartElement("sizes"), sizes, onClick),
-    choice.onchange(),
-    ...[...bias.querySelectorAll(".chart")].map((chart, at) => draw(chart, biases[at][1])),
-  ]);
+  return Promise.all([draw(chartElement("front"), front, onClick), draw(chartElement("sizes"), sizes, onClick), choice.onchange()]);
 }
 
 // Lists the scenes of a panel's run and chooses the panel, whose id is returned.
@@ -170,8 +163,8 @@ async function begin() {
 }
 
 async function stability(box) {
-  const { charts, gallery } = await loaded(box.id), elements = [...box.querySelectorAll(".chart")], legend = box.querySelector(".legend");
-  if (legend) fillLegend(legend, new Set(JSON.parse(legend.dataset.specs)));
+  const { charts, gallery, specs } = await loaded(box.id), elements = [...box.querySelectorAll(".chart")], legend = box.querySelector(".legend");
+  if (legend) fillLegend(legend, new Set(specs), specs);
   for (const select of box.querySelectorAll("[data-signal]")) {
     select.addEventListener("change", () => {
       for (const { dataset, parentElement, view } of elements) {
