@@ -13,8 +13,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.advice.tune_scores import MIN_ERROR, Setting, log_error, scene_scores
-from shadowbench.advice.tune_search import ParameterSearch, Tuning, TuningCells
+from shadowbench.advice.tune_search import (
+    MIN_ERROR,
+    ParameterSearch,
+    Setting,
+    Tuning,
+    TuningCells,
+    log_error,
+    scene_scores,
+)
 from shadowbench.advice.tune_space import (
     DEFAULT_PARAMETERS,
     SEARCH_FACTOR,

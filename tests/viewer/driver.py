@@ -114,7 +114,7 @@ class Driver:
 
         def is_scored() -> bool:
             texts = {spec.full_text for spec in viewer.state.specs}
-            return not viewer.moving and viewer.fresh and texts <= set(viewer.scores.by_spec)
+            return not viewer.moving and viewer.fresh and texts <= viewer.judge.scores.keys()
 
         self.until("scores", is_scored)
 
@@ -125,7 +125,7 @@ class Driver:
 
     def score(self, metric: str, index: int = 0) -> float:
         """A score of A or B."""
-        return self.viewer.scores.by_spec[self.viewer.state.specs[index].full_text][metric]
+        return self.viewer.judge.scores[self.viewer.state.specs[index].full_text][metric]
 
     def picture(self, name: str, box: tuple[int, int, int, int] | None = None) -> None:
         """Save what the display shows, or a box of it, if pictures are wanted."""

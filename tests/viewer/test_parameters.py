@@ -17,7 +17,7 @@ from shadowbench.plugin.template import write_technique
 from shadowbench.scenes.library import load_scene
 from shadowbench.viewer.drawing import Drawing
 from shadowbench.viewer.state import ViewerState
-from shadowbench.viewer.widgets import SUM, Widget, widgets, with_inner, with_params, with_value
+from shadowbench.viewer.technique_panel import SUM, Widget, widgets, with_inner, with_params, with_value
 
 pytestmark = pytest.mark.slow
 

@@ -1,4 +1,4 @@
-"""The panel of a technique draws every parameter, those of odd plug-ins too, and takes no value that a file may not."""
+"""The panel of a technique has a widget for every parameter, and takes no value that a file may not."""
 
 import math
 from pathlib import Path
@@ -8,20 +8,40 @@ import pytest
 from imgui_bundle import imgui
 
 from shadowbench.errors import InputError
+from shadowbench.maps.biases import NoBias, Sum, Texel
 from shadowbench.plugin.base import Technique
+from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import Light
+from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.viewer.scene_panels import _edited
-from shadowbench.viewer.technique_panel import edited_spec
+from shadowbench.viewer.technique_panel import (
+    SUM,
+    Widget,
+    edited_spec,
+    preset_of,
+    presets,
+    summary,
+    widgets,
+    with_inner,
+    with_params,
+    with_value,
+)
 
+KNOWN = techniques()
 ODD = """
+from typing import Literal
 from shadowbench.plugin.base import Technique, TechniqueParams, param
 class Odd(Technique):
     name = "odd"
     class Params(TechniqueParams):
         '''Parameters.'''
+        width: int = param(4, "width in pixels", ge=1, le=64)
+        level: float = param(0.5, "visibility between", ge=0, lt=1)
+        shape: Literal["rows", "columns"] = param("rows", "direction")
+        inverted: bool = param(False, "exchanges both")
         word: str = param("some", "a text")
         perhaps: float | None = param(None, "a number or none", ge=0, le=1)
         pair: tuple[int, int] = param((1, 2), "two")
@@ -41,6 +61,7 @@ class Demanding(Odd):
         '''Parameters.'''
         number: int
 """
+every_technique = pytest.mark.parametrize("technique", own_techniques(), ids=lambda one: one.name)
 
 
 @pytest.fixture
@@ -49,14 +70,48 @@ def odd(tmp_path: Path) -> Spec:
     return parse_spec("odd", techniques([tmp_path / "odd.py"]))
 
 
-@pytest.mark.parametrize("technique", own_techniques(), ids=lambda one: one.name)
-def test_a_panel_that_is_not_touched_changes_nothing(frame: None, technique: type[Technique]) -> None:
-    spec = parse_spec(technique.name, techniques())
-    assert edited_spec(spec, techniques()) is spec
+def of(model: Any, key: str) -> Widget:
+    return next(one for one in widgets(model) if one.key == key)
 
 
-def test_odd_parameters_and_no_docstring_are_drawn(frame: None, odd: Spec) -> None:
-    assert edited_spec(odd, {"odd": odd.technique}) is odd
+@every_technique
+def test_every_parameter_has_a_widget_whose_limits_are_allowed(frame: None, technique: type[Technique]) -> None:
+    spec = parse_spec(technique.name, KNOWN)
+    assert edited_spec(spec, KNOWN) is spec, "a panel that is not touched changes nothing"
+    made = widgets(spec.params)
+    assert [one.key for one in made] == list(technique.Params.model_fields)
+    for one in made:
+        assert (technique.Params.model_fields[one.key].description or "") in one.help
+        for limit in (one.low, one.high):
+            if limit is not None:
+                value = int(limit) if one.kind == "whole" else limit
+                assert getattr(with_value(spec.params, one.key, value), one.key) == value
+
+
+@pytest.mark.parametrize("family", Component.__subclasses__(), ids=lambda one: one.__name__)
+def test_every_component_is_a_choice_and_unfolds_its_own_parameters(family: type[Component]) -> None:
+    host = {"Split": "cascades"}.get(family.__name__, "shadow-map")
+    key, params = family.__name__.lower(), KNOWN[host].Params()
+    choices = of(params, key).choices
+    assert set(choices) - {SUM} == set(family.table) and all(choices.values()), "each says in a line what it is"
+    for name, component in family.table.items():
+        if (key, name) in (("split", "fixed"), ("split", "shares")):
+            continue  # a split of its own number of slices
+        inner = of(with_value(params, key, name), key).inner
+        assert type(inner) is component
+        assert [one.key for one in widgets(inner)] == list(component.model_fields)
+
+
+def test_a_plug_ins_parameters_have_widgets_too(frame: None, odd: Spec) -> None:
+    assert edited_spec(odd, {"odd": odd.technique}) is odd, "they are drawn, without a docstring too"
+    assert summary(odd.technique) == ""
+    kinds = {one.key: (one.kind, one.low, one.high, tuple(one.choices)) for one in widgets(odd.params)}
+    assert kinds["width"] == ("whole", 1.0, 64.0, ())
+    assert kinds["level"] == ("number", 0.0, pytest.approx(1.0, rel=1e-5), ())
+    assert kinds["shape"] == ("choice", None, None, ("rows", "columns"))
+    assert kinds["inverted"] == ("flag", None, None, ())
+    assert with_value(odd.params, "level", kinds["level"][2]).level < 1, "an open limit is not reached"
+    assert {kinds[key][0] for key in ("word", "perhaps", "pair", "seed", "far")} == {"text"}
 
 
 def test_a_text_is_read_as_in_a_spec(frame: None, odd: Spec, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,22 +119,45 @@ def test_a_text_is_read_as_in_a_spec(frame: None, odd: Spec, monkeypatch: pytest
         return (True, typed[label]) if label in typed else (False, text)
 
     monkeypatch.setattr(imgui, "input_text", type_in)
-    typed = {"word": "other"}
-    assert edited_spec(odd, {}).text == "odd:word=other"
-    typed = {"seed": "7"}
-    assert edited_spec(odd, {}).text == "odd:seed=7"
+    for typed in ({"word": "other"}, {"seed": "7"}):
+        ((key, text),) = typed.items()
+        assert edited_spec(odd, {}).text == f"odd:{key}={text}"
     typed = {"seed": "((("}
     with pytest.raises(InputError, match="expected a number or a word"):
         edited_spec(odd, {})
 
 
-def test_a_technique_that_cannot_begin_with_its_defaults_is_one_line(
+def test_a_value_that_is_not_allowed_is_one_line(
     frame: None, odd: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    known = techniques([tmp_path / "odd.py"])
+    with pytest.raises(InputError, match="size=0: size: found 0; allowed: greater than or equal to 1"):
+        with_value(ShadowMap.Params(), "size", 0)
     monkeypatch.setattr("shadowbench.viewer.technique_panel.choice", lambda *_: "demanding")
     with pytest.raises(InputError, match="number: found none; it must be given"):
-        edited_spec(odd, known)
+        edited_spec(odd, techniques([tmp_path / "odd.py"]))
+
+
+def test_a_sum_begins_with_the_bias_that_was_there() -> None:
+    params = with_value(ShadowMap.Params(), "bias", SUM)
+    assert params.bias == Sum(first=Texel(), second=NoBias())
+    assert with_value(params, "bias", SUM) == params
+    second = with_value(params.bias, "second", "constant")
+    text = with_params(parse_spec("shadow-map", KNOWN), with_inner(params, "bias", second)).text
+    assert text == "shadow-map:bias=texel+constant"
+
+
+def test_a_parameter_of_a_parameter_changes_the_spec() -> None:
+    spec = parse_spec("light-samples", KNOWN)
+    params = with_value(spec.params, "of", "shadow-map")
+    inner = with_value(params.of.params, "size", 64)  # type: ignore[attr-defined]
+    assert with_params(spec, with_inner(params, "of", inner)).text == "light-samples:of=shadow-map(size=64)"
+
+
+def test_presets_are_the_defaults_and_those_of_the_command_line() -> None:
+    assert list(presets(ShadowMap)) == ["default", *ShadowMap.presets]
+    for text, name in (("", "default"), (":preset=unity", "unity"), (":preset=unity,size=64", "custom")):
+        spec = parse_spec(f"shadow-map{text}", KNOWN)
+        assert preset_of(spec) == name and presets(ShadowMap).get(name, spec).params == spec.params
 
 
 @pytest.mark.parametrize("typed", [math.nan, math.inf, -math.inf, 1e300])
