@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from shadowbench.errors import InputError, counted
-from shadowbench.files import replace_file
+from shadowbench.files import make_folder, replace_file
 from shadowbench.measure.flips import FLIPS, ROW_METRICS, row_metrics
 from shadowbench.measure.rows import SCHEMA, Record, Result, driver_of
 from shadowbench.results.folder import IDENTITY, Run, identity, read_runs
@@ -267,10 +267,7 @@ def write_baseline(results: Sequence[Result], folder: Path) -> None:
     # The command line is left out: it may name local paths, and comparisons do not use it.
     scores = [{name: value for name, value in result.score.items() if name != "command"} for result in results]
     records = [*scores, *(result.time for result in results if result.time)]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from None
+    make_folder(folder)
     with replace_file(folder / "rows.jsonl") as temporary:
         lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
         temporary.write_text("".join(lines), encoding="utf-8")
