@@ -54,42 +54,32 @@ def html_report(
         "outlines": OUTLINES,
         "data": {name: place(f"data {name}", value) for name, value in data.items()},
     }
-    return (
-        _environment()
-        .get_template("report.html.j2")
-        .render(
-            runs=runs,
-            panels=panels,
-            page=page,
-            split=beside,
-            stabilities=swept,
-            galleries=[data[f"stability-{index}"]["gallery"] for index in range(len(swept))],
-            presets=words.presets_of(specs),
-            command=shlex.join(["shadowbench", *sys.argv[1:]]),
-            version=VERSION,
-            style=(_PAGE / "report.css").read_text(encoding="utf-8"),
-            scripts=[(_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS],
-            bundle=_bundle(),
-        )
-    )
-
-
-def _environment() -> Environment:
-    made = Environment(
+    environment = Environment(
         loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    made.policies["json.dumps_kwargs"] = {"sort_keys": False}  # views stay in order
-    made.filters |= {"breakable": _breakable, "code_spans": _code_spans}
-    made.globals |= {
-        "verdict": verdict,
-        "words": words,
-        "stability": stability,
-        "sweep_charts": sweep_charts,
-        "metrics": ROW_METRICS.values(),
-        "light_names": NAMES,
-        "no_pictures": no_pictures,
-    }
-    return made
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # views stay in order
+    environment.filters |= {"breakable": _breakable, "code_spans": _code_spans}
+    return environment.get_template("report.html.j2").render(
+        stability=stability,
+        sweep_charts=sweep_charts,
+        verdict=verdict,
+        words=words,
+        runs=runs,
+        panels=panels,
+        page=page,
+        split=beside,
+        stabilities=swept,
+        galleries=[data[f"stability-{index}"]["gallery"] for index in range(len(swept))],
+        no_pictures=no_pictures,
+        light_names=NAMES,
+        metrics=ROW_METRICS.values(),
+        presets=words.presets_of(specs),
+        command=shlex.join(["shadowbench", *sys.argv[1:]]),
+        version=VERSION,
+        style=(_PAGE / "report.css").read_text(encoding="utf-8"),
+        scripts=[(_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS],
+        bundle=_bundle(),
+    )
 
 
 @cache

@@ -156,7 +156,6 @@ def _row(panel: Panel, one: Candidate, on_front: bool) -> dict[str, Any]:
         "cells": (mean.cells, str(mean.cells)),
     }
     return {
-        "technique": mean.technique,
         "spec": mean.spec,
         "label": mean.name,
         "map": mean.map_size,
