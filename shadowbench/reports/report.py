@@ -15,7 +15,7 @@ import pandas as pd
 from PIL import Image
 
 from shadowbench.errors import InputError
-from shadowbench.files import check_outputs, replace_file
+from shadowbench.files import check_outputs, make_folder, replace_file
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.gallery import Place
 from shadowbench.reports.html import Scenes, html_report
@@ -126,10 +126,7 @@ def _all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> str:
 def _write_figures(folder: Path, scenes: Scenes, swept: Sequence[Stability]) -> int:
     import vl_convert  # not on every platform
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from error
+    make_folder(folder)
     count = 0
     for name, chart in figures(scenes, swept):
         file = re.sub(r"[^\w.-]+", "_", name).strip("_") + ".png"

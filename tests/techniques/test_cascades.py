@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
-from shadowbench.geometry.lights import Box, light_space, window
-from shadowbench.geometry.slices import Slice, snapped
+from shadowbench.geometry.convex import Slice
+from shadowbench.geometry.lights import Box, light_space, snapped, window
 from shadowbench.gl.gbuffer import download
 from shadowbench.maps.fits import PracticalSplit, ShareSplit, Split
 from shadowbench.plugin.base import Frame, Phase
