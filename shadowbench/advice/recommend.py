@@ -277,19 +277,15 @@ def _to_search(
 
 
 def trial_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Trial:
-    """Trial of a measured spec; its cost is its work, or, if `unit` is ms, its ratio to the reference.
-
-    In the latter case, the fixed cost is the ratio times the vertices' share of the work.
-    """
-    row = result.score
-    work = row["work"]
-    vertices = float(work.get("vertices", 0) + work.get("geometry", 0))
+    """Trial of a measured spec; its cost is its work, or, if `unit` is ms, its ratio to the reference."""
+    row, work = result.score, result.score["work"]
+    cost = fixed = float(work.get("vertices", 0) + work.get("geometry", 0))
     if unit == "work":
-        cost, fixed = float(work["cost"]), vertices
+        cost = float(work["cost"])
     else:
         assert result.time is not None
         cost = float(result.time["ratio"])
-        fixed = cost * vertices / work["cost"] if "cost" in work else 0.0
+        fixed = cost * fixed / work["cost"] if "cost" in work else 0.0  # the vertices' share
     return Trial(spec, cost, fixed, int(row["gpu_bytes"]), target.error(row["metrics"]), result)
 
 

@@ -25,10 +25,7 @@ Json = dict[str, Any]
 
 
 def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list[Path]:
-    """Write a view's files into a folder, created if missing, and return their paths.
-
-    scene_name: the scene's argument on the command line. Raises InputError if the folder cannot be written.
-    """
+    """Write a view's files into a folder, and return their paths; scene_name: its argument on the command line."""
     make_folder(folder)
     model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
     with replace_file(model) as temporary:

@@ -22,7 +22,6 @@ from shadowbench.measure.rows import Record
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits, fault_lines, median_text
 from shadowbench.results.configurations import Configuration, Section
-from shadowbench.results.folder import Folder
 from shadowbench.results.ranges import value_text
 from shadowbench.scores.difference import difference_over, weight
 from shadowbench.scores.masks import read_mask
@@ -119,32 +118,13 @@ def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str
 
     Raises InputError for a file that is not a valid mask or picture.
     """
-
-    def image(kind: str, name: str, size: int | None = None) -> Any:
-        """A mask of a view of so many pixels, or a picture."""
-        file = folder / kind / f"{name}.png"
-        return place(str(file), _encoded(file, size)) if file.exists() else None
-
-    def view_of(row: Record) -> dict[str, Any]:
-        name = ".".join(str(row[part]) for part in ("scene", "view", "light", "view_size"))
-        masks = {"truth": name, "undecided": f"{name}.undecided"}
-        return {kind: image("truth", file, row["view_size"]) for kind, file in masks.items()} | {
-            kind: image("truth", f"{name}.{kind}") for kind in ("lit", "ambient")
-        }
+    rows = {about["view"]: row for row, about in pictures}
+    views = {name: _view(folder / "truth", row, place) for name, row in rows.items()}
 
     def cell_of(one: Picture) -> dict[str, Any]:
         row, about = one
-        mask = image("masks", row["key"], row["view_size"])
-        shaded = mask is not None and views[about["view"]]["lit"] is not None
-        command = shlex.join(["shadowbench", "view", os.path.relpath(folder), "--cell", row["key"]])
-        return about | {
-            "command": "" if "content" in row else command,  # not of a mask of another renderer
-            "soft": is_soft(row["metrics"]),
-            "mask": mask,
-            "picture": None if shaded else image("pictures", row["key"]),
-        }
+        return _cell(folder, row, about, views[about["view"]]["lit"] is not None, place)
 
-    views = {view: view_of(row) for view, row in {about["view"]: row for row, about in pictures}.items()}
     with ThreadPoolExecutor() as threads:
         cells = list(threads.map(cell_of, pictures))
     if not any(cell["picture"] or cell["mask"] for cell in cells):
@@ -159,9 +139,25 @@ def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str
     return {"cells": cells, "views": views, "notes": notes}
 
 
-def no_pictures(folder: Folder) -> str:
-    """A note that a folder has no pictures."""
-    return f"No pictures: {folder.folder.name} has neither pictures/ nor masks/ of these cells."
+def _view(folder: Path, row: Record, place: Place) -> dict[str, Any]:
+    name, size = ".".join(str(row[part]) for part in ("scene", "view", "light", "view_size")), row["view_size"]
+    return {
+        "truth": _image(folder / f"{name}.png", size, place),
+        "undecided": _image(folder / f"{name}.undecided.png", size, place),
+        "lit": _image(folder / f"{name}.lit.png", None, place),
+        "ambient": _image(folder / f"{name}.ambient.png", None, place),
+    }
+
+
+def _cell(folder: Path, row: Record, about: dict[str, Any], shaded: bool, place: Place) -> dict[str, Any]:
+    mask = _image(folder / "masks" / f"{row['key']}.png", row["view_size"], place)
+    command = shlex.join(["shadowbench", "view", os.path.relpath(folder), "--cell", row["key"]])
+    return about | {
+        "command": "" if "content" in row else command,  # not of a mask of another renderer
+        "soft": is_soft(row["metrics"]),
+        "mask": mask,
+        "picture": None if mask and shaded else _image(folder / "pictures" / f"{row['key']}.png", None, place),
+    }
 
 
 def difference(
@@ -187,8 +183,10 @@ def read_view(file: Path, size: int) -> NDArray[np.float32]:
     return visibility
 
 
-def _encoded(file: Path, size: int | None) -> str:
-    """Data URI of a mask of a view of `size` pixels, lossless, or of a picture for None."""
+def _image(file: Path, size: int | None, place: Place) -> Any:
+    """A mask of a view of `size` pixels, lossless, or a picture for None, as data URI; None without a file."""
+    if not file.exists():
+        return None
     if size is not None:
         image = Image.fromarray(np.rint(read_view(file, size) * 255).astype(np.uint8))
     else:
@@ -199,4 +197,4 @@ def _encoded(file: Path, size: int | None) -> str:
             raise InputError(f"{file}: cannot be read as an image; allowed: a PNG") from None
     encoded = io.BytesIO()
     image.save(encoded, format="WEBP", lossless=size is not None, quality=80 if size is None else 60, method=3)
-    return "data:image/webp;base64," + base64.b64encode(encoded.getvalue()).decode()
+    return place(str(file), "data:image/webp;base64," + base64.b64encode(encoded.getvalue()).decode())

@@ -1,6 +1,5 @@
 """Reading run folders: rows, `run.json`, and the cells of the last command."""
 
-import gc
 import re
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
@@ -38,10 +37,7 @@ _COMMA = re.compile(r",(?![^()]*\))")  # outside parentheses
 
 
 def identity(record: Record) -> tuple[Any, ...]:
-    """Identity of a cell, by which cells of two runs are matched, independent of source code.
-
-    The order of a spec's parameters, which follows the code, does not matter.
-    """
+    """Identity of a cell, by which cells of two runs are matched whatever the code and its order of parameters."""
     return _parts_of(record["full_spec"]), *_identity_of(record)
 
 
@@ -138,13 +134,7 @@ def read_folders(folders: Sequence[Path], fields: Set[str] | None = None) -> tup
     paths = list(dict.fromkeys(folder.resolve() for folder in folders))
     names = [path.name for path in paths]
     labels = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
-    collecting = gc.isenabled()
-    gc.disable()  # rows have no cycles, and the search for them would take a third of the time
-    try:
-        found = [_read(path, label, fields) for path, label in zip(paths, labels, strict=True)]
-    finally:
-        if collecting:
-            gc.enable()
+    found = [_read(path, label, fields) for path, label in zip(paths, labels, strict=True)]
     return [one for one in found if isinstance(one, Run)], [one for one in found if isinstance(one, Sweep)]
 
 
@@ -157,10 +147,7 @@ def read_runs(folders: Sequence[Path], fields: Set[str] | None = None) -> list[R
 
 
 def write_cells(folder: Path, positions: SweepPositions) -> Run:
-    """Write `table.csv`, one line per cell of the folder, and return the folder.
-
-    positions: of specs in the bias sweeps of the command that has just written `run.json`.
-    """
+    """Write `table.csv`, a line per cell of the folder, which is returned; positions: of specs in new bias sweeps."""
     (run,) = read_runs([folder])
     names = ["spec", "map_size"]
     cells = pd.DataFrame([[row[name] for name in names] for row in run.rows], columns=names)

@@ -143,7 +143,7 @@ class Viewer:
         """Show another scene from its first camera, under its first light. Raises InputError."""
         scene = origin.load()
         shown = replace(self.state, scene=scene, camera=scene.cameras[0], light=scene.lights[0], origin=origin)
-        self.change(replace(shown, colors=(), coordinates="relative", phase=0))
+        self.change(replace(shown, coordinates="relative", phase=0))
 
     def step(self) -> None:
         """Bring everything up to date that a frame of the window shows."""
@@ -182,7 +182,7 @@ class Viewer:
 
     @staticmethod
     def _drawing_key(state: ViewerState) -> tuple[object, ...]:
-        return (*state.viewed, state.specs, state.coordinates, state.phase, state.colors)
+        return (*state.viewed, state.specs, state.coordinates, state.phase)
 
     def _draw(self, size: int) -> bool:
         """Draw the masks unless they are of this state and size; whether they were drawn."""

@@ -15,7 +15,7 @@ from shadowbench.measure.rendering import LoadedScene, checked_texture, declared
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
-from shadowbench.viewer.state import ViewerState, recolored
+from shadowbench.viewer.state import ViewerState
 
 SHRINKS = (1, 2, 4)
 SMOOTH_MS = 50.0
@@ -80,7 +80,6 @@ class Drawing:
     def __init__(self, device: Device) -> None:
         self.device, self.clock = device, Clock(device)
         self._loaded: LoadedScene | None = None
-        self._colors: object = None
         self._built: dict[tuple[Spec, int], tuple[Technique, Stage]] = {}
 
     def draw(self, state: ViewerState, size: int) -> Drawn:
@@ -134,15 +133,10 @@ class Drawing:
         return with_cost(work | declared_work(technique, drawn.size**2, facts))
 
     def _load(self, state: ViewerState) -> LoadedScene:
-        loaded = self._loaded
-        if loaded is None or not loaded.matches(state.scene, state.coordinates):
+        if self._loaded is None or not self._loaded.matches(state.scene, state.coordinates):
             self.reload()
-            loaded = self._loaded = LoadedScene(self.device, state.scene, state.coordinates)
-            self._colors = ()
-        if self._colors != state.colors:
-            loaded.geometry.recolor(recolored(state.scene, dict(state.colors)).geometry.colors)
-            self._colors = state.colors
-        return loaded
+            self._loaded = LoadedScene(self.device, state.scene, state.coordinates)
+        return self._loaded
 
     def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> Technique | str:
         """A built technique; or why there is none. It may raise anything, which is shown in place of its picture."""

@@ -1,7 +1,6 @@
 """The pictures of the window: each pane's, with what explains it, and that of the shadow map."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import get_args
 
 import moderngl
@@ -33,30 +32,21 @@ LARGEST_MAP = 1024
 """Largest side of a shown shadow map, in pixels: of a larger one every n-th texel is shown."""
 
 
-@dataclass(frozen=True, eq=False)
-class TruthTextures:
-    """A truth as textures of a size: visibility with, in y, whether a pixel is scored; blockers' distances, up to 1."""
-
-    traced: Traced
-    size: int
-    visibility: moderngl.Texture
-    blocker: moderngl.Texture
-
-
 class Panes:
     """Draws the picture of each pane."""
 
     def __init__(self, device: Device) -> None:
         self.device = device
         self._passes: dict[Overlay, Drawable] = {}
-        self._truth: TruthTextures | None = None
+        self._truth: dict[str, moderngl.Texture] = {}  # by their names in the shader, and of what they are
+        self._truth_of: tuple[Traced, int] | None = None
 
     def draw(self, drawn: Drawn, state: ViewerState, source: Source, traced: Traced | None) -> moderngl.Texture | None:
         """A texture that the caller releases: the picture of A, B or the truth; None if there is none.
 
         state: says how to show it; traced: the truth of the drawn view, None if it is not traced yet.
         """
-        truth = self._textures(traced, drawn.size) if traced else None
+        truth = self._textures(traced, drawn.size) if traced else {}
         shown = _shown(drawn, source, truth)
         if shown is None:
             return None
@@ -66,9 +56,7 @@ class Panes:
         texels = technique.texels() if technique and state.overlay == "texels" else None
         shadows = visibility if state.shadows else drawn.lit
         picture = drawn.loaded.picture_pass.shade(drawn.frame.surface, drawn.frame.view, shadows, tint, state.shading)
-        textures = {"picture": picture, "visibility": visibility}
-        textures |= {"truth": truth.visibility, "blocker": truth.blocker} if truth else {}
-        textures |= {"texels": texels} if texels else {}
+        textures = {"picture": picture, "visibility": visibility, **truth, **({"texels": texels} if texels else {})}
         if state.overlay not in _DEFINES or _DEFINES[state.overlay][1] not in textures:
             return picture
         overlaid = self._overlaid(drawn, state.overlay, textures, soft=bool(traced and traced.soft))
@@ -117,35 +105,33 @@ class Panes:
             self._passes[overlay] = Drawable(program, vertices, count=3)
         return self._passes[overlay]
 
-    def _textures(self, traced: Traced, size: int) -> TruthTextures:
-        """The textures of a truth, made once; a coarse one is enlarged."""
-        held = self._truth
-        if held is None or held.traced is not traced or held.size != size:
+    def _textures(self, traced: Traced, size: int) -> dict[str, moderngl.Texture]:
+        """A truth as textures, made once: visibility, in y whether a pixel is scored; blockers' distances, up to 1."""
+        if self._truth_of != (traced, size):
             self._free_truth()
             known = np.isfinite(traced.blocker)
-            reach = traced.blocker.max(where=known, initial=1e-30)
-            blocker = np.where(known, traced.blocker / reach, -1.0)
-            scored = np.dstack([traced.visibility, traced.scored])
-            held = self._truth = TruthTextures(traced, size, self._texture(scored, size), self._texture(blocker, size))
-        return held
+            blocker = np.where(known, traced.blocker / traced.blocker.max(where=known, initial=1e-30), -1.0)
+            images = {"truth": np.dstack([traced.visibility, traced.scored]), "blocker": blocker}
+            self._truth = {name: self._texture(image, size) for name, image in images.items()}
+            self._truth_of = (traced, size)
+        return self._truth
 
     def _texture(self, values: NDArray[np.floating], size: int) -> moderngl.Texture:
-        """A texture of size × size pixels, each the nearest of an image, whose row 0 is at the top."""
+        """A texture of size × size pixels, each the nearest of a perhaps coarser image with row 0 at the top."""
         nearest = (np.arange(size) * len(values)) // size
         pixels = values[nearest[::-1, np.newaxis], nearest].astype(np.float32)
         return self.device.context.texture((size, size), pixels.size // size**2, pixels.tobytes(), dtype="f4")
 
     def _free_truth(self) -> None:
-        if self._truth is not None:
-            self.device.free((self._truth.visibility, self._truth.blocker))
-            self._truth = None
+        self.device.free(self._truth.values())
+        self._truth, self._truth_of = {}, None
 
 
 def _shown(
-    drawn: Drawn, source: Source, truth: TruthTextures | None
+    drawn: Drawn, source: Source, truth: Mapping[str, moderngl.Texture]
 ) -> tuple[Technique | None, moderngl.Texture] | None:
     """The technique of a source, and its visibility: 1 where it failed; None if there is nothing to show."""
     if source == "truth":
-        return (None, truth.visibility) if truth else None
+        return (None, truth["truth"]) if truth else None
     mask = dict(zip("AB", drawn.masks, strict=False)).get(source)
     return (mask.technique, mask.visibility or drawn.lit) if mask else None

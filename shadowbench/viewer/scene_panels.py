@@ -17,7 +17,7 @@ from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.lights import azimuth_elevation, sun_at, with_kind
-from shadowbench.viewer.state import Origin, materials
+from shadowbench.viewer.state import Origin
 from shadowbench.viewer.technique_panel import choice, number, tooltip
 
 KIND_HELP: Mapping[LightShape, str] = {
@@ -38,7 +38,6 @@ _SHADING_LIMITS = {"ambient": (0.0, 4.0), "diffuse": (0.0, 4.0), "specular": (0.
 _SUN = f"{math.degrees(SUN_RADIUS):.2f}°"
 _FASTEST = 60.0  # turns a minute of a travelling light
 _SIZES = (128, 256, 512, 768, 1024, 2048)
-_MOST_MATERIALS = 40
 
 
 def scene_panel(viewer: Viewer) -> None:
@@ -114,14 +113,7 @@ def shading_panel(viewer: Viewer) -> None:
         name, value = field.name, getattr(state.shading, field.name)
         label = SHADING_LABELS.get(name)
         values[name] = _color(f"{label}##{name}", value) if label else number(name, value, *_SHADING_LIMITS[name])
-    imgui.text_disabled("materials")
-    own, colors = materials(state.scene), dict(state.colors)
-    for name, color in list(own.items())[:_MOST_MATERIALS]:
-        new = _color(f"{name}##material", colors.get(name, color))
-        if new != colors.get(name, color):
-            colors[name] = new
-    changed = replace(state, shading=Shading(**values), shadows=shadows, colors=tuple(colors.items()))
-    viewer.change(changed, "shading")
+    viewer.change(replace(state, shading=Shading(**values), shadows=shadows), "shading")
 
 
 def _color(label: str, color: Vec3) -> Vec3:

@@ -1,7 +1,6 @@
 """Everything that the window shows, as one immutable value, and its history for undo and redo."""
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -12,7 +11,6 @@ from shadowbench.options import FIRST, SceneOptions
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
-from shadowbench.scenes.vectors import Vec3
 from shadowbench.scenes.views import Named, opened
 
 Layout = Literal["one", "wipe", "side by side"]
@@ -21,7 +19,6 @@ Overlay = Literal["picture", "error", "mask", "normals", "N·L", "texels", "bloc
 OVERLAYS = get_args(Overlay)
 
 MOST_UNDO = 500
-_COPY = re.compile(r"( \d+)+$")  # what a repeated mesh's name ends with
 
 
 @dataclass(frozen=True)
@@ -47,8 +44,7 @@ class ViewerState:
     """What the window shows.
 
     size: of the image, in pixels along a side; origin: of the scene, None for one that no file has, such as a sweep's;
-    coordinates: in which it is drawn; phase: see `Phase`; colors: linear RGB by the name of a `material`, in place of
-    the scene's; wipe: the share of the picture that `left` takes.
+    coordinates: in which it is drawn; phase: see `Phase`; wipe: the share of the picture that `left` takes.
     """
 
     scene: Scene
@@ -60,7 +56,6 @@ class ViewerState:
     coordinates: Coordinates = "relative"
     phase: int = 0
     shading: Shading = field(default_factory=Shading)
-    colors: tuple[tuple[str, Vec3], ...] = ()
     shadows: bool = True
     layout: Layout = "wipe"
     left: Source = "A"
@@ -92,22 +87,6 @@ class ViewerState:
         """With another version of its scene, whose camera and light of the same names it has unless they were moved."""
         camera = _followed(self.camera, self.scene.cameras, scene.cameras)
         return replace(self, scene=scene, camera=camera, light=_followed(self.light, self.scene.lights, scene.lights))
-
-
-def material(name: str) -> str:
-    """Name of what a mesh is a part of: without the numbers of a repetition."""
-    return _COPY.sub("", name)
-
-
-def materials(scene: Scene) -> Mapping[str, Vec3]:
-    """The colours of a scene's materials, by name."""
-    return {material(mesh.name): mesh.color for mesh in reversed(scene.meshes)}
-
-
-def recolored(scene: Scene, colors: Mapping[str, Vec3]) -> Scene:
-    """The scene with other colours of some materials."""
-    meshes = (replace(mesh, color=colors.get(material(mesh.name), mesh.color)) for mesh in scene.meshes)
-    return replace(scene, meshes=tuple(meshes)) if colors else scene
 
 
 @dataclass(frozen=True)

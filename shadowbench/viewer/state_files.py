@@ -69,8 +69,11 @@ class ViewerTable(Strict):
     right: Source = "truth"
     wipe: float = Field(0.5, ge=0, le=1)
     overlay: Overlay = "picture"
-    colors: dict[str, Color] = Field({})
+    colors: dict[str, Color] = Field({})  # of materials, which the window once changed
     shading: ShadingTable = ShadingTable()
+
+
+SHOWN = [name for name in ViewerTable.model_fields if name not in ("techniques", "colors", "shading")]
 
 
 def read_state(file: Path, techniques: Techniques, assets: Path | None = None) -> ViewerState:
@@ -80,11 +83,11 @@ def read_state(file: Path, techniques: Techniques, assets: Path | None = None) -
         table = ViewerTable.model_validate(read_document(file).viewer)
     except ValidationError as error:
         raise explain(f"{file.name}: [viewer]", error) from None
-    shown: dict[str, Any] = dict(table)
-    specs = tuple(parse_spec(text, techniques) for text in shown.pop("techniques"))
-    shown |= {"colors": tuple(table.colors.items()), "shading": Shading(**dict(table.shading))}
+    shown = {name: getattr(table, name) for name in SHOWN}
+    specs = tuple(parse_spec(text, techniques) for text in table.techniques)
     origin = Origin(str(file), SceneOptions(assets))
-    return ViewerState(scene, scene.cameras[0], scene.lights[0], specs, origin=origin, **shown)
+    shading = Shading(**dict(table.shading))
+    return ViewerState(scene, scene.cameras[0], scene.lights[0], specs, origin=origin, shading=shading, **shown)
 
 
 def save_state(state: ViewerState, file: Path) -> None:
@@ -98,8 +101,7 @@ def save_state(state: ViewerState, file: Path) -> None:
         raise InputError(f"{file}: the scene is drawn in absolute coordinates, which no scene file can say")
     check_outputs(".toml", file)
     own = state.origin.file if state.origin else None
-    viewer = {name: getattr(state, name) for name in ViewerTable.model_fields if name != "techniques"}
-    viewer |= {"colors": dict(state.colors), "shading": asdict(state.shading)}
+    viewer = {name: getattr(state, name) for name in SHOWN} | {"shading": asdict(state.shading)}
     camera = asdict(state.camera) | {"fov_y": math.degrees(state.camera.fov_y)}
     angles = {"angle": math.degrees(state.light.angle), "angular_radius": math.degrees(state.light.radius)}
     light = asdict(state.light) | angles

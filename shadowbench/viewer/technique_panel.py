@@ -3,7 +3,6 @@
 import math
 from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
@@ -28,29 +27,6 @@ DIGITS = 6  # that a slider keeps: its numbers are float32
 SUM = "+"  # the name of the sum of two biases
 DEFAULT, CUSTOM = "default", "custom"  # beside the names of presets
 Model = TypeVar("Model", TechniqueParams, Component)
-Kind = Literal["flag", "choice", "whole", "number", "component", "spec", "text"]
-
-
-@dataclass(frozen=True)
-class Widget:
-    """The widget of one parameter.
-
-    value: of the parameter; of a component or a spec its name; of a text, the kind of every type without a widget of
-    its own, what a spec says and `parse_value` reads; low, high: limits of a number, None if there is none; decades:
-    whether a number's range, or the place of its default in it, asks for a logarithmic slider; choices: of a choice,
-    the names of components or of techniques, each with its help; help: with what is allowed; inner: the model whose
-    widgets unfold below.
-    """
-
-    key: str
-    kind: Kind
-    value: Any
-    help: str
-    low: float | None = None
-    high: float | None = None
-    decades: bool = False
-    choices: Mapping[Any, str] = field(default_factory=dict)
-    inner: BaseModel | None = None
 
 
 def edited_spec(spec: Spec, techniques: Techniques) -> Spec:
@@ -70,65 +46,109 @@ def edited_spec(spec: Spec, techniques: Techniques) -> Spec:
 
 def _edited(model: Model) -> Model:
     """Parameters after this frame's edits; the same object if there were none."""
-    for widget in widgets(model):
-        value = _input(widget)
-        if value != widget.value:
-            return with_value(model, widget.key, value)
-        if widget.inner is not None and type(widget.inner).model_fields:
+    for key, info in type(model).model_fields.items():
+        value = getattr(model, key)
+        shown = name_of(value)
+        new = _input(key, info, shown, choices_of(info, value))
+        if new != shown:
+            return with_value(model, key, new)
+        inner = value.params if isinstance(value, Spec) else value
+        if isinstance(inner, BaseModel) and type(inner).model_fields:
             imgui.indent()
-            imgui.push_id(widget.key)
-            inner = _edited(widget.inner)  # type: ignore[type-var]  # parameters or a component
+            imgui.push_id(key)
+            changed = _edited(inner)  # type: ignore[type-var]  # parameters or a component
             imgui.pop_id()
             imgui.unindent()
-            if inner is not widget.inner:
-                return with_inner(model, widget.key, inner)
+            if changed is not inner:
+                return with_inner(model, key, changed)
     return model
 
 
-def _input(widget: Widget) -> Any:
-    """Draw a widget and return its value."""
-    value: Any = widget.value
-    match widget.kind:
-        case "choice" | "component" | "spec":
-            return choice(widget.key, value, widget.choices, widget.help)
-        case "flag":
-            value = imgui.checkbox(widget.key, value)[1]
-        case "text":
-            changed, text = imgui.input_text(widget.key, value, imgui.InputTextFlags_.enter_returns_true)
-            value = parse_value(text) if changed else value
-        case "whole":
-            return _whole(widget)
-        case "number":
-            value = number(widget.key, value, widget.low, widget.high, widget.decades)
-    tooltip(widget.help)
+def name_of(value: Any) -> Any:
+    """What is shown of a value: of a component or a spec its name."""
+    if isinstance(value, Component):
+        return SUM if isinstance(value, Sum) else value.name
+    return value.technique.name if isinstance(value, Spec) else value
+
+
+def choices_of(info: FieldInfo, value: Any) -> Mapping[Any, str]:
+    """What a parameter is chosen from: components, techniques or words, each with its help; empty if it is entered."""
+    if isinstance(value, Component):
+        family = type(value).family()
+        names = {name: summary(component) for name, component in family.table.items()}
+        return names | ({SUM: "two that act together"} if issubclass(Sum, family) else {})
+    if isinstance(value, Spec):
+        return {one.name: summary(one) for one in own_techniques() if not one.catalogue.soft_only}
+    return dict.fromkeys(get_args(info.annotation), "") if get_origin(info.annotation) is Literal else {}
+
+
+def _input(key: str, info: FieldInfo, value: Any, choices: Mapping[Any, str]) -> Any:
+    """Draw the widget of a parameter and return its value."""
+    told = allowed(info)
+    help = f"{info.description or key}{f' ({told})' if told else ''}"
+    if choices:
+        return choice(key, value, choices, help)
+    is_slid = isinstance(value, int | float) and abs(value) < BEYOND
+    if isinstance(value, bool):
+        value = imgui.checkbox(key, value)[1]
+    elif is_slid and isinstance(value, int):
+        return _whole(key, info, value, help)
+    elif is_slid:
+        value = number(key, value, *limits(info), _spans_decades(info, value))
+    else:  # every type without a widget of its own: as in a spec
+        changed, text = imgui.input_text(key, format_value(value), imgui.InputTextFlags_.enter_returns_true)
+        value = parse_value(text) if changed else value
+    tooltip(help)
     return value
 
 
-def _whole(widget: Widget) -> int:
+def _whole(key: str, info: FieldInfo, value: int, help: str) -> int:
     """A number of the limits, or one that is dragged; of one that spans decades also buttons for half and double."""
-    low = 1 - BEYOND if widget.low is None else max(int(widget.low), 1 - BEYOND)
-    high = BEYOND - 1 if widget.high is None else min(int(widget.high), BEYOND - 1)
-    flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if widget.decades else 0)
-    if widget.low is None or widget.high is None:
-        value = int(imgui.drag_int(widget.key, widget.value, 0.1, low, high, "%d", flags)[1])
+    low, high = limits(info)
+    least = 1 - BEYOND if low is None else max(int(low), 1 - BEYOND)
+    most = BEYOND - 1 if high is None else min(int(high), BEYOND - 1)
+    decades = _spans_decades(info, value)
+    if low is None or high is None:
+        value = int(imgui.drag_int(key, value, 0.1, least, most, "%d", imgui.SliderFlags_.always_clamp)[1])
     else:
-        value = int(imgui.slider_int(widget.key, widget.value, low, high, "%d", flags)[1])
-    tooltip(widget.help)
-    for text, factor in (("½", 0.5), ("×2", 2.0)) if widget.decades else ():
+        value = int(imgui.slider_int(key, value, least, most, "%d", _flags(decades))[1])
+    tooltip(help)
+    for text, factor in (("½", 0.5), ("×2", 2.0)) if decades else ():
         imgui.same_line()
-        if imgui.small_button(f"{text}##{widget.key}"):
-            value = min(max(int(value * factor), low), high)
+        if imgui.small_button(f"{text}##{key}"):
+            value = min(max(int(value * factor), least), most)
     return value
+
+
+def _flags(decades: bool) -> int:
+    return int(imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if decades else 0))
+
+
+def _spans_decades(info: FieldInfo, value: float) -> bool:
+    """Whether a number's range, or the place of its default in it, asks for a logarithmic slider."""
+    low, high = limits(info)
+    default = info.default if isinstance(info.default, int | float) else value
+    return low is not None and high is not None and (high - low > 100 or abs(default) < high / 50)
+
+
+def limits(info: FieldInfo) -> tuple[float | None, float | None]:
+    """The limits that a number may reach, None if there is none: of an open one, a millionth of it inside."""
+    found: dict[str, float] = {}
+    for constraint in info.metadata:
+        for name, end, inside in (("ge", "low", 0.0), ("gt", "low", 1e-6), ("le", "high", 0.0), ("lt", "high", -1e-6)):
+            limit = getattr(constraint, name, None)
+            if limit is not None:
+                found[end] = limit + (abs(limit) or 1.0) * inside
+    return found.get("low"), found.get("high")
 
 
 def number(label: str, value: float, low: float | None, high: float | None, decades: bool = False) -> float:
     """A slider, or without limits a number that is dragged; the value itself unless it was edited."""
-    flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if decades else 0)
     least, most = -LARGEST if low is None else low, min(LARGEST if high is None else high, LARGEST)
     if low is not None and high is not None:
-        changed, new = imgui.slider_float(label, value, least, most, "%.6g", flags)
+        changed, new = imgui.slider_float(label, value, least, most, "%.6g", _flags(decades))
     else:
-        changed, new = imgui.drag_float(label, value, max(abs(value), 1e-3) / 100, least, most, "%.6g", flags)
+        changed, new = imgui.drag_float(label, value, max(abs(value), 1e-3) / 100, least, most, "%.6g", _flags(decades))
     return float(f"{new:.{DIGITS}g}") if changed and math.isfinite(new) else value  # "nan" can be typed
 
 
@@ -156,50 +176,6 @@ def tooltip(text: str) -> None:
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
-
-
-def widgets(model: BaseModel) -> list[Widget]:
-    """The widgets of a technique's or a component's parameters."""
-    return [_widget(key, info, getattr(model, key)) for key, info in type(model).model_fields.items()]
-
-
-def _widget(key: str, info: FieldInfo, value: Any) -> Widget:
-    told = allowed(info)
-    help = f"{info.description or key}{f' ({told})' if told else ''}"
-    if isinstance(value, Component):
-        family = type(value).family()
-        names = {name: summary(component) for name, component in family.table.items()}
-        names |= {SUM: "two that act together"} if issubclass(Sum, family) else {}
-        name = SUM if isinstance(value, Sum) else value.name
-        return Widget(key, "component", name, help, choices=names, inner=value)
-    if isinstance(value, Spec):
-        names = {one.name: summary(one) for one in own_techniques() if not one.catalogue.soft_only}
-        return Widget(key, "spec", value.technique.name, help, choices=names, inner=value.params)
-    if get_origin(info.annotation) is Literal:
-        return Widget(key, "choice", value, help, choices=dict.fromkeys(get_args(info.annotation), ""))
-    if isinstance(value, bool):
-        return Widget(key, "flag", value, help)
-    if isinstance(value, int | float) and abs(value) < BEYOND:
-        return _number(key, info, value, help)
-    return Widget(key, "text", format_value(value), help)
-
-
-def _number(key: str, info: FieldInfo, value: float, help: str) -> Widget:
-    low, high = _limit(info, "ge", "gt"), _limit(info, "le", "lt")
-    default = info.default if isinstance(info.default, int | float) else value
-    decades = low is not None and high is not None and (high - low > 100 or abs(default) < high / 50)
-    return Widget(key, "whole" if isinstance(value, int) else "number", value, help, low, high, decades)
-
-
-def _limit(info: FieldInfo, closed: str, open: str) -> float | None:
-    """A limit that a number may reach: of an open one, a millionth of it inside."""
-    for one in info.metadata:
-        if getattr(one, closed, None) is not None:
-            return float(getattr(one, closed))
-        if getattr(one, open, None) is not None:
-            limit = float(getattr(one, open))
-            return limit + (abs(limit) or 1.0) * (1e-6 if open == "gt" else -1e-6)
-    return None
 
 
 def with_value(model: Model, key: str, value: Any) -> Model:

@@ -166,31 +166,27 @@ def shadowed(little: Little) -> bool:
     return bool(traced(little.view(32)).shadow.mean() > SHADOWED)
 
 
-def check(studio: Any, law: str, name: str, kind: str, lights: frozenset, how: settings) -> None:
+@pytest.mark.parametrize(
+    "how",
+    [
+        pytest.param(None, id="few scenes"),
+        pytest.param(MORE, id="10 scenes", marks=pytest.mark.slow),
+        pytest.param(THOROUGH, id="40 scenes", marks=[pytest.mark.slow, pytest.mark.exhaustive]),
+    ],
+)
+@pytest.mark.parametrize(("law", "name", "claim"), CLAIMED)
+def test_law(studio, law, name, claim, how) -> None:
     subject = subjects()[name]
 
-    @how
-    @given(littles(subject.lights & lights), st.integers(0, 2**32 - 1))
+    @(how or (MORE if name == "truth" else SOME))
+    @given(littles(subject.lights & claim.lights), st.integers(0, 2**32 - 1))
     def holds(little: Little, seed: int) -> None:
         assume(shadowed(little))
         view = little.view(PIXELS[subject.spec is None])
-        CHECKS[kind](Case(studio, subject, little, (view, LAWS[law](view, np.random.default_rng(seed)))))
+        changed = LAWS[law](view, np.random.default_rng(seed))
+        CHECKS[claim.kind](Case(studio, subject, little, (view, changed)))
 
     holds()
-
-
-@pytest.mark.parametrize(("law", "name", "claim"), CLAIMED)
-def test_law(studio, law, name, claim) -> None:
-    check(studio, law, name, claim.kind, claim.lights, MORE if name == "truth" else SOME)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "how", [pytest.param(MORE, id="10 scenes"), pytest.param(THOROUGH, id="40 scenes", marks=pytest.mark.exhaustive)]
-)
-@pytest.mark.parametrize(("law", "name", "claim"), CLAIMED)
-def test_law_on_many_scenes(studio, law, name, claim, how) -> None:
-    check(studio, law, name, claim.kind, claim.lights, how)
 
 
 def test_the_table_has_every_law_and_every_technique() -> None:

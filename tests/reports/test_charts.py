@@ -9,9 +9,8 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.report import figures
 from shadowbench.reports.vega import COLORS, MAX_SHOWN, SHAPES, styles_of
-from shadowbench.results.configurations import Section, sections, specs_of
-from shadowbench.results.folder import read_runs
-from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell, marks, texts
+from shadowbench.results.configurations import Section, specs_of
+from tests.reports.conftest import TRUTH_ERROR, Cell, marks, texts
 
 Chart = dict[str, Any]
 TEXT_WIDTH = 6  # pixels of a letter, on average
@@ -68,16 +67,6 @@ def test_no_label_of_the_front_is_cut_at_the_right_edge(measured) -> None:
         length = TEXT_WIDTH * len(mark["text"])
         start = mark["x"] + mark["dx"] - (length if mark.get("align") == "right" else 0)
         assert start >= 0 and start + length <= width, mark
-
-
-def test_the_times_of_two_machines_share_no_chart(run_folder) -> None:
-    fast = [Cell(cell.spec, cell.map_size, cell.error, cell.ms / 100) for cell in CELLS if cell.ms]
-    folders = [run_folder(name="slow"), run_folder(fast, name="fast", software=False, processor="Another")]
-    (parts,) = sections(read_runs(folders)).values()
-    assert [part.run.label for part in parts] == ["slow", "fast"]
-    for part, times in zip(parts, ({cell.ms for cell in CELLS} - {None}, {cell.ms for cell in fast}), strict=True):
-        front, _, passes = charts(part)
-        assert set(values(front, "ms")) == times and set(values(passes, "frame")) <= times
 
 
 def test_only_what_was_measured_is_drawn(measured) -> None:

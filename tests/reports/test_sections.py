@@ -37,14 +37,6 @@ def test_the_front_leaves_out_what_is_slower_and_worse(measured) -> None:
     assert untimed.front == [] and time_source(untimed.run) == "nothing was timed"
 
 
-def test_times_and_errors_are_medians_over_the_cells(measured) -> None:
-    cells = [Cell("a", 512, error, ms, phase=phase) for phase, (error, ms) in enumerate([(0.1, 3), (0.3, 4), (0.2, 9)])]
-    (one,) = measured(*cells)[0].timed
-    assert one.value("frame_ms") == 4
-    assert one.error is not None and one.error.median == pytest.approx(0.2)
-    assert one.error.low is not None and one.error.low <= 0.2 <= (one.error.high or 0)
-
-
 def test_what_has_no_score_is_listed_with_its_sizes_phases_and_reason(measured) -> None:
     dark = [Cell("a", size, None, None, status="unsupported: no ground") for size in (1024, 512)]
     late = [Cell("b", 512, 0.1, 3.0), Cell("b", 512, None, None, phase=1, status="failed: too slow")]

@@ -105,8 +105,7 @@ class Driver:
         """Drag a slider to a share of its frame, which ends before its label."""
         start = self.place(label, panel)
         left, _, right, _, _ = drawn[panel, label]
-        end = right - 8 * len(label)
-        self.drag(start, (left + share * (end - left), start[1]))
+        self.drag(start, (left + share * (right - 8 * len(label) - left), start[1]))
 
     def scored(self) -> None:
         """Wait until all that is shown is scored."""

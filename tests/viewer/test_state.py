@@ -8,7 +8,7 @@ import pytest
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import View
-from shadowbench.viewer.state import History, ViewerState, materials, recolored
+from shadowbench.viewer.state import History, ViewerState
 
 
 @pytest.fixture
@@ -48,11 +48,3 @@ def test_layouts_show_their_sources(state: ViewerState) -> None:
     beside = replace(state, layout="side by side")
     assert beside.sources == ("A", "truth")
     assert beside.with_spec(1, state.specs[0]).sources == ("A", "B", "truth")
-
-
-def test_copies_of_a_mesh_are_one_material(state: ViewerState) -> None:
-    assert set(materials(state.scene)) == {"plane", "board", "rail"}
-    red = recolored(state.scene, {"board": (1.0, 0.0, 0.0)})
-    boards = [mesh for mesh in red.meshes if mesh.name.startswith("board")]
-    assert len(boards) > 1 and all(mesh.color == (1.0, 0.0, 0.0) for mesh in boards)
-    assert materials(red)["plane"] == materials(state.scene)["plane"]

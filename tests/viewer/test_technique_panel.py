@@ -1,6 +1,7 @@
 """The panel of a technique has a widget for every parameter, and takes no value that a file may not."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,12 @@ from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.viewer.scene_panels import _edited
 from shadowbench.viewer.technique_panel import (
     SUM,
-    Widget,
+    choices_of,
     edited_spec,
+    limits,
     preset_of,
     presets,
     summary,
-    widgets,
     with_inner,
     with_params,
     with_value,
@@ -70,48 +71,64 @@ def odd(tmp_path: Path) -> Spec:
     return parse_spec("odd", techniques([tmp_path / "odd.py"]))
 
 
-def of(model: Any, key: str) -> Widget:
-    return next(one for one in widgets(model) if one.key == key)
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """The functions of Dear ImGui that have drawn widgets, by their labels."""
+    found: dict[str, str] = {}
+
+    def recorded(name: str) -> Callable[..., Any]:
+        make = getattr(imgui, name)
+        return lambda label, *rest: found.update({label: name}) or make(label, *rest)
+
+    for name in ("begin_combo", "checkbox", "drag_float", "drag_int", "input_text", "slider_float", "slider_int"):
+        monkeypatch.setattr(imgui, name, recorded(name))
+    return found
 
 
 @every_technique
-def test_every_parameter_has_a_widget_whose_limits_are_allowed(frame: None, technique: type[Technique]) -> None:
+def test_every_parameter_has_a_widget_whose_limits_are_allowed(
+    frame: None, drawn: dict[str, str], technique: type[Technique]
+) -> None:
     spec = parse_spec(technique.name, KNOWN)
     assert edited_spec(spec, KNOWN) is spec, "a panel that is not touched changes nothing"
-    made = widgets(spec.params)
-    assert [one.key for one in made] == list(technique.Params.model_fields)
-    for one in made:
-        assert (technique.Params.model_fields[one.key].description or "") in one.help
-        for limit in (one.low, one.high):
+    fields = technique.Params.model_fields
+    assert set(fields) <= set(drawn)
+    for key, info in fields.items():
+        for limit in limits(info):
             if limit is not None:
-                value = int(limit) if one.kind == "whole" else limit
-                assert getattr(with_value(spec.params, one.key, value), one.key) == value
+                value = int(limit) if info.annotation is int else limit
+                assert getattr(with_value(spec.params, key, value), key) == value
 
 
 @pytest.mark.parametrize("family", Component.__subclasses__(), ids=lambda one: one.__name__)
-def test_every_component_is_a_choice_and_unfolds_its_own_parameters(family: type[Component]) -> None:
+def test_every_component_is_a_choice_and_unfolds_its_own_parameters(
+    frame: None, drawn: dict[str, str], family: type[Component]
+) -> None:
     host = {"Split": "cascades"}.get(family.__name__, "shadow-map")
-    key, params = family.__name__.lower(), KNOWN[host].Params()
-    choices = of(params, key).choices
+    key, spec = family.__name__.lower(), parse_spec(host, KNOWN)
+    choices = choices_of(type(spec.params).model_fields[key], getattr(spec.params, key))
     assert set(choices) - {SUM} == set(family.table) and all(choices.values()), "each says in a line what it is"
     for name, component in family.table.items():
         if (key, name) in (("split", "fixed"), ("split", "shares")):
             continue  # a split of its own number of slices
-        inner = of(with_value(params, key, name), key).inner
-        assert type(inner) is component
-        assert [one.key for one in widgets(inner)] == list(component.model_fields)
+        drawn.clear()
+        edited_spec(with_params(spec, with_value(spec.params, key, name)), KNOWN)
+        assert set(component.model_fields) <= set(drawn)
 
 
-def test_a_plug_ins_parameters_have_widgets_too(frame: None, odd: Spec) -> None:
+def test_a_plug_ins_parameters_have_widgets_too(frame: None, drawn: dict[str, str], odd: Spec) -> None:
     assert edited_spec(odd, {"odd": odd.technique}) is odd, "they are drawn, without a docstring too"
     assert summary(odd.technique) == ""
-    kinds = {one.key: (one.kind, one.low, one.high, tuple(one.choices)) for one in widgets(odd.params)}
-    assert kinds["width"] == ("whole", 1.0, 64.0, ())
-    assert kinds["level"] == ("number", 0.0, pytest.approx(1.0, rel=1e-5), ())
-    assert kinds["shape"] == ("choice", None, None, ("rows", "columns"))
-    assert kinds["inverted"] == ("flag", None, None, ())
-    assert with_value(odd.params, "level", kinds["level"][2]).level < 1, "an open limit is not reached"
-    assert {kinds[key][0] for key in ("word", "perhaps", "pair", "seed", "far")} == {"text"}
+    assert {key: drawn[key] for key in type(odd.params).model_fields} == {
+        "width": "slider_int",
+        "level": "slider_float",
+        "shape": "begin_combo",
+        "inverted": "checkbox",
+        **dict.fromkeys(("word", "perhaps", "pair", "seed", "far"), "input_text"),
+        **dict.fromkeys(("count", "below"), "drag_int"),
+        "wide": "slider_float",
+    }
+    assert with_value(odd.params, "level", limits(type(odd.params).model_fields["level"])[1]).level < 1, "as is allowed"
 
 
 def test_a_text_is_read_as_in_a_spec(frame: None, odd: Spec, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,9 +25,10 @@ async function showPicture(spec, size, scene) {
 
 // asked: what an address says, which goes before the cell.
 async function openGallery(id, cell, asked) {
-  const { gallery, no_gallery } = await loaded(id), sameScene = id === pictureScene;
+  const { gallery } = await loaded(id), sameScene = id === pictureScene;
   for (const node of document.querySelectorAll("#viewer, #errors")) node.hidden = !gallery;
-  byId("no-pictures").textContent = gallery ? gallery.notes.join(" ") : no_gallery;
+  byId("notes").textContent = gallery?.notes.join(" ");
+  byId("no-pictures").hidden = Boolean(gallery);
   if (!gallery) return;
   if (!sameScene) {
     const sizes = [...new Set(gallery.cells.map((one) => one.size).filter(Boolean))].sort((a, b) => a - b), choice = byId("errors-size");
@@ -80,7 +81,7 @@ async function show(id, asked) {
   if (id !== currentPanel) return; // another was chosen while this was loaded
   for (const node of document.querySelectorAll("[data-panel]")) node.hidden = node.dataset.panel !== id;
   for (const node of document.querySelectorAll(".title-shown")) node.textContent = panel.title;
-  byId("run").value = panel.run;
+  byId("scene").value = id;
   fillTable(rows, columns, shown, (row) => showPicture(row.spec, row.map, row.scene));
   const start = panel.start ?? {}, pictured = PAGE.panels.find((one) => one.run === panel.run && one.title === asked?.get("picture"));
   await Promise.all([drawCharts(charts), openGallery(panel.scenes ? pictured?.id ?? start.scene : id, start, asked)]);
@@ -113,7 +114,7 @@ async function restore() {
   first.mode = modes.includes(asked.get("mode")) ? asked.get("mode") : modes[0];
   legendOf(byId("charts")).wanted = asked.has("spec") ? asked.getAll("spec").filter(Boolean) : null;
   errorsView = null;
-  await show(fillScenes(found ?? PAGE.panels[0]), asked);
+  await show((found ?? PAGE.panels[0]).id, asked);
   written = choices();
   restoring = false;
 }
@@ -136,21 +137,10 @@ function drawCharts({ front, sizes, passes, pass_size }) {
   return Promise.all([draw(chartElement("front"), front, onClick), draw(chartElement("sizes"), sizes, onClick), choice.onchange()]);
 }
 
-// Lists the scenes of a panel's run and chooses the panel, whose id is returned.
-function fillScenes({ id, run }) {
-  const panels = PAGE.panels.filter((panel) => panel.run === run);
-  byId("scene").replaceChildren(...panels.map((panel) => new Option(panel.title, panel.id, false, panel.id === id)));
-  return id;
-}
-
 async function begin() {
   const jobs = [...document.querySelectorAll(".stability")].map(stability);
   if (first) {
     byId("scene").addEventListener("change", () => { window.drawn = show(byId("scene").value); });
-    byId("run").addEventListener("change", () => {
-      const panels = PAGE.panels.filter((one) => one.run === Number(byId("run").value)), { title } = panelOf(currentPanel);
-      window.drawn = show(fillScenes(panels.find((one) => one.title === title) ?? panels[0]));
-    });
     for (const button of document.querySelectorAll(".matrix button")) {
       button.addEventListener("click", () => { window.drawn = showPicture(button.dataset.spec, Number(button.dataset.size), button.dataset.scene); });
     }
