@@ -113,6 +113,8 @@ def _read(sources: Sequence[Path]) -> _Rows:
             rows.notes.append(f"{folder}: the last row is cut off: its command was stopped; {_AGAIN}")
         elif not rows.abouts[folder]:
             rows.notes.append(f"{folder}: found no run.json; if its command was stopped, {_AGAIN}")
+        if not commands and rows.abouts[folder].get("keys") == []:
+            continue  # of a part without views
         if len(commands) != 1:
             found = "cells of `run` and of `stress`" if commands else "no cell"
             raise InputError(f"{folder}: found {found}; allowed: cells of one command")
@@ -120,6 +122,8 @@ def _read(sources: Sequence[Path]) -> _Rows:
         _check_kind(folder, "renderer", renderers, kinds)
         for key, score in scores.items():
             rows.cells.setdefault(key, []).append(score)
+    if not rows.cells:
+        raise InputError(f"{sources[0]}: found no cell, nor in another folder; allowed: cells of one command")
     return rows
 
 
@@ -273,7 +277,7 @@ def _run_file(rows: _Rows, cells: Mapping[str, _Score]) -> dict[str, Any]:
     keys: dict[str, None] = {}
     for folder, about in rows.abouts.items():
         notes |= dict.fromkeys(about.get("assumptions", ()))
-        keys |= dict.fromkeys(about.get("keys") or [key for key, one in cells.items() if one.folder == folder])
+        keys |= dict.fromkeys(about.get("keys", [key for key, one in cells.items() if one.folder == folder]))
     return {
         **main,
         "schema": SCHEMA,
