@@ -19,26 +19,20 @@ STRESS = ("stress", "--quick", "--axis", "elevation", "-t", "unshadowed", "-q")
 NESTED = "[" * 200_000 + "]" * 200_000
 
 
-def put(*place: str, value: Any) -> Spoil:
-    """A change that replaces the value at a path."""
+def put(*place: str, value: Any = ...) -> Spoil:
+    """A change that replaces the value at a path, or removes it."""
 
     def spoil(row: dict[str, Any]) -> None:
         for name in place[:-1]:
             row = row[name]
         row[place[-1]] = value
+        if value is ...:
+            del row[place[-1]]
 
     return spoil
 
 
-def lacking(*place: str) -> Spoil:
-    """A change that removes the value at a path."""
-
-    def spoil(row: dict[str, Any]) -> None:
-        for name in place[:-1]:
-            row = row[name]
-        del row[place[-1]]
-
-    return spoil
+lacking = put
 
 
 def text(line: str | bytes) -> Spoil:
@@ -49,40 +43,25 @@ def text(line: str | bytes) -> Spoil:
 NAN, INFINITY = float("nan"), float("inf")
 SCORES: dict[str, Spoil] = {
     "NaN in a metric": put("metrics", "iou", value=NAN),
-    "infinity in a metric": put("metrics", "iou", value=INFINITY),
     "a metric as text": put("metrics", "iou", value="0.9"),
-    "metrics as a list": put("metrics", value=[0.9]),
     "no metrics": lacking("metrics"),
     "a key that leads out of the folder": put("key", value="../../secret"),
-    "a key that is a number": put("key", value=7),
     "a scene that leads out of the folder": put("scene", value="../../secret"),
     "a light that is a path": put("light", value="/etc/light"),
-    "no scene": lacking("scene"),
     "no full spec": lacking("full_spec"),
-    "a spec that is a list": put("spec", value=["shadow-map"]),
-    "a map size as text": put("map_size", value="16"),
     "a map size of half a texel": put("map_size", value=0.5),
     "a view size below 1": put("view_size", value=-16),
-    "a phase that is null": put("phase", value=None),
     "coordinates of no kind": put("coordinates", value="polar"),
     "another status": put("status", value="fine"),
-    "a status that is a number": put("status", value=1),
-    "no renderer": lacking("renderer"),
     "bytes that are null": put("gpu_bytes", value=None),
     "bytes beyond 64 bits": put("gpu_bytes", value=2**70),
-    "work as text": put("work", value="much"),
     "a count of work that is half": put("work", "draws", value=0.5),
     "NaN in a fact": put("facts", value={"planes": NAN}),
-    "assumptions as text": put("assumptions", value="no camera"),
-    "input as text": put("input", value="mask.png"),
-    "warnings that are a number": put("input", value={"warnings": 3}),
     "NaN beside the warnings": put("input", value={"warnings": [], "gamma": NAN}),
     "infinity in a field that is unknown": put("novel", value=[{"deep": INFINITY}]),
     "another schema": put("schema", value=2),
-    "another kind": put("kind", value="opinion"),
     "no kind": lacking("kind"),
     "half a place on an axis": put("axis", value="elevation"),
-    "a list": text("[]"),
     "200,000 brackets": text(NESTED),
     "half of a surrogate": text('{"schema": 1, "kind": "score", "key": "\\ud800"}'),
     "bytes that are no UTF-8": text(b'{"schema": 1, "kind": "score", "key": "\xff"}'),
@@ -90,47 +69,31 @@ SCORES: dict[str, Spoil] = {
 }
 TIMES: dict[str, Spoil] = {
     "infinity in a time": put("frame_ms", value=INFINITY),
-    "a time as text": put("frame_ms", value="3 ms"),
     "a time below 0": put("frame_ms", value=-1.0),
-    "no rounds": lacking("n"),
     "0 rounds": put("n", value=0),
-    "a ratio below 0": put("ratio", value=-2.0),
     "no ratio and no reason": put("ratio", value=None),
     "no IQR of a ratio": lacking("ratio_iqr"),
     "three quartiles": put("ratio_quartiles", value=[1.0, 2.0, 3.0]),
-    "passes as a list": put("passes", value=[1.0]),
-    "a pass without its time": put("passes", value={"depth": {"iqr_ms": 1.0}}),
     "NaN beside the time of a pass": put("passes", value={"depth": {"ms": 1.0, "novel": NAN}}),
-    "a key in capitals": put("key", value="A" * 24),
 }
 ABOUT: dict[str, Spoil] = {
     "device as text": put("device", value="a GPU"),
     "software as text": put("device", "software", value="yes"),
-    "a version as text": put("device", "version", value="4.5"),
     "machine as a list": put("machine", value=["a processor"]),
-    "a machine's key that is a number": put("machine_key", value=7),
     "assumptions that are numbers": put("assumptions", value=[1, 2]),
-    "assumptions that are null": put("assumptions", value=None),
-    "versions as text": put("versions", value="0.1"),
     "a command that is a list": put("command", value=["shadowbench", "run"]),
-    "a study that is null": put("study", value=None),
     "rounds as text": put("study", "rounds", value="nine"),
-    "keys as text": put("keys", value="all"),
     "a key that leads out": put("keys", value=["../../secret"]),
     "another schema": put("schema", value=2),
     "no JSON": text("{"),
     "200,000 brackets": text(NESTED),
-    "an array": text("[]"),
 }
 POINTS: dict[str, Spoil] = {
     "no axis value": lacking("axis_value"),
-    "an axis value that is a list": put("axis_value", value=[1.0]),
     "NaN on the axis": put("axis_value", value=NAN),
     "a light of no kind": put("light_kind", value="moon"),
-    "no home": lacking("home_spec"),
     "no IoU": lacking("metrics", "iou"),
     "infinity in the flips": put("flips", value=INFINITY),
-    "a key that leads out": put("key", value="../secret"),
 }
 
 
@@ -217,10 +180,8 @@ def test_a_run_json_that_no_run_writes_is_one_line(
     ("table", "named"),
     [
         ("scene,iou\ns,0.9\n", "no column `key`"),
-        ("key\n\xff\xfe\n", "no column `key`"),
         ("key,bias_of\nk,b\n", "no sweep"),
         ("key,spec,map_size,bias_of,bias_factor\nk,s,16,s,twice\n", "no sweep"),
-        ("key,spec,map_size,bias_of,bias_factor\nk,s,inf,s,2\n", "no sweep"),
         ("key,spec,map_size,bias_of,bias_factor,bias_also\nk,s,16,s,2,s × much\n", "no sweep"),
     ],
 )

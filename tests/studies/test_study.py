@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.files import data_folder
 from shadowbench.measure.cells import Block
 from shadowbench.options import Measuring
 from shadowbench.plugin.registry import techniques
@@ -92,11 +91,6 @@ def test_built_in_studies_are_valid(name: str) -> None:
     assert all(block.cells for block in study.blocks())
 
 
-def test_there_are_built_in_studies() -> None:
-    assert {"default", "demo"} <= set(study_names())
-    assert find_study("demo") == data_folder("benchmarks") / "demo.toml"
-
-
 def test_lists_are_crossed(read: ReadStudy) -> None:
     study = read(
         SCENE + '[[technique]]\nspec = "shadow-map:size=64"\nbias = ["none", "slope(max=0.05,min=0.005)"]\n'
@@ -108,9 +102,6 @@ def test_lists_are_crossed(read: ReadStudy) -> None:
         "shadow-map:size=64,bias=slope,filter=hard",
         "shadow-map:size=64,bias=slope,filter=pcf(taps=5)",
     ]
-
-
-def test_a_single_value_needs_no_list(read: ReadStudy) -> None:
     assert specs(read(SCENE + '[[technique]]\nspec = "shadow-map"\nsize = 64\n')) == ["shadow-map:size=64"]
 
 
@@ -231,29 +222,16 @@ def test_a_technique_for_soft_shadows_is_in_the_default_list_where_the_light_has
     assert {spec.technique.name for spec in default_specs(KNOWN.values())} == found[0]
 
 
-def test_a_sweep_multiplies_the_computed_bias(read: ReadStudy) -> None:
-    study = read(SCENE + '[[technique]]\nspec = "shadow-map:bias=texel(scale=2)"\nbias_sweep = [0.25, 1, 4]\n')
-    assert [spec.params.bias.scale for spec in study.specs] == [0.5, 2, 8]  # type: ignore[attr-defined]
-
-
 def test_an_invalid_combination_is_dropped_with_a_note(read: ReadStudy) -> None:
-    study = read(
-        SCENE + '[[technique]]\nspec = "shadow-map"\nbias = ["texel", "none"]\nbias_sweep = [0.5, 2]\n',
-    )
-    assert [spec.text for spec in study.specs] == [
-        "shadow-map:bias=texel(scale=0.5)",
-        "shadow-map:bias=texel(scale=2.0)",
-    ]
+    study = read(SCENE + '[[technique]]\nspec = "shadow-map"\nbias = ["texel", "none"]\nbias_sweep = [0.5, 2]\n')
+    scaled = [f"shadow-map:bias=texel(scale={scale})" for scale in (0.5, 2.0)]
+    assert [spec.text for spec in study.specs] == scaled
     (note,) = study.notes
-    assert "technique 1: dropped" in note
-    assert "bias=none" in note
+    assert "technique 1: dropped" in note and "bias=none" in note
 
 
-def test_file_is_the_first_camera_and_every_light(read: ReadStudy, pair: str) -> None:
+def test_file_is_the_first_camera_and_every_light_and_others_have_names(read: ReadStudy, pair: str) -> None:
     assert named(list(read(pair).blocks())) == [("camera", "light"), ("camera", "noon")]
-
-
-def test_cameras_and_lights_are_chosen_by_name(read: ReadStudy, pair: str) -> None:
     study = read(pair.replace("technique", 'views = ["low", "file"]\nlights = ["noon"]\ntechnique', 1))
     assert named(list(study.blocks())) == [("low", "noon"), ("camera", "noon")]
 
@@ -278,11 +256,6 @@ def test_scenes_are_built_in_names_or_files_beside_the_study(read: ReadStudy, tm
     assert list(dict.fromkeys(block.view.scene.name for block in study.blocks())) == ["pair", "other", "cube-on-plane"]
 
 
-def test_absolute_coordinates_and_limits_are_taken(read: ReadStudy) -> None:
-    study = read(SCENE + 'coordinates = "absolute"\ntime_limit = 1.5\nmemory_limit = 0.5\nabout = "why"\n')
-    assert (study.coordinates, study.time_limit, study.memory_limit, study.about) == ("absolute", 1.5, 0.5, "why")
-
-
 ONE = '[[technique]]\nspec = "shadow-map"\n'
 
 
@@ -292,40 +265,34 @@ ONE = '[[technique]]\nspec = "shadow-map"\n'
         ("scenes = [", ["not TOML"]),
         ("", ["scenes"]),
         ("scenes = []\n", ["scenes"]),
-        ("scenes = [1]\n", ["scenes"]),
+        ("scenes = [1]\n", ["scenes 1", "found 1", "text"]),
         ('[[mesh]]\nshape = "box"\n', ["found a scene file", "a study file, or `shadowbench run`"]),
         (SCENE + "size = 3\n", ["unknown field 'size'", "map_size"]),
         (SCENE + 'assets = "meshes"\n', ["unknown field 'assets'", "about, scenes, map_size"]),
-        (SCENE + "map_size = 0\n", ["map_size", "0"]),
         (SCENE + "map_size = [512, 1.5]\n", ["map_size", "1.5"]),
         (SCENE + "map_size = []\n", ["map_size"]),
         (SCENE + "map_size = 65537\n", ["map_size", "65537"]),
         (SCENE + 'map_size = "512"\n', ["map_size", "'512'"]),
-        (SCENE + "view_size = 0\n", ["view_size", "0"]),
         (SCENE + "view_size = true\n", ["view_size", "True"]),
         (SCENE + "rounds = -1\n", ["rounds", "-1"]),
         (SCENE + "phases = 0\n", ["phases", "0"]),
         (SCENE + 'coordinates = "polar"\n', ["coordinates", "relative", "absolute", "'polar'"]),
-        (SCENE + "time_limit = 0\n", ["time_limit", "0"]),
         (SCENE + "time_limit = nan\n", ["time_limit", "nan"]),
         (SCENE + "memory_limit = -1\n", ["memory_limit", "-1"]),
+        (SCENE + "reference = 3\n", ["reference", "3"]),
         (SCENE + 'reference = "no-map"\n', ["reference", "no-map", "shadow-map"]),
-        (SCENE + "views = []\n", ["views"]),
         (SCENE + "views = [{ position = [0, 1, 5] }]\n", ["views 1", "target"]),
-        (SCENE + "views = [3]\n", ["views"]),
+        (SCENE + "views = [3]\n", ["views 1", "found 3", "a table or text"]),
         (SCENE + 'lights = [{ kind = "moon" }]\n', ["lights 1", "kind", "'moon'", "directional"]),
         (SCENE + "lights = []\n", ["lights"]),
         (SCENE + "technique = []\n", ["technique"]),
         (SCENE + "[[technique]]\nsize = 64\n", ["technique 1", "spec"]),
         (SCENE + '[[technique]]\nspec = "no-map"\n', ["technique 1", "no-map", "shadow-map"]),
-        (SCENE + '[[technique]]\nspec = "shadow-map:taps=3"\n', ["technique 1", "'taps'", "filter"]),
         (SCENE + '[[technique]]\nspec = "shadow-map:preset=nice"\n', ["technique 1", "'nice'", "course"]),
         (SCENE + ONE + "taps = 3\n", ["technique 1", "'taps'", "filter"]),
         (SCENE + ONE + ONE + "size = [64, 0]\n", ["technique 2", "size", "0"]),
         (SCENE + ONE + 'bias = ["texel", "velvet"]\n', ["technique 1", "'velvet'", "slope"]),
-        (SCENE + ONE + "phases = 0\n", ["technique 1", "phases", "0"]),
         (SCENE + ONE + "phases = true\n", ["technique 1", "phases", "True"]),
-        (SCENE + ONE + "phases = [8]\n", ["technique 1", "phases", "[8]"]),
         (SCENE + ONE + "bias = []\n", ["technique 1", "bias"]),
         (SCENE + ONE + 'bias_sweep = [1, "two"]\n', ["technique 1", "bias_sweep", "'two'"]),
         (SCENE + ONE + "bias_sweep = [-1]\n", ["technique 1", "bias_sweep", "-1"]),
@@ -342,9 +309,11 @@ def test_a_wrong_field_is_one_line(read: ReadStudy, text: str, words: list[str])
     assert [word for word in words if word not in line] == []
 
 
-def test_a_missing_study_a_folder_and_unreadable_bytes_are_one_line(tmp_path: Path) -> None:
+def test_a_missing_study_a_folder_a_pipe_and_unreadable_bytes_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "latin.toml").write_bytes(b'about = "\xe9"\n')
-    for file, word in [("none.toml", "no such"), (".", "is not a file"), ("latin.toml", "cannot be read")]:
+    os.mkfifo(tmp_path / "pipe.toml")
+    missing = [("none.toml", "no such"), (".", "is not a file"), ("pipe.toml", "is not a file")]
+    for file, word in [*missing, ("latin.toml", "cannot be read")]:
         with pytest.raises(InputError, match=word) as error:
             read_study(tmp_path / file, KNOWN)
         assert "\n" not in str(error.value)
@@ -355,11 +324,6 @@ def test_an_unknown_camera_or_light_lists_the_known(read: ReadStudy, pair: str, 
     study = read(f'{field} = ["dusk"]\n' + pair)
     with pytest.raises(InputError, match=f"{field} of pair: found 'dusk'; allowed: {word}"):
         list(study.blocks())
-
-
-def test_a_misspelt_built_in_scene_has_a_suggestion(read: ReadStudy) -> None:
-    with pytest.raises(InputError, match="did you mean 'cube-on-plane'"):
-        list(read('scenes = ["cube-on-plain"]\n').blocks())
 
 
 def test_different_scenes_views_or_lights_of_one_name_are_refused(read: ReadStudy, pair: str, tmp_path: Path) -> None:
@@ -381,7 +345,6 @@ def test_different_scenes_views_or_lights_of_one_name_are_refused(read: ReadStud
         (SCENE + "rounds = 99999999999999999999\n", ["rounds", "64 bits"]),
         ("scenes = [" + '"cube-on-plane",' * 1001 + "]\n", ["scenes", "1000"]),
         ('scenes = ["a\\u0000b"]\ntechnique = [{ spec = "unshadowed" }]\n', []),
-        (f'scenes = ["{"a" * 300}"]\ntechnique = [{{ spec = "unshadowed" }}]\n', []),
         (SCENE + "map_size = [" + "512," * 10_001 + "]\n", ["specs", "10000"]),
         (SCENE + "map_size = [" + "512," * 2000 + "]\nphases = 10000\n", ["cells", "1000000"]),
         (SCENE + "map_size = [" + "512," * 2000 + "]\n" + ONE + "phases = 10000\n", ["20000000 cells", "1000000"]),
@@ -391,7 +354,6 @@ def test_different_scenes_views_or_lights_of_one_name_are_refused(read: ReadStud
         ),
         (SCENE + f"[[technique]]\nspec = {['x'] * 3000}\n", ["technique 1: spec"]),
         (SCENE + f"[[technique]]\nspec = 'shadow-map'\n{'k' * 3000} = 1\n", ["unknown parameter"]),
-        (SCENE + f"[[technique]]\nspec = 'shadow-map'\nbias_sweep = [{['x'] * 3000}]\n", ["bias_sweep"]),
     ],
 )
 def test_a_study_beyond_its_limits_is_refused_before_the_work(read: ReadStudy, text: str, words: list[str]) -> None:
@@ -401,12 +363,6 @@ def test_a_study_beyond_its_limits_is_refused_before_the_work(read: ReadStudy, t
     assert line.isprintable()
     assert len(line) < 1000
     assert [word for word in words if word not in line] == []
-
-
-def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "study.toml")
-    with pytest.raises(InputError, match="is not a file"):
-        read_study(tmp_path / "study.toml", KNOWN)
 
 
 @pytest.mark.slow
