@@ -24,8 +24,7 @@ SMALLEST = 1e-18
 
 def mesh_bounds(meshes: Sequence[Mesh], where: str) -> Floats:
     """(2, 3) lowest and highest corner of all meshes. Raises InputError for a diagonal below `SMALLEST`."""
-    corners = np.concatenate([bounds_of(mesh.vertices) for mesh in meshes])
-    bounds = bounds_of(corners)
+    bounds = bounds_of(np.concatenate([bounds_of(mesh.vertices) for mesh in meshes]))
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
     if diagonal < SMALLEST:
         raise InputError(f"{where}: all meshes together span {diagonal:.3g} m; at least {SMALLEST:.0e} m is needed")
@@ -37,16 +36,14 @@ def assumed_camera(bounds: Floats, where: str) -> tuple[Camera, str]:
     center, diagonal = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
     position = center + unit(VIEW_FROM) * (diagonal / 2) / math.sin(FOV_Y / 2)
     camera = Camera("camera", vec3(position), vec3(center), FOV_Y)
-    pose = (
-        f"at {vector_text(camera.position)} looking at {vector_text(camera.target)}, fov_y {math.degrees(FOV_Y):.0f}°"
-    )
+    pose = f"at {_text(camera.position)} looking at {_text(camera.target)}, fov_y {math.degrees(FOV_Y):.0f}°"
     return camera, f"no camera in {where}: assumed {pose}"
 
 
 def assumed_sun(where: str) -> tuple[Light, str]:
     """A sun 45° above the horizon, and the note about it."""
     height = math.degrees(math.asin(-unit(SUN)[1]))
-    note = f"no light in {where}: assumed a sun travelling along {vector_text(SUN)}, {height:.0f}° above the horizon"
+    note = f"no light in {where}: assumed a sun travelling along {_text(SUN)}, {height:.0f}° above the horizon"
     return Light("light", "directional", direction=SUN), note
 
 
@@ -83,16 +80,14 @@ def with_assumptions(scene: Scene, bounds: Floats, where: str) -> Scene:
 
     bounds: (2, 3) lowest and highest corner of the meshes.
     """
-    cameras, lights, notes = scene.cameras, scene.lights, list(scene.notes)
-    if not cameras:
+    if not scene.cameras:
         camera, note = assumed_camera(bounds, where)
-        cameras, notes = (camera,), [*notes, note]
-    if not lights:
+        scene = replace(scene, cameras=(camera,), notes=(*scene.notes, note))
+    if not scene.lights:
         light, note = assumed_sun(where)
-        lights, notes = (light,), [*notes, note]
-    if scene.dropped:
-        notes.append(f"{where}: {scene.dropped} zero-area triangle(s) left out")
-    return replace(scene, cameras=cameras, lights=lights, notes=tuple(notes))
+        scene = replace(scene, lights=(light,), notes=(*scene.notes, note))
+    left_out = f"{where}: {scene.dropped} zero-area triangle(s) left out"
+    return replace(scene, notes=(*scene.notes, left_out)) if scene.dropped else scene
 
 
 def sunlit(light: Light) -> Light:
@@ -121,6 +116,5 @@ def without_ground(scene: Scene) -> Scene:
     return replace(scene, meshes=tuple(mesh for mesh in scene.meshes if mesh is not ground), notes=notes, ground=None)
 
 
-def vector_text(values: Vec3) -> str:
-    """A point or direction as text, to six digits."""
+def _text(values: Vec3) -> str:
     return f"({', '.join(f'{value:.6g}' for value in values)})"

@@ -15,7 +15,7 @@ from pydantic import (
 )
 
 from shadowbench.scenes.geometry import MOST_TRIANGLES
-from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
+from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED, NARROWEST
 
 DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by componentType
 NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # of components, by type
@@ -150,21 +150,15 @@ class _Material(_JsonObject):
 
 
 class _Perspective(_JsonObject):
-    yfov: Number
-    znear: Number
+    yfov: Annotated[Number, Field(ge=math.radians(NARROWEST), lt=math.pi)]
+    znear: Annotated[Number, Field(gt=0.0)]
     zfar: Number | None = None
 
 
 class _Camera(_JsonObject):
     name: str | None = None
-    type: str = Field(strict=True)
+    type: Literal["perspective", "orthographic"]
     perspective: _Perspective | None = None
-
-    @model_validator(mode="after")
-    def _has_its_lens(self) -> Self:
-        if self.type == "perspective" and self.perspective is None:
-            raise ValueError("perspective: found none; it must be given")
-        return self
 
 
 class _Light(_JsonObject):

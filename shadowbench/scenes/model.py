@@ -118,9 +118,9 @@ class Light:
     @property
     def cos_half_angle(self) -> float:
         """Cosine of the largest angle from `direction` that is lit: a spot's cone, a panel's front; −1 for others."""
-        if self.hard_kind != "spot":
-            return -1.0
-        return float(np.cos(self.angle / 2)) if self.kind == "spot" else 0.0
+        if self.kind == "spot":
+            return float(np.cos(self.angle / 2))
+        return 0.0 if self.hard_kind == "spot" else -1.0
 
     @property
     def frustum_angle(self) -> float | None:
@@ -128,9 +128,9 @@ class Light:
 
         WIDEST_CONE for a disc or rectangle, which lights a half-space.
         """
-        if self.hard_kind != "spot":
-            return None
-        return self.angle if self.kind == "spot" else float(np.radians(WIDEST_CONE))
+        if self.kind == "spot":
+            return self.angle
+        return float(np.radians(WIDEST_CONE)) if self.hard_kind == "spot" else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +181,7 @@ class Scene:
 class Placement:
     """Transform from file coordinates to local ones, local = (file − center) · scale, in float64.
 
-    Local coordinates keep float32 precision for scenes of any size far from the origin. All lengths in metres become
-    local lengths here.
+    Local coordinates keep float32 precision for scenes of any size far from the origin.
     """
 
     center: Vec3
@@ -260,9 +259,9 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     InputError for planes that exclude the scene, a target too close to the position, and names too long for files.
     """
     low, high = scene.geometry.bounds
-    position = np.asarray(camera.position)
-    distance = float(np.abs(np.subtract(camera.position, camera.target)).max())
-    least = NEAREST_TARGET * float(np.abs([camera.position, camera.target, (low + high) / 2]).max())
+    position, target = np.asarray(camera.position), np.asarray(camera.target)
+    distance = float(np.abs(position - target).max())
+    least = NEAREST_TARGET * float(np.abs([position, target, (low + high) / 2]).max())
     if distance < least:
         raise InputError(
             f"camera {camera.name!r} of {scene.name}: position and target are only {distance:.3g} m apart, so that "
@@ -272,8 +271,8 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
     nearest /= np.sqrt(1 + 2 * np.tan(camera.fov_y / 2) ** 2)
     nearest, farthest = float(max(nearest, farthest / 1e4)) * 0.999, farthest * 1.001
-    near = nearest if camera.near is None else min(max(camera.near, nearest), farthest)
-    far = farthest if camera.far is None else min(max(camera.far, nearest), farthest)
+    near = min(max(camera.near or nearest, nearest), farthest)
+    far = min(max(camera.far or farthest, nearest), farthest)
     if near >= far:
         raise InputError(
             f"camera {camera.name!r} of {scene.name} shows nothing: its near and far planes, {camera.near} and "

@@ -8,7 +8,6 @@ from shadowbench.geometry.convex import box_planes, corners
 from shadowbench.geometry.lights import window
 from shadowbench.scenes.vectors import Floats
 from shadowbench.survey.maps import REFERENCE_SIZE, FittedMap
-from shadowbench.survey.rays import Indices
 from shadowbench.survey.sampling import Estimate
 from shadowbench.truths.embree import INFINITE
 
@@ -87,21 +86,14 @@ def bits_of(fitted: FittedMap, depths: Depths) -> DepthBits | None:
     dark = np.flatnonzero(samples.shadowed)
     if not len(dark):
         return None
-    metres = 1 / samples.placement.scale
     gap, stored = (depths.gap * depths.per_length)[dark], depths.stored[dark]
     # Floats have 24 significant bits; with reversed depth, relative to the distance from the far plane.
     steps: dict[int, float | Floats] = {16: 2.0**-16, 24: 2.0**-24, 32: 2.0**-24 * (1 - stored)}
     lost = {bits: float((gap < BIAS_STEPS * step).mean()) for bits, step in steps.items()}
-
-    def closest(chosen: Indices) -> float:
-        return float(np.quantile(depths.gap[chosen], TOLERATED))
-
-    return DepthBits(
-        bits=next((bits for bits, share in lost.items() if share <= TOLERATED), None),
-        range=(depths.far - depths.near) * metres,
-        closest=samples.estimate(closest, dark).times(metres),
-        lost=lost,
-    )
+    bits = next((bits for bits, share in lost.items() if share <= TOLERATED), None)
+    metres = 1 / samples.placement.scale
+    closest = samples.quantile(depths.gap, TOLERATED, dark).times(metres)
+    return DepthBits(bits, (depths.far - depths.near) * metres, closest, lost)
 
 
 def bias_of(fitted: FittedMap, depths: Depths) -> BiasNeed | None:
@@ -112,17 +104,12 @@ def bias_of(fitted: FittedMap, depths: Depths) -> BiasNeed | None:
         return None
     metres = 1 / samples.placement.scale
     required = required_bias(fitted)
-    needed = samples.estimate(lambda chosen: float(np.quantile(required[chosen], 1 - TOLERATED)), lit)
+    needed = samples.quantile(required, 1 - TOLERATED, lit)
     thinnest = bridged = None
     if len(dark):
-        thinnest = samples.estimate(lambda chosen: float(np.quantile(depths.gap[chosen], CONTACT)), dark)
-        bridged = samples.estimate(lambda chosen: float((depths.gap[chosen] < needed.value).mean()), dark)
-    return BiasNeed(
-        needed=needed.times(metres),
-        worst=float(required[lit].max()) * metres,
-        thinnest=thinnest.times(metres) if thinnest else None,
-        bridged=bridged,
-    )
+        thinnest = samples.quantile(depths.gap, CONTACT, dark).times(metres)
+        bridged = samples.mean(depths.gap < needed.value, dark)
+    return BiasNeed(needed.times(metres), float(required[lit].max()) * metres, thinnest, bridged)
 
 
 def required_bias(fitted: FittedMap) -> Floats:
@@ -132,12 +119,11 @@ def required_bias(fitted: FittedMap) -> Floats:
     the receiver's plane, but no nearer to the light than the first caster on the light ray: a facet at grazing light is
     narrower than a texel, and a caster in front of it makes a shadow edge, not acne.
     """
-    count = fitted.texels(REFERENCE_SIZE)
-    offset = (np.random.default_rng(0).random(fitted.unit.slope.shape) - 0.5) / count
+    offset = np.random.default_rng(0).random(fitted.unit.slope.shape) - 0.5
+    offset /= fitted.texels(REFERENCE_SIZE)
     plane = np.maximum((fitted.unit.slope * offset).sum(axis=0), 0.0)
     gap = occluder_gap(fitted, offset * fitted.extent[:, None])
-    required: Floats = np.minimum(plane, np.maximum(gap, 0.0))
-    return required
+    return np.asarray(np.minimum(plane, np.maximum(gap, 0.0)))
 
 
 def occluder_gap(fitted: FittedMap, offset: Floats) -> Floats:

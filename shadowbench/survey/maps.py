@@ -8,8 +8,8 @@ import numpy as np
 
 from shadowbench.geometry.lights import Box, LightSpace, light_space
 from shadowbench.scenes.vectors import Floats, perpendicular_basis
-from shadowbench.survey.rays import Indices
 from shadowbench.survey.sampling import Samples
+from shadowbench.truths.rays import Indices
 
 DIRECTIONS = 16  # of shadow edges in the map, over 180°, all equally likely
 # Mean displacement, in texels, of a straight edge by a 2×2 linear comparison, by its angle to the grid's nearer axis:
@@ -46,17 +46,16 @@ class Footprint:
 
     @property
     def displacement(self) -> Floats:
-        """(R, DIRECTIONS) mean displacement of a shadow edge in pixels, by direction, if a unit is a texel.
+        """(R, DIRECTIONS) mean displacement of a shadow edge in pixels by a 2×2 comparison, if a unit is a texel.
 
-        With a 2×2 comparison. Measured along the image's column or row, whichever is closer to the edge's normal: below
-        1 it is the share of the edge's pixels that are wrong.
+        Measured along the image's column or row, whichever is closer to the edge's normal: below 1 it is the share of
+        the edge's pixels that are wrong.
         """
         angle = (np.arange(DIRECTIONS) + 0.5) * (np.pi / DIRECTIONS)
         normal = np.stack([np.cos(angle), np.sin(angle)])
         from_axis = np.arcsin(np.abs(normal).min(axis=0))
         texels = np.abs(np.einsum("id,ijr->jrd", normal, self.jacobian)).max(axis=0)
-        moved: Floats = np.interp(from_axis, ANGLES, DISPLACEMENTS) / np.maximum(texels, np.finfo(float).tiny)
-        return moved
+        return np.asarray(np.interp(from_axis, ANGLES, DISPLACEMENTS) / np.maximum(texels, np.finfo(float).tiny))
 
 
 def longest(across: Floats, down: Floats) -> Floats:
@@ -69,8 +68,7 @@ def longest(across: Floats, down: Floats) -> Floats:
     # σ² are the eigenvalues of the Gram matrix; the smaller one as a quotient, which avoids cancellation.
     larger = (square_a + square_b + np.hypot(square_a - square_b, 2 * both)) / 2
     determinant = np.maximum(square_a * square_b - both**2, np.finfo(float).tiny)
-    extent: Floats = np.sqrt(larger / determinant)
-    return extent
+    return np.asarray(np.sqrt(larger / determinant))
 
 
 def footprint(samples: Samples, space: LightSpace) -> Footprint:
@@ -144,11 +142,6 @@ class FittedMap:
         """The samples' footprint, with the whole map without its padding as the unit."""
         return self.footprint.scaled(self.extent)
 
-    @cached_property
-    def single_texel_extent(self) -> Floats:
-        """(R,) largest extent in pixels of the texel of a 1 × 1 map; divide by `texels(size)` for larger maps."""
-        return self.unit.longest
-
     def texels(self, size: float) -> float:
         """Number of texels along a side of a map of this size, without the padding."""
         return size - 2 * self.padding
@@ -158,30 +151,18 @@ class FittedMap:
         if self.space is None:
             yield from cube_faces(self.samples)
         else:
-            yield self.all_samples, self.space, self.footprint
+            yield self.samples.all, self.space, self.footprint
 
     def select(self, chosen: Indices) -> "FittedMap":
         """The same map with the chosen samples."""
         return replace(self, samples=self.samples.select(chosen), footprint=self.footprint.select(chosen))
 
-    @property
-    def all_samples(self) -> Indices:
-        """Indices of all samples."""
-        return np.arange(len(self.samples.pixel))
-
 
 def fitted_map(samples: Samples) -> FittedMap:
     """The map that techniques fit to samples by default."""
     light = samples.view.light
-    if light.kind == "point":
-        found = cube_footprint(samples)
-        return FittedMap(samples, found, _box(found), np.full(2, 2.0), None, 0.0)
-    space = light_space(light)
-    found = footprint(samples, space)
-    box = _box(found)
-    extent = np.maximum((box.high - box.low)[:2], FLAT)
-    return FittedMap(samples, found, box, extent, space, PADDING)
-
-
-def _box(found: Footprint) -> Box:
-    return Box(found.coords.min(axis=1), found.coords.max(axis=1))
+    space = None if light.kind == "point" else light_space(light)
+    found = cube_footprint(samples) if space is None else footprint(samples, space)
+    box = Box(found.coords.min(axis=1), found.coords.max(axis=1))
+    extent = np.full(2, 2.0) if space is None else np.maximum((box.high - box.low)[:2], FLAT)
+    return FittedMap(samples, found, box, extent, space, 0.0 if space is None else PADDING)

@@ -57,14 +57,8 @@ def penumbra_of(view: View, samples: Samples) -> Penumbra | None:
         return None
     radius = light.radius or max(light.size) / 2
     width = widths(samples, radius if light.kind == "directional" else samples.placement.length(radius))
-    return Penumbra(
-        radius=float(radius),
-        assumed=not view.light.soft,
-        median=samples.estimate(lambda chosen: float(np.median(width[chosen])), edges),
-        p95=samples.estimate(lambda chosen: float(np.percentile(width[chosen], 95)), edges),
-        share=softness[0],
-        hard_rmse=softness[1],
-    )
+    median, p95 = samples.estimate(lambda chosen: np.median(width[chosen]), edges), samples.quantile(width, 0.95, edges)
+    return Penumbra(float(radius), not view.light.soft, median, p95, *softness)
 
 
 def sized_light(light: Light) -> Light:
@@ -87,17 +81,16 @@ def widths(samples: Samples, radius: float) -> Floats:
     else:
         blocker_to_light = np.maximum(samples.distance - samples.blocker, radius)
         across = 2 * radius * samples.blocker / blocker_to_light
-    derivatives = [
-        step - samples.to_light * (step * samples.to_light).sum(axis=0) for step in (samples.across, samples.down)
-    ]
+    steps = samples.across, samples.down
+    derivatives = (step - samples.to_light * (step * samples.to_light).sum(axis=0) for step in steps)
     with np.errstate(invalid="ignore"):
         return np.where(samples.shadowed, across * longest(*derivatives), 0.0)
 
 
 def _softness(view: View, light: Light, part: float) -> tuple[Estimate, Estimate] | None:
-    """Share of the shadow that is penumbra, and the RMSE of exact hard shadows; None without scored pixels.
+    """Share of the shadow that is penumbra, and the RMSE of exact hard shadows, by truths; None without scored pixels.
 
-    From the truths that `run` scores against. part: of the pixels that were asked for, for the standard errors.
+    part: of the pixels that were asked for, for the standard errors.
     """
     truth = prepare_truth(cached_truth(replace(view, light=light)))
     hard = Comparison(cached_truth(replace(view, light=replace(light, radius=0.0, size=(0.0, 0.0)))).visibility, truth)

@@ -6,22 +6,23 @@ In local coordinates, like the truth, but with one ray per pixel, so that no pix
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Placement, View
-from shadowbench.scenes.vectors import Floats
-from shadowbench.survey.rays import Indices, Mask, lighting, surfaces
-from shadowbench.truths.embree import Tracer, over_slices
-from shadowbench.truths.rays import GRAZING, Receivers
+from shadowbench.scenes.vectors import Floats, unit
+from shadowbench.truths.embree import INFINITE, Tracer, over_slices
+from shadowbench.truths.rays import EDGE_ON, GRAZING, Indices, Mask, Receivers, dot
 from shadowbench.truths.trace import OFFSET
 
 LATTICE = 512  # largest number of sampled pixels along a side: all pixels, or every second, third, …
 SAMPLE_FIELDS = ("pixel", "triangle", "point", "normal", "to_light", "distance", "across", "down", "blocker")
 ROWS = 32  # rows of the lattice per task of a thread
 GROUPS = 16  # random groups of samples, whose scatter gives the standard error
+FACING = 1e-6  # least N·L of a receiver
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """The R visible receivers at the centres of the sampled pixels.
+    """The R visible receivers at the centres of the sampled pixels, facing the light and inside its cone or panel.
 
     view: in local coordinates; casters: traced by shadow rays; step: pixels between samples; pixel: (R,) index in the
     lattice, row by row; triangle: (R,); point, normal (towards the camera), to_light (unit): (3, R); distance: (R,) to
@@ -64,25 +65,32 @@ class Samples:
     down: Floats
     blocker: Floats
 
+    @property
+    def all(self) -> Indices:
+        """Indices of all samples."""
+        return np.arange(len(self.pixel))
+
+    @property
+    def side(self) -> int:
+        """Number of sampled pixels along a side of the view."""
+        return -(-self.view.size // self.step)
+
     @cached_property
     def cosine(self) -> Floats:
         """(R,) N·L."""
-        cosine: Floats = np.einsum("ij,ij->j", self.normal, self.to_light)
-        return cosine
+        return dot(self.normal, self.to_light)
 
     @cached_property
     def shadowed(self) -> Mask:
         """(R,) bool: whether each sample is in shadow."""
-        shadowed: Mask = np.isfinite(self.blocker)
-        return shadowed
+        return np.isfinite(self.blocker)
 
     @cached_property
     def edges(self) -> Indices:
         """(E,) indices of the edge pixels: samples in shadow with a lit receiver among their four neighbours."""
-        side = -(-self.view.size // self.step)
-        state = np.full((side + 2, side + 2), -1, dtype=np.int8)  # 1 shadowed, 0 lit, −1 no receiver
+        state = np.full((self.side + 2, self.side + 2), -1, dtype=np.int8)  # 1 shadowed, 0 lit, −1 no receiver
         inner = state[1:-1, 1:-1]
-        inner[np.divmod(self.pixel, side)] = self.shadowed
+        inner[np.divmod(self.pixel, self.side)] = self.shadowed
         neighbours = state[:-2, 1:-1], state[2:, 1:-1], state[1:-1, :-2], state[1:-1, 2:]
         beside_lit = np.any([neighbour == 0 for neighbour in neighbours], axis=0)
         return np.flatnonzero((beside_lit & (inner == 1)).ravel()[self.pixel])
@@ -94,19 +102,27 @@ class Samples:
     @property
     def part(self) -> float:
         """Share of the view's pixels that were sampled."""
-        return float(min(1.0, (-(-self.view.size // self.step) / self.view.size) ** 2))
+        return float(min(1.0, (self.side / self.view.size) ** 2))
 
-    def estimate(self, statistic: Callable[[Indices], float], chosen: Indices) -> Estimate:
+    def estimate(self, statistic: Callable[[Indices], Any], chosen: Indices) -> Estimate:
         """A statistic of chosen samples, with its standard error from the scatter over random groups of them.
 
         The error is 0 if every pixel was sampled: it is that of the view, not of other cameras.
         """
-        value = statistic(chosen)
+        value = float(statistic(chosen))
         if self.step == 1 or len(chosen) < 2 * GROUPS:
             return Estimate(value, 0.0 if self.step == 1 else None)
         groups = np.array_split(np.random.default_rng(0).permutation(chosen), GROUPS)
         scatter = np.array([statistic(np.sort(group)) for group in groups])
         return Estimate(value, float(scatter.std(ddof=1) / np.sqrt(GROUPS) * np.sqrt(1 - self.part)))
+
+    def quantile(self, values: Floats, share: float, chosen: Indices) -> Estimate:
+        """A quantile of (R,) values over chosen samples."""
+        return self.estimate(lambda some: np.quantile(values[some], share), chosen)
+
+    def mean(self, values: Floats | Mask, chosen: Indices) -> Estimate:
+        """The mean of (R,) values over chosen samples, for booleans a share."""
+        return self.estimate(lambda some: values[some].mean(), chosen)
 
 
 def sample_view(view: View) -> Samples:
@@ -121,12 +137,12 @@ def sample_view(view: View) -> Samples:
     whole = len(geometry.caster_faces) == len(geometry.faces)
     casters = everything if whole else Tracer(geometry.vertices, geometry.caster_faces)
 
-    def trace(rows: slice) -> dict[str, NDArray[np.generic]]:
+    def trace(rows: slice) -> dict[str, NDArray[Any]]:
         y, x = np.meshgrid(centres[rows], centres, indexing="ij")
-        hits = surfaces(placed, everything, x.ravel(), y.ravel())
-        lights = lighting(placed, casters, hits, above)
-        arrays = {**vars(hits), **vars(lights), "pixel": hits.ray + rows.start * len(centres)}
-        return {name: arrays[name][..., lights.receives] for name in SAMPLE_FIELDS}
+        hits = _surfaces(placed, everything, x.ravel(), y.ravel())
+        hits |= _lighting(placed, casters, hits["point"], hits["normal"], above)
+        hits["pixel"] += rows.start * len(centres)
+        return {name: hits[name][..., hits["receives"]] for name in SAMPLE_FIELDS}
 
     parts = list(over_slices(trace, len(centres), ROWS))
     arrays = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in SAMPLE_FIELDS}
@@ -137,6 +153,59 @@ def sample_view(view: View) -> Samples:
         )
     samples = Samples(view=placed, placement=placement, casters=casters, step=step, **arrays)
     return replace(samples, blocker=np.minimum(samples.blocker, _near_blockers(samples, above)))
+
+
+def _surfaces(view: View, tracer: Tracer, x: Floats, y: Floats) -> dict[str, NDArray[Any]]:
+    """The visible surfaces that receive shadows at (N,) image points, in pixels from the upper left corner.
+
+    Fields as in `Samples`, but for pixel: index of the image point.
+    """
+    geometry, camera = view.scene.geometry, view.camera
+    right, up, back = camera.basis()[:, :, None]
+    eye, (near, far) = np.array(camera.position)[:, None], view.near_far
+    pixel = 2 * float(np.tan(camera.fov_y / 2)) / view.size
+    moves = pixel * right, -pixel * up
+    rays = (x - view.size / 2) * moves[0] + (y - view.size / 2) * moves[1] - back
+    low, high = geometry.bounds
+    gap = float(np.linalg.norm((low + high) / 2 - eye[:, 0]) - np.linalg.norm(high - low) / 2)
+    # Rays have length 1 along the view axis; those of distant cameras start near the scene, for float32 precision.
+    start = np.maximum(near, gap / np.sqrt(dot(rays, rays)))
+    triangle = tracer.nearest((eye + rays * start).T, rays.T, far - start).astype(np.intp)
+    ray = np.flatnonzero((triangle >= 0) & geometry.receives[triangle])
+    triangle, rays = triangle[ray], rays[:, ray]
+
+    a, b, c = (geometry.vertices.take(geometry.faces[triangle, k], axis=0).T for k in range(3))
+    normal = np.cross(b - a, c - a, axis=0)
+    normal *= -np.sign(dot(normal, rays)) / np.sqrt(dot(normal, normal))
+    slant = np.minimum(dot(normal, rays), -EDGE_ON)
+    depth = dot(normal, a - eye) / slant
+    # Derivatives of P = eye + t·d, t = N·(A − eye)/(N·d), along the image's axes.
+    across, down = (depth * (move - rays * (dot(normal, move) / slant)) for move in moves)
+    point = eye + rays * depth
+    return {"pixel": ray, "triangle": triangle, "point": point, "normal": normal, "across": across, "down": down}
+
+
+def _lighting(view: View, casters: Tracer, point: Floats, normal: Floats, above: float) -> dict[str, NDArray[Any]]:
+    """The light at surface points, by a shadow ray each from a local length `above` the surface.
+
+    Fields as in `Samples`, and receives: (N,) bool, whether the surface faces the light and is inside its cone or
+    before its panel.
+    """
+    source, w = view.light.homogeneous
+    to_light = np.array(source)[:, None] - w * point
+    length = np.sqrt(dot(to_light, to_light))
+    to_light = to_light / np.maximum(length, np.finfo(float).tiny)
+    cosine = dot(normal, to_light)
+    receives = cosine > FACING
+    if view.light.cos_half_angle > -1:
+        axis = unit(view.light.direction)[:, None]
+        receives &= -dot(to_light, axis) >= view.light.cos_half_angle
+    ahead = above / np.maximum(cosine, FACING)
+    reach = np.maximum(length - ahead, 0.0) if w else np.full(len(length), INFINITE)
+    beyond = casters.distance((point + to_light * ahead).T, to_light.T, reach)
+    blocked = receives & (beyond < reach.astype(np.float32))  # without a hit `distance` returns the reach
+    distance, blocker = length if w else np.full(len(length), np.inf), np.where(blocked, ahead + beyond, np.inf)
+    return {"receives": receives, "to_light": to_light, "distance": distance, "blocker": blocker}
 
 
 def _near_blockers(samples: Samples, height: float) -> Floats:

@@ -3,16 +3,64 @@
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from shadowbench.errors import InputError
+from shadowbench.geometry.planes import find_planes
 from shadowbench.scenes.assumed import without_ground
-from shadowbench.scenes.model import LightShape, View, view_of
+from shadowbench.scenes.model import LightShape, Scene, View, view_of
+from shadowbench.survey.casters import Casters, RelevantCasters, casters_of, relevant_casters
 from shadowbench.survey.depth import BiasNeed, DepthBits, bias_of, bits_of, depths_of
 from shadowbench.survey.maps import fitted_map
 from shadowbench.survey.penumbra import Penumbra, penumbra_of
-from shadowbench.survey.receivers import Casters, Receivers, casters_of, planes_of, receivers_of
-from shadowbench.survey.relevant_casters import RelevantCasters, relevant_casters
-from shadowbench.survey.sampling import sample_view
+from shadowbench.survey.sampling import Estimate, Samples, sample_view
 from shadowbench.survey.texels import CascadeSizes, Texels, cascades_of, texels_of
+
+PLANAR_SHARE = 0.999  # least planar share of the visible receivers for which projection suffices
+
+
+@dataclass(frozen=True)
+class Receivers:
+    """The visible receivers, which face the light.
+
+    pixels: their share of the view; shadowed: their share in shadow; planar: their share on planes that
+    `planar-projection` finds; lost: share of the shadow on other receivers; planes: number of visible planes.
+    """
+
+    pixels: Estimate
+    shadowed: Estimate
+    planar: Estimate
+    lost: Estimate
+    planes: int
+
+    @property
+    def projection_suffices(self) -> bool:
+        """Whether practically all visible receivers are on planes."""
+        return self.planar.value >= PLANAR_SHARE
+
+
+def planes_of(scene: Scene) -> NDArray[np.int64]:
+    """(T,) index of each triangle's plane, of those that `planar-projection` finds by default; −1 for none."""
+    geometry = scene.geometry
+    of_triangle = np.full(len(geometry.faces), -1)
+    for index, plane in enumerate(find_planes(geometry, geometry.receives)):
+        of_triangle[plane.triangles] = index
+    return of_triangle
+
+
+def receivers_of(samples: Samples, of_triangle: NDArray[np.int64]) -> Receivers:
+    """Statistics of the visible receivers. of_triangle: (T,) planes of the triangles, from `planes_of`."""
+    plane_of = of_triangle[samples.triangle]
+    planar, shadow = plane_of >= 0, np.flatnonzero(samples.shadowed)
+    share = len(samples.pixel) / samples.side**2
+    return Receivers(
+        pixels=Estimate(share, 0.0 if samples.step == 1 else float(np.sqrt(share * (1 - share)) / samples.side)),
+        shadowed=samples.mean(samples.shadowed, samples.all),
+        planar=samples.mean(planar, samples.all),
+        lost=samples.mean(~planar, shadow) if len(shadow) else Estimate(0.0),
+        planes=len(np.unique(plane_of[planar])),
+    )
 
 
 @dataclass(frozen=True)
@@ -67,7 +115,7 @@ def needs(view: View, penumbrae: bool = True) -> Needs:
             reach=reach.result(),
             receivers=receivers_of(samples, planes.result()),
             casters=casters.result(),
-            pixels=(-(-view.size // samples.step)) ** 2,
+            pixels=samples.side**2,
             view_size=view.size,
         )
 

@@ -13,11 +13,11 @@ from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
 from shadowbench.survey.depth import occluder_gap
 from shadowbench.survey.maps import FLAT, REFERENCE_SIZE, FittedMap
-from shadowbench.survey.rays import Indices
 from shadowbench.survey.sampling import Estimate
 
 WRONG = 0.05  # tolerated share of wrong edge pixels; above it `edge_p95` is at least a pixel
 LIMIT, GRAZING_SLOPE = 16.0, 50.0  # of the bias `texel`, the techniques' default
+COUNTS = (2, 3, 4, 5, 6, 7, 8)  # of cascades
 STEP, STEPS = 2**0.25, 24  # in which a map size is enlarged until the shadow that the bias lights is small enough
 
 
@@ -40,17 +40,12 @@ class Texels:
 
 def texels_of(fitted: FittedMap) -> Texels:
     """The needed size of one map, or of a cube's faces."""
-    samples, everything = fitted.samples, fitted.all_samples
-    p95 = samples.estimate(lambda chosen: float(np.percentile(fitted.single_texel_extent[chosen], 95)), everything)
+    samples, pixels = fitted.samples, fitted.unit.longest  # of a 1 × 1 map
+    p95, texel = samples.quantile(pixels, 0.95, samples.all), 1 / fitted.texels(REFERENCE_SIZE)
     # A maximum has no standard error: a pixel that was not sampled may exceed it.
-    largest = Estimate(float(fitted.single_texel_extent.max()), None if samples.step > 1 else 0.0)
-    return Texels(
-        largest=largest.times(1 / fitted.texels(REFERENCE_SIZE)),
-        p95=p95.times(1 / fitted.texels(REFERENCE_SIZE)),
-        size=p95.plus(2 * fitted.padding),
-        edge_size=edge_size(fitted, fitted.extent),
-        faces=6 if fitted.space is None else 1,
-    )
+    largest = Estimate(float(pixels.max()), None if samples.step > 1 else 0.0)
+    sizes = p95.plus(2 * fitted.padding), edge_size(fitted, fitted.extent)
+    return Texels(largest.times(texel), p95.times(texel), *sizes, faces=6 if fitted.space is None else 1)
 
 
 def edge_size(fitted: FittedMap, extent: Floats) -> Estimate | None:
@@ -65,11 +60,7 @@ def edge_size(fitted: FittedMap, extent: Floats) -> Estimate | None:
     displacement = fitted.footprint.scaled(extent).select(samples.edges).displacement
     row = np.zeros(len(samples.pixel), dtype=np.intp)
     row[samples.edges] = np.arange(len(samples.edges))
-
-    def needed(chosen: Indices) -> float:
-        return texels_for(displacement[row[chosen]])
-
-    displaced = samples.estimate(needed, samples.edges)
+    displaced = samples.estimate(lambda chosen: texels_for(displacement[row[chosen]]), samples.edges)
     lit, edges = _lit_by_bias(fitted, extent), 2 * len(samples.edges)  # those of the mask and of the truth
 
     def enough(texels: float) -> bool:
@@ -126,9 +117,6 @@ def texels_for(displacement: Floats) -> float:
     return float(ordered[:k].sum()) / (WRONG * count - (count - k))
 
 
-COUNTS = (2, 3, 4, 5, 6, 7, 8)
-
-
 @dataclass(frozen=True)
 class CascadeSizes:
     """Needed map sizes by number of cascades, with default parameters otherwise.
@@ -151,10 +139,7 @@ class CascadeSizes:
 
 
 def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
-    """The needed sizes of cascades; None for a light that is not directional.
-
-    one: the sizes of one map.
-    """
+    """The needed sizes of cascades; None for a light that is not directional. one: the sizes of one map."""
     samples, space = fitted.samples, fitted.space
     if space is None or space.perspective:
         return None
@@ -162,28 +147,19 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     sizes, edge_sizes = {}, {}
     for count in COUNTS:
         extents = _extents(samples.view, bounds, space, fitted.footprint.coords, count)
-        unit = fitted.footprint.scaled(extents)
-        sizes[count] = float(np.percentile(unit.longest, 95)) + 2 * fitted.padding
+        sizes[count] = float(np.percentile(fitted.footprint.scaled(extents).longest, 95)) + 2 * fitted.padding
         by_edges = edge_size(fitted, extents)
         if by_edges is not None:
             edge_sizes[count] = by_edges.value
     single, several = (one.edge_size.value, edge_sizes) if one.edge_size else (one.size.value, sizes)
     best = min(several, key=lambda count: count * several[count] ** 2)
     ahead = samples.view.camera.basis()[2] @ (np.array(samples.view.camera.position)[:, None] - samples.point)
-    return CascadeSizes(
-        depth_ratio=float(ahead.max() / ahead.min()),
-        size=sizes,
-        edge_size=edge_sizes,
-        best=best,
-        saving=single**2 / (best * several[best] ** 2),
-    )
+    saving = single**2 / (best * several[best] ** 2)
+    return CascadeSizes(float(ahead.max() / ahead.min()), sizes, edge_sizes, best, saving)
 
 
 def _extents(view: View, bounds: Floats, space: LightSpace, coords: Floats, count: int) -> Floats:
-    """(2, R) width and height of each sample's cascade, the first whose box contains it.
-
-    coords: (3, R) light-space coordinates of the samples.
-    """
+    """(2, R) width and height of the first cascade that contains each of (3, R) light-space coordinates."""
     extents = np.zeros((2, coords.shape[1]))
     remaining = np.arange(coords.shape[1])
     parts = slices(view.camera, practical_depths(*view.near_far, count), 0.0)
@@ -191,9 +167,8 @@ def _extents(view: View, bounds: Floats, space: LightSpace, coords: Floats, coun
         box = space.box(part.corners_within(bounds, float(np.abs(bounds).max())))
         inside = np.full(len(remaining), True)
         if part is not parts[-1]:  # samples outside the last box are so by rounding only
-            for row, low, high in zip(coords, box.low, box.high, strict=True):
-                values = row.take(remaining)
-                inside &= (values >= low) & (values <= high)
+            for row, low, high in zip(coords[:, remaining], box.low, box.high, strict=True):
+                inside &= (row >= low) & (row <= high)
         extents[:, remaining[inside]] = np.maximum((box.high - box.low)[:2, None], FLAT)
         remaining = remaining[~inside]
     return extents

@@ -4,12 +4,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-
 OUTSIDE = "outside"
 """A folder beside the case's own; whatever is read of it was stolen."""
 INSIDE = "inside"
 ASSETS = "assets"
-
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
 
 
@@ -29,14 +27,11 @@ class Case:
     def write(self, root: Path) -> Path:
         """Write the case below `root`, into folders inside, assets and outside; returns its main file."""
         for folder in (INSIDE, ASSETS, OUTSIDE):
-            (root / folder).mkdir(parents=True, exist_ok=True)
+            (root / folder).mkdir(parents=True)
             (root / folder / "part.obj").write_bytes(OBJ)
         (root / OUTSIDE / "part.bin").write_bytes(b"\0" * 4096)
-        (root / INSIDE / "pipe.obj").unlink(missing_ok=True)
         for name, data in self.files.items():
-            path = root / INSIDE / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
+            (root / INSIDE / name).write_bytes(data)
         for name, target in self.links.items():
             (root / INSIDE / name).symlink_to(target)
         return root / INSIDE / self.main

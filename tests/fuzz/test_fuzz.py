@@ -2,17 +2,15 @@
 
 import os
 from collections.abc import Callable
-from multiprocessing.pool import ThreadPool
 
 import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from .cases import Case
-from .command import commanded
 from .corrupt import FORMATS, corrupted
 from .texts import scene_case, spec_case, study_case
-from .verdict import Verdict, Watch, judged
+from .verdict import Watch, judged
 
 pytestmark = pytest.mark.timeout(1200)
 CASES: dict[str, tuple[int, st.SearchStrategy[Case]]] = {  # and how many of each for one of another kind
@@ -44,49 +42,24 @@ def each(kind: str, count: int, number: int, do: Callable[[Case], None]) -> None
     seed(number)(options(given(CASES[kind][1])(do)))()
 
 
-def try_many(watch: Watch, kind: str, count: int, number: int) -> None:
+@pytest.mark.parametrize(
+    ("number", "files"),
+    [
+        (0, 48),
+        pytest.param(1, 500, marks=pytest.mark.slow),
+        pytest.param(2, MANY, marks=[pytest.mark.slow, pytest.mark.exhaustive]),
+    ],
+    ids=["some", "five hundred", "many"],
+)
+@pytest.mark.parametrize("kind", CASES)
+def test_every_file_gives_a_result_or_one_line(watch: Watch, kind: str, number: int, files: int) -> None:
     seen: set[str] = set()
+    count = files * CASES[kind][0] // 16
 
-    def answer(case: Case) -> None:
+    def judge(case: Case) -> None:
         verdict = judged(case, watch)
         assert verdict.kind != "failure", verdict.line
         seen.add(verdict.kind)
 
-    each(kind, count, number, answer)
+    each(kind, count, number, judge)
     assert count < 10 or seen == {"result", "refusal"}
-
-
-@pytest.mark.parametrize("kind", CASES)
-def test_some_files_give_a_result_or_one_line(watch: Watch, kind: str) -> None:
-    try_many(watch, kind, 3 * CASES[kind][0], 0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", CASES)
-def test_five_hundred_files_give_a_result_or_one_line(watch: Watch, kind: str) -> None:
-    try_many(watch, kind, 500 * CASES[kind][0] // 16, 1)
-
-
-@pytest.mark.slow
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("kind", CASES)
-def test_many_files_give_a_result_or_one_line(watch: Watch, kind: str) -> None:
-    try_many(watch, kind, MANY * CASES[kind][0] // 16, 2)
-
-
-@pytest.mark.slow
-def test_the_command_line_gives_a_result_or_one_line(watch: Watch) -> None:
-    found: dict[tuple[str, str], Case] = {}
-
-    def note(case: Case) -> None:
-        verdict = judged(case, watch)
-        if verdict.small:
-            found[case.kind, verdict.kind] = case
-
-    for kind in CASES:
-        each(kind, 400 if kind == "study" else 60, 3, note)  # few studies are small enough to be run
-    assert found.keys() == {(kind, answer) for kind in CASES for answer in ("result", "refusal")}
-    with ThreadPool(2) as pool:
-        answers: list[Verdict] = pool.map(commanded, found.values())
-    failed = [f"{kind}: {one.line}" for (kind, _), one in zip(found, answers, strict=True) if one.kind == "failure"]
-    assert failed == []

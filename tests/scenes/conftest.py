@@ -3,13 +3,16 @@
 import base64
 import json
 import re
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.library import load_scene
+from tests.fuzz.corrupt import glb_of
 
 PYDANTIC = re.compile(
     r"Field required|should (be|have|match)|Value error|Unable to parse|validation|valid (string|integer|list|dict)"
@@ -58,29 +61,24 @@ def gltf_file(tmp_path: Path) -> Callable[..., Path]:
         indices = np.arange(len(positions), dtype=np.uint32) if indices is None else indices.astype(np.uint32)
         first, second = positions.tobytes(), indices.tobytes()
         kinds = {"float32": 5126, "uint16": 5123, "int16": 5122}
+        buffers = [{"byteLength": len(first) + len(second)}]
+        primitives = [{"attributes": {"POSITION": 0}, "indices": 1, **(primitive or {})}]
+        position = {"bufferView": 0, "componentType": kinds[str(positions.dtype)], "count": len(positions)}
         document: dict[str, Any] = {
             "asset": {"version": "2.0"},
             "scene": 0,
             "scenes": [{"nodes": [0]}],
             "nodes": [{"name": "node", "mesh": 0}],
-            "meshes": [
-                {"name": "mesh", "primitives": [{"attributes": {"POSITION": 0}, "indices": 1, **(primitive or {})}]}
-            ],
+            "meshes": [{"name": "mesh", "primitives": primitives}],
             "accessors": [
-                {
-                    "bufferView": 0,
-                    "componentType": kinds[str(positions.dtype)],
-                    "count": len(positions),
-                    "type": "VEC3",
-                    **(accessor or {}),
-                },
+                {**position, "type": "VEC3", **(accessor or {})},
                 {"bufferView": 1, "componentType": 5125, "count": len(indices), "type": "SCALAR"},
             ],
             "bufferViews": [
                 {"buffer": 0, "byteOffset": 0, "byteLength": len(first)},
                 {"buffer": 0, "byteOffset": len(first), "byteLength": len(second)},
             ],
-            "buffers": [{"byteLength": len(first) + len(second)}],
+            "buffers": buffers,
             **parts,
         }
         blob = first + second
@@ -90,17 +88,17 @@ def gltf_file(tmp_path: Path) -> Callable[..., Path]:
             document["buffers"][0].setdefault("uri", uri)
             path.write_text(json.dumps(document))
         else:
-            text = json.dumps(document).encode()
-            text += b" " * (-len(text) % 4)
-            blob += b"\0" * (-len(blob) % 4)
-            chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(blob), 0x004E4942) + blob
-            path.write_bytes(b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks)
+            path.write_bytes(glb_of(document, blob))
         return path
 
     return write
 
 
-@pytest.fixture(scope="session")
-def pydantic_words() -> re.Pattern[str]:
-    """Phrases of pydantic that must not appear in our messages."""
-    return PYDANTIC
+def refused(path: str | Path, *words: str, **options: Any) -> None:
+    """Loading fails with one short line that has all the words, and no phrase of pydantic."""
+    with pytest.raises(InputError) as error:
+        load_scene(path, **options)
+    line = str(error.value)
+    assert line.isprintable() and len(line) < 1000
+    assert PYDANTIC.search(line) is None
+    assert [word for word in words if word not in line] == []

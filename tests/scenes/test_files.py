@@ -2,7 +2,6 @@
 
 import math
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,9 +13,10 @@ from hypothesis import strategies as st
 from shadowbench.errors import InputError
 from shadowbench.scenes.files import transform_of
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Camera, Light, Mesh, Scene, view_of
+from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.scenes.tables import MeshTable, camera_from_table, light_from_table
+from shadowbench.scenes.tables import MeshTable
+from tests.scenes.conftest import refused
 
 SceneFile = Callable[..., Path]
 BOX = '[[mesh]]\nshape = "box"\n'
@@ -56,20 +56,6 @@ def test_lights_have_sizes(scene_file: SceneFile) -> None:
     assert (scene.lights[3].size, scene.lights[3].up) == ((1, 2), (1, 0, 0))
     assert [light.soft for light in scene.lights] == [True] * 4
     assert not scene.notes
-
-
-def test_scale_then_turn_then_move(scene_file: SceneFile) -> None:
-    text = '[[mesh]]\nshape = "box"\nscale = [2, 4, 6]\nrotate = [90, 0, 0]\ntranslate = [10, 0, 0]\n'
-    low, high = load_scene(scene_file(text)).geometry.bounds
-    assert low == pytest.approx([9, -3, -2])
-    assert high == pytest.approx([11, 3, 2])
-
-
-def test_turns_are_about_the_fixed_axes_x_then_y_then_z() -> None:
-    matrix = transform_of(MeshTable.model_validate({"shape": "box", "rotate": [90, 90, 0]}))
-    # y goes to z by the turn about x, and on to x by the turn about the fixed y.
-    assert matrix[:3, :3] @ [0, 1, 0] == pytest.approx([1, 0, 0])
-    assert matrix[:3, :3] @ [0, 0, 1] == pytest.approx([0, -1, 0])
 
 
 angles = st.floats(-720, 720)
@@ -176,52 +162,37 @@ HUGE = "9" * 400
     ("text", "words"),
     [
         ("[[mesh]\n", ["not TOML"]),
-        ("", ["mesh", "none"]),
         (CAMERA, ["mesh", "none"]),
         ("mesh = 3\n", ["mesh", "3"]),
         ('[mesh]\nshape = "box"\n', ["[[mesh]]"]),
         ("camera = 1\n" + BOX, ["camera"]),
-        ("light = [1]\n" + BOX, ["light"]),
         ('nam = "x"\n' + BOX, ["unknown field 'nam'", "name"]),
         ('scenes = ["stairs"]\n', ["found a study file", "a scene file, or `shadowbench run --study`"]),
         ('name = "a/b"\n' + BOX, ["name", "a/b"]),
         ("name = 3\n" + BOX, ["name"]),
         (BOX + "colour = [1, 1, 1]\n", ["colour", "color"]),
         (BOX + "scale = 0\n", ["scale", "0"]),
-        (BOX + "scale = [1, 0, 1]\n", ["scale"]),
         (BOX + "scale = [1, 1]\n", ["scale: found [1, 1]; allowed: a number or three"]),
         (BOX + 'scale = "big"\n', ["scale: found 'big'; allowed: a number"]),
         (BOX + "scale = true\n", ["scale", "True"]),
-        (BOX + "scale = nan\n", ["scale", "nan"]),
         (BOX + "translate = [inf, 0, 0]\n", ["translate", "inf"]),
-        (BOX + f"translate = [{HUGE}, 0, 0]\n", ["translate"]),
         (BOX + "scale = 1e18\ntranslate = [1e18, 0, 0]\n", ["coordinate"]),
-        (BOX + f"x = {'9' * 5000}\n", ["scene.toml"]),
-        (BOX + "x = " + "[" * 5000 + "]" * 5000 + "\n", ["scene.toml"]),
         (BOX + f"scale = 0x{'f' * 5000}\n", ["scene.toml"]),
-        ('[[mesh]]\nshape = "sphere"\n' + f"subdivisions = 0x{'f' * 5000}\n", ["scene.toml"]),
-        (BOX + f"name = 0x{'f' * 5000}\n", ["scene.toml"]),
-        (f"camera = 0x{'f' * 5000}\n" + BOX, ["scene.toml"]),
         (BOX + "color = [2, 0, 0]\n", ["color", "2"]),
-        (BOX + "color = 0.5\n", ["color"]),
         (BOX + "casts = 1\n", ["casts: found 1; allowed: true or false"]),
         (BOX + 'file = "a.obj"\n', ["not both"]),
         ("[[mesh]]\nscale = 1\n", ["neither"]),
-        ("[[mesh]]\nscale = 1\nsubdivisions = 3\n", ["subdivisions"]),
         ('[[mesh]]\nshape = "cubus"\n', ["cubus", "box", "terrain"]),
         ('[[mesh]]\nshape = ""\n', ["shape: found ''; allowed: 1 or more characters"]),
         ("[[mesh]]\nshape = 3\n", ["shape: found 3; allowed: text"]),
         (BOX + "subdivisions = 3\n", ["subdivisions", "translate"]),
         ('[[mesh]]\nshape = "sphere"\nsubdivisions = 99\n', ["subdivisions", "99"]),
-        ('[[mesh]]\nshape = "sphere"\nsubdivisions = 1.5\n', ["subdivisions", "1.5"]),
         ('[[mesh]]\nshape = "leaves"\ncount = -1\n', ["count", "-1"]),
         ('[[mesh]]\nfile = "nothing.obj"\n', ["nothing.obj", "--assets"]),
-        ('[[mesh]]\nfile = "."\n', ["file"]),
         ('[[mesh]]\nfile = "a\\u0000b.obj"\n', ["file"]),
         (f'[[mesh]]\nfile = "{"a" * 5000}.obj"\n', ["file"]),
         ('[[mesh]]\nfile = "scene.toml"\n', ["scene.toml", ".glb"]),
         (BOX + "repeat = { count = 0, step = [1, 0, 0] }\n", ["count", "0"]),
-        (BOX + "repeat = { count = 100001, step = [1, 0, 0] }\n", ["count"]),
         (BOX + "repeat = { count = 5 }\n", ["repeat 1.step: found none; it must be given"]),
         (BOX + "repeat = [{ count = 1000, step = [1, 0, 0] }, { count = 101, step = [1, 0, 0] }]\n", ["101000"]),
         (BOX + "repeat = 5\n", ["repeat: found 5; allowed: a list"]),
@@ -236,98 +207,49 @@ HUGE = "9" * 400
         ("[camera]\nposition = [0, 0, 0]\n" + BOX, ["target"]),
         (CAMERA + "fov_y = 180\n" + BOX, ["fov_y", "180"]),
         (CAMERA + "fov_y = 0\n" + BOX, ["fov_y: found 0.0; allowed: greater than or equal to 0.01"]),
-        (CAMERA + "fov_y = -20\n" + BOX, ["fov_y"]),
         (CAMERA + 'fov_y = "36"\n' + BOX, ["fov_y"]),
         (CAMERA + "up = [0, 0, 0]\n" + BOX, ["up"]),
-        (CAMERA + "near = 0\n" + BOX, ["near"]),
         (CAMERA + "near = 5\nfar = 2\n" + BOX, ["near", "5"]),
         (CAMERA + "lens = 50\n" + BOX, ["lens", "fov_y"]),
         (2 * "[[camera]]\nname = 'a'\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n" + BOX, ["'a'", "differ"]),
         ("[light]\ndirection = [0, -1, 0]\n" + BOX, ["kind", "spot"]),
         ('[light]\nkind = "area"\n' + BOX, ["kind", "area", "point"]),
-        ("[light]\nkind = 1\n" + BOX, ["kind"]),
         (SUN.replace("-1", "0") + BOX, ["direction"]),
         (SUN + "position = [0, 1, 0]\n" + BOX, ["position", "direction"]),
         *((SUN + f"angular_radius = {size}\n" + BOX, ["angular_radius", size]) for size in ("-1", "nan", "90", "180")),
         (SUN + "size = [1, 1]\n" + BOX, ["'size'", "angular_radius"]),
         (SUN + "radius = 1\n" + BOX, ["'radius'", "did you mean 'angular_radius'"]),
         *((LAMP + f"radius = {size}\n" + BOX, ["radius", size]) for size in ("-0.1", "nan", "inf")),
-        (LAMP + "angular_radius = 1\n" + BOX, ["'angular_radius'", "did you mean 'radius'"]),
         (PANEL.replace("rectangle", "disc") + "radius = -1\n" + BOX, ["radius", "-1"]),
-        (PANEL.replace("rectangle", "disc") + "size = [1, 1]\n" + BOX, ["'size'", "radius"]),
         (PANEL + "radius = 1\n" + BOX, ["'radius'", "size"]),
         *((PANEL + f"size = {size}\n" + BOX, ["size", size]) for size in ("[0, 1]", "[1]", "1", "[-1, 1]")),
-        (PANEL + "size = [nan, 1]\n" + BOX, ["size", "nan"]),
         (PANEL + "size = [1, 1]\nup = [0, 0, 0]\n" + BOX, ["up", "three zeros"]),
-        (PANEL.replace("-1", "0") + "size = [1, 1]\n" + BOX, ["direction", "three zeros"]),
         ('[light]\nkind = "point"\n' + BOX, ["position"]),
         ('[light]\nkind = "spot"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\nangle = 171\n' + BOX, ["angle", "171"]),
-        ('[light]\nkind = "spot"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\nangle = 0\n' + BOX, ["angle"]),
         ('[light]\nkind = "spot"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\n' + BOX, ["angle"]),
     ],
 )
-def test_a_bad_scene_file_is_one_line(
-    scene_file: SceneFile, pydantic_words: re.Pattern[str], text: str, words: list[str]
-) -> None:
-    with pytest.raises(InputError) as error:
-        load_scene(scene_file(text))
-    message = str(error.value)
-    assert "\n" not in message
-    assert pydantic_words.search(message) is None
-    assert len(message) < 1000
-    assert "scene.toml" in message
-    for word in words:
-        assert word in message
+def test_a_bad_scene_file_is_one_line(scene_file: SceneFile, text: str, words: list[str]) -> None:
+    refused(scene_file(text), "scene.toml", *words)
 
 
 def test_unreadable_bytes_and_missing_files_are_one_line(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
-        load_scene(tmp_path / "none.toml")
+    refused(tmp_path / "none.toml", "no such file")
     (tmp_path / "latin.toml").write_bytes(b'name = "\xe9"\n')
-    with pytest.raises(InputError, match="cannot be read"):
-        load_scene(tmp_path / "latin.toml")
+    refused(tmp_path / "latin.toml", "cannot be read")
     (tmp_path / "folder.toml").mkdir()
-    with pytest.raises(InputError, match="not a file"):
-        load_scene(tmp_path / "folder.toml")
-
-
-def test_tables_serve_study_files_too() -> None:
-    camera = camera_from_table({"name": "low", "position": [0, 1, 5], "target": [0, 0, 0]}, "study.toml: views 2")
-    assert (camera.name, math.degrees(camera.fov_y)) == ("low", pytest.approx(36))
-    light = light_from_table({"kind": "directional", "direction": [0, -1, 0]}, "study.toml: lights 1", "noon")
-    assert (light.name, light.soft) == ("noon", False)
-    with pytest.raises(InputError, match=r"study\.toml: views 2: target"):
-        camera_from_table({"position": [0, 1, 5]}, "study.toml: views 2")
-
-
-def two_bodies(shift: tuple[float, float, float], scale: float = 1.0) -> Scene:
-    box, cone = build_shape("box", {}, "test"), build_shape("cone", {}, "test")
-    meshes = (
-        Mesh("box", box.vertices * scale + shift, box.faces),
-        Mesh("cone", (cone.vertices + np.array([2, 1, 0])) * scale + shift, cone.faces),
-    )
-    position, target = (tuple(np.array(p) * scale + shift) for p in ([3.0, 3.0, 6.0], [0.5, 0.5, 0.0]))
-    return Scene(
-        "two", meshes, (Camera("camera", position, target, 0.7),), (Light("bulb", "point", position=position),)
-    )
+    refused(tmp_path / "folder.toml", "not a file")
 
 
 whole = st.integers(-(2**20), 2**20).map(float)
 
 
-@given(shift=st.tuples(whole, whole, whole))
-def test_a_translated_scene_has_the_same_local_coordinates(shift: tuple[float, float, float]) -> None:
-    """Whole metres, so that moving itself rounds nothing but the last bits of the cone."""
-    still, moved = two_bodies((0.0, 0.0, 0.0)), two_bodies(shift)
-    views = [view_of(scene, scene.cameras[0], scene.lights[0], 64).placed()[0] for scene in (still, moved)]
-    for here, there in zip(views[0].scene.meshes, views[1].scene.meshes, strict=True):
-        assert there.vertices == pytest.approx(here.vertices, abs=1e-9)
-    assert views[1].camera.position == pytest.approx(views[0].camera.position, abs=1e-9)
-
-
 @given(shift=st.tuples(whole, whole, whole), power=st.integers(-20, 20))
 def test_placing_can_be_undone(shift: tuple[float, float, float], power: int) -> None:
-    scene = two_bodies(shift, 2.0**power)
+    box, cone = build_shape("box", {}, "test"), build_shape("cone", {}, "test")
+    shapes = [(box.vertices, box.faces), (np.add(cone.vertices, (2.0, 1.0, 0.0)), cone.faces)]
+    meshes = tuple(Mesh("shape", vertices * 2.0**power + shift, faces) for vertices, faces in shapes)
+    scene = Scene("two", meshes, (), ())
     placed = scene.placement.scene(scene)
     for here, there in zip(scene.meshes, placed.meshes, strict=True):
         back = there.vertices / scene.placement.scale + scene.placement.center

@@ -4,30 +4,21 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
-from shadowbench.errors import InputError
 from shadowbench.scenes.draco import decode
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
+from tests.fuzz.corrupt import glb_of
+from tests.scenes.conftest import refused
 
 BOX = '[[mesh]]\nshape = "box"\n'
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 Write = Callable[..., Path]
-
-
-def refused(path: str | Path, *words: str, assets: Path | None = None) -> None:
-    with pytest.raises(InputError) as error:
-        load_scene(path, assets)
-    line = str(error.value)
-    assert line.isprintable()
-    assert len(line) < 1000
-    assert [word for word in words if word not in line] == []
 
 
 @pytest.mark.parametrize(
@@ -72,13 +63,6 @@ def test_repeated_files_count_all_their_meshes(scene_file: Write, mesh_file: Wri
     bodies = "".join(f"o {k}\nf 1 2 3\n" for k in range(3))
     mesh_file("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + bodies)
     refused(scene_file('[[mesh]]\nfile = "a.obj"\nrepeat = { count = 20000, step = [1, 0, 0] }\n'), "60000 meshes")
-
-
-@pytest.mark.parametrize(
-    "name", ["a" * 300, "a" * 300 + ".toml", "a" * 300 + ".obj", "a" * 300 + ".x", "a\0b", "/" * 5000]
-)
-def test_a_name_that_cannot_be_a_path_is_one_line(name: str) -> None:
-    refused(name)
 
 
 def test_a_line_never_steers_the_terminal(scene_file: Write) -> None:
@@ -134,48 +118,6 @@ def test_an_invalid_buffer_is_one_line(gltf_file: Write, uri: str) -> None:
     refused(gltf_file(buffers=[{"byteLength": 48, "uri": uri}]), "buffers 1")
 
 
-# A glTF's numbers against its bytes.
-
-
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        ({"accessor": {"count": 10**10}}, ["accessors 1", "10000000000 elements"]),
-        ({"accessor": {"count": 10**30}}, ["count"]),
-        ({"accessor": {"count": -1}}, ["count", "-1"]),
-        ({"accessor": {"count": 2.5}}, ["count", "2.5"]),
-        ({"accessor": {"byteOffset": 12}}, ["accessors 1", "byte 48", "36"]),
-        ({"accessor": {"componentType": 5124}}, ["componentType", "5124"]),
-        ({"accessor": {"type": "VEC2"}}, ["accessors 1", "VEC3"]),
-        ({"accessor": {"bufferView": 1}}, ["accessors 1", "bufferView"]),
-        ({"accessor": {"bufferView": 5}}, ["accessors 1.bufferView", "5", "0 to 1"]),
-        ({"accessor": {"bufferView": None}}, ["accessors 1", "no bufferView"]),
-        ({"bufferViews": [{"buffer": 0, "byteOffset": 40, "byteLength": 36}] * 2}, ["bufferViews 1", "76", "48"]),
-        ({"bufferViews": [{"buffer": 3, "byteLength": 36}] * 2}, ["bufferViews 1.buffer", "3"]),
-        ({"bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 0}] * 2}, ["byteStride"]),
-        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 7}}]}]}, ["POSITION", "7", "0 to 1"]),
-        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 0}]}]}, ["accessors 1", "unsigned"]),
-        ({"meshes": [{"primitives": [{"attributes": [0]}]}]}, ["attributes"]),
-        ({"meshes": {"a": 1}}, ["meshes"]),
-        ({"nodes": [{"mesh": 0, "translation": [1, "x", 2]}]}, ["translation", "'x'"]),
-        ({"nodes": [{"mesh": 0, "scale": [1, float("nan"), 1]}]}, ["scale"]),
-        ({"nodes": [{"mesh": 0, "rotation": [0, 0, 0, 0]}]}, ["nodes 1.rotation", "four zeros", "allowed"]),
-        ({"nodes": [{"mesh": -1}]}, ["mesh", "-1"]),
-        ({"scene": 4}, ["scene", "4"]),
-        ({"asset": {"version": 2}}, ["version"]),
-        ({"asset": []}, ["asset"]),
-        ({"nodes": [{"mesh": 0, "camera": 0}] * 1001, "scenes": [{"nodes": [0]}],
-          "cameras": [{"type": "orthographic"}]}, ["1001 cameras", "1000"]),
-        ({"nodes": [{"mesh": 0, "camera": 0}], "cameras": [{"type": "perspective"}]}, ["cameras 1: perspective"]),
-        ({"nodes": [{"mesh": 0}] * 50_001}, ["nodes", "50000"]),
-    ],
-)  # fmt: skip
-def test_an_inconsistent_gltf_is_one_line_that_names_the_place(
-    gltf_file: Write, parts: dict[str, Any], words: list[str]
-) -> None:
-    refused(gltf_file(**parts), "model.gltf", *words)
-
-
 def test_few_bytes_do_not_stand_for_more_triangles_than_a_scene_has(gltf_file: Write) -> None:
     many = np.zeros((30_000, 3), dtype=np.float32)
     primitive = {"attributes": {"POSITION": 0}, "indices": 1}
@@ -221,20 +163,11 @@ def test_the_json_of_a_gltf_is_read_once_as_what_it_is(tmp_path: Path, gltf_file
         ("a.obj", OBJ + (" " * 90_000 + "v 0 0 0\n") * 100 + "f 1 1 1 x\n", ["line 105", "'x'"]),
         ("a.obj", OBJ + ("f" + " 1 2 3 1" * 2_000 + "\n") * 20, ["take too long"]),
     ],
-    ids=[
-        "20,000 solids of one name",
-        "a polygon without end",
-        "the same as OFF",
-        "20,000 objects",
-        "50,001 objects",
-        "deep indents",
-        "crossing polygons of 8,000 corners",
-    ],
+    ids=["solids", "a polygon without end", "the same as OFF", "objects", "too many", "deep indents", "crossing"],
 )
 def test_a_mesh_file_that_would_take_too_long_to_read_is_refused(
-    mesh_file: Write, name: str, data: str, words: list[str], monkeypatch: pytest.MonkeyPatch
+    mesh_file: Write, name: str, data: str, words: list[str]
 ) -> None:
-    monkeypatch.setattr(trimesh, "load_scene", None)  # would fail if the reader were asked
     refused(mesh_file(name, data), name, *words)
 
 
@@ -243,13 +176,8 @@ def test_shared_accessors_are_decoded_once(tmp_path: Path, monkeypatch: pytest.M
     length = int.from_bytes(data[12:16], "little")
     document = json.loads(data[20 : 20 + length])
     document["meshes"][0]["primitives"] *= 2000
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
     path = tmp_path / "a.glb"
-    path.write_bytes(
-        data[:8] + (len(data) - length + len(text)).to_bytes(4, "little") + len(text).to_bytes(4, "little")
-        + data[16:20] + text + data[20 + length :]
-    )  # fmt: skip
+    path.write_bytes(glb_of(document, data[28 + length :]))
     decoded: list[int] = []
     monkeypatch.setattr(
         "shadowbench.scenes.gltf_bytes.decode", lambda blobs, where: decoded.append(len(blobs)) or decode(blobs, where)

@@ -8,17 +8,8 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import Triangles, bounds_of, without_zero_area
 from shadowbench.scenes.shapes import SHAPES, build_shape
 
-EXTENTS = {
-    "plane": (1, 0, 1),
-    "box": (1, 1, 1),
-    "sphere": (1, 1, 1),
-    "torus": (4 / 3, 1 / 3, 4 / 3),
-    "cylinder": (1, 1, 1),
-    "cone": (1, 1, 1),
-    "capsule": (1, 2, 1),
-    "stairs": (1, 1, 1),
-    "terrain": (1, 1, 1),
-}
+EXTENTS = {"plane": (1, 0, 1), "torus": (4 / 3, 1 / 3, 4 / 3), "capsule": (1, 2, 1)}
+EXTENTS |= dict.fromkeys(("box", "sphere", "cylinder", "cone", "stairs", "terrain"), (1, 1, 1))
 OPEN = ("plane", "terrain", "leaves")
 
 
@@ -82,11 +73,6 @@ def test_a_round_shape_has_the_triangles_of_trimesh_in_its_order(name: str) -> N
     expected = expected[made.area_faces > 1e-8] - [0, 0.5 if name == "cone" else 0, 0]
     shape = build_shape(name, {"subdivisions": 3} if sphere else {"sections": 48}, "test")
     np.testing.assert_allclose(shape.vertices[shape.faces], expected, rtol=0, atol=1e-15)
-
-
-def test_the_tip_of_a_cone_is_up() -> None:
-    vertices = build_shape("cone", {}, "test").vertices
-    assert vertices[vertices[:, 1].argmax()] == pytest.approx([0, 0.5, 0], abs=1e-12)
 
 
 def test_a_sphere_rounds_with_its_subdivisions() -> None:

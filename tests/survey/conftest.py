@@ -1,18 +1,22 @@
 """Scenes with known needs: plates and boxes over a ground, seen from above or from a side."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
+import trimesh
 
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
+from shadowbench.survey.explanations import explanations_of
+from shadowbench.survey.survey import needs
 
 Position = tuple[float, float, float]
 
 DOWN = Light("sun", "directional", (0.0, -1.0, 0.0))
+SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
 LIGHTS = (
-    Light("sun", "directional", (0.5, -1.0, -0.3)),
+    SUN,
     Light("spot", "spot", (-0.5, -1.0, 0.2), (2.0, 4.0, -0.8), math.radians(70.0)),
     Light("lamp", "point", position=(1.5, 3.0, -1.0)),
 )
@@ -60,12 +64,17 @@ def from_above(meshes: Sequence[Mesh], light: Light = DOWN, size: int = 64, widt
     return looking(meshes, light, size, (0.0, height, 0.0), fov=math.degrees(2 * math.atan(0.1)))
 
 
-@pytest.fixture(scope="session")
-def tilted() -> Callable[[float], Light]:
+def tilted(elevation: float) -> Light:
     """A sun at an elevation in degrees."""
+    angle = math.radians(elevation)
+    return Light("sun", "directional", (math.cos(angle), -math.sin(angle), 0.0))
 
-    def make(elevation: float) -> Light:
-        angle = math.radians(elevation)
-        return Light("sun", "directional", (math.cos(angle), -math.sin(angle), 0.0))
 
-    return make
+def ball(subdivisions: int, radius: float = 1.0, center: Position = (0.0, 0.0, 0.0)) -> Mesh:
+    made = trimesh.creation.icosphere(subdivisions)
+    return Mesh("ball", made.vertices * radius + center, np.asarray(made.faces, dtype=np.int32))
+
+
+def told(view: View) -> dict[str, str]:
+    """The reasons of a view's needs, by need."""
+    return {row.need: row.reason for row in explanations_of(needs(view))}

@@ -11,55 +11,42 @@ from shadowbench.geometry import topology
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
-from shadowbench.survey.explanations import explanations_of
-from shadowbench.survey.receivers import casters_of
-from shadowbench.survey.survey import needs
-from tests.survey.conftest import DOWN, box, looking, plate
-
-SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
+from shadowbench.survey.casters import casters_of
+from tests.survey.conftest import DOWN, SUN, ball, box, looking, plate, told
 
 
-def ball(subdivisions: int) -> Mesh:
-    made = trimesh.creation.icosphere(subdivisions)
-    return Mesh("ball", np.asarray(made.vertices), np.asarray(made.faces, dtype=np.int32))
+def turned(mesh: Mesh) -> Mesh:
+    return Mesh("turned", mesh.vertices, mesh.faces[:, ::-1].copy())
 
 
-def test_a_box_has_six_outlines_and_four_when_the_sun_shines_along_an_edge() -> None:
-    assert casters_of(looking([box(1.0, (0.0, 0.0, 0.0))], SUN)).silhouette == 6
-    assert casters_of(looking([box(1.0, (0.0, 0.0, 0.0))], DOWN)).silhouette == 4
-
-
-def test_a_plate_has_four_outlines_and_is_open() -> None:
-    found = casters_of(looking([plate(1.0)], SUN))
-    assert (found.triangles, found.closed, found.silhouette, found.edges) == (2, 0, 4, 5)
-
-
-def test_a_box_on_a_ground_is_closed_and_the_ground_is_not() -> None:
-    found = casters_of(looking([plate(9.0), box(1.0, (0.0, 0.5, 0.0))], SUN))
-    assert (found.triangles, found.closed) == (14, 12)
-
-
-def test_a_box_turned_inside_out_is_not_closed() -> None:
-    mesh = box(1.0, (0.0, 0.0, 0.0))
-    turned = Mesh("turned", mesh.vertices, mesh.faces[:, ::-1].copy())
-    assert casters_of(looking([turned], SUN)).closed == 0
-    assert casters_of(looking([turned], SUN)).silhouette == 6
+@pytest.mark.parametrize(
+    ("meshes", "light", "triangles", "closed", "silhouette", "edges"),
+    [
+        ([box(1.0, (0.0, 0.0, 0.0))], SUN, 12, 12, 6, 18),
+        ([box(1.0, (0.0, 0.0, 0.0))], DOWN, 12, 12, 4, 18),
+        ([turned(box(1.0, (0.0, 0.0, 0.0)))], SUN, 12, 0, 6, 18),
+        ([plate(1.0)], SUN, 2, 0, 4, 5),
+        ([plate(9.0), box(1.0, (0.0, 0.5, 0.0))], SUN, 14, 12, 10, 23),
+        ([plate(1.0, casts=False)], SUN, 0, 0, 0, 0),
+    ],
+    ids=["box", "box and sun along an edge", "box inside out", "plate", "box on ground", "nothing"],
+)
+def test_outlines_and_closed_parts(meshes, light, triangles, closed, silhouette, edges) -> None:
+    found = casters_of(looking(meshes, light))
+    assert (found.triangles, found.closed, found.silhouette, found.edges) == (triangles, closed, silhouette, edges)
 
 
 def test_the_explanation_counts_open_and_inward_wound_casters() -> None:
-    mesh = box(1.0, (0.0, 0.5, 0.0))
-    turned = Mesh("turned", mesh.vertices + np.array([2.0, 0.0, 0.0]), mesh.faces[:, ::-1].copy())
+    mesh, inwards = box(1.0, (0.0, 0.5, 0.0)), turned(box(1.0, (2.0, 0.5, 0.0)))
 
     def reason(*meshes: Mesh) -> str:
-        return {row.need: row.reason for row in explanations_of(needs(looking(meshes, SUN)))}["closed casters"]
+        return told(looking(meshes, SUN))["closed casters"]
 
     signs = "which shadow volumes count with signed weights"
-    assert casters_of(looking([plate(9.0), mesh, turned], SUN)).open == 2
-    assert reason(plate(9.0), mesh, turned) == (
-        f"triangles; 2 are in open parts, 12 in closed parts not wound outwards, {signs}"
-    )
+    both = "2 are in open parts, 12 in closed parts not wound outwards"
+    assert reason(plate(9.0), mesh, inwards) == f"triangles; {both}, {signs}"
     assert reason(plate(9.0), mesh) == f"triangles; 2 are in open parts, {signs}"
-    assert reason(plate(9.0, casts=False), turned) == f"triangles; 12 are in closed parts not wound outwards, {signs}"
+    assert reason(plate(9.0, casts=False), inwards) == f"triangles; 12 are in closed parts not wound outwards, {signs}"
     assert reason(plate(9.0, casts=False), mesh).startswith("triangles, all in closed parts")
 
 
@@ -96,8 +83,3 @@ def test_shadow_volumes_draw_two_triangles_for_each_wall_of_closed_and_of_open_p
     assert found.open == 12 and found.closed == 12 and found.walls > found.silhouette
     (cell,) = shadowbench.run(str(scene), "shadow-volume", view_size=32, rounds=0).to_dict("records")
     assert cell["work_primitives"] == 2 * found.walls + 1
-
-
-def test_nothing_that_casts_has_no_outline() -> None:
-    found = casters_of(looking([plate(1.0, casts=False)], SUN))
-    assert (found.triangles, found.closed, found.silhouette, found.edges) == (0, 0, 0, 0)

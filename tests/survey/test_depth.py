@@ -1,7 +1,6 @@
 """Depth gaps, formats and biases for which closed forms exist."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +10,7 @@ from shadowbench.scenes.model import Light, View
 from shadowbench.survey.depth import BiasNeed, DepthBits, bias_of, bits_of, depths_of
 from shadowbench.survey.maps import REFERENCE_SIZE, FittedMap, fitted_map
 from shadowbench.survey.sampling import sample_view
-from tests.survey.conftest import from_above, looking, plate
-
-Tilted = Callable[[float], Light]
+from tests.survey.conftest import from_above, looking, plate, tilted
 
 
 def of(view: View) -> tuple[FittedMap, DepthBits | None, BiasNeed | None]:
@@ -23,7 +20,7 @@ def of(view: View) -> tuple[FittedMap, DepthBits | None, BiasNeed | None]:
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
-def test_the_gap_under_a_plate_is_its_height_along_the_ray(scale: float, tilted: Tilted) -> None:
+def test_the_gap_under_a_plate_is_its_height_along_the_ray(scale: float) -> None:
     meshes = [plate(50.0 * scale), plate(0.5 * scale, (-0.5 * scale, 0.3 * scale, 0.0))]
     _, bits, bias = of(from_above(meshes, tilted(30.0), width=2.0 * scale, size=128))
     assert bits is not None and bias is not None and bias.thinnest is not None
@@ -32,9 +29,7 @@ def test_the_gap_under_a_plate_is_its_height_along_the_ray(scale: float, tilted:
 
 
 @pytest.mark.parametrize(("steps_of_16", "bits"), [(8.0, 16), (2.0, 24), (2.0 / 256, None)])
-def test_the_depth_format_follows_from_the_gap_in_depth_steps(
-    steps_of_16: float, bits: int | None, tilted: Tilted
-) -> None:
+def test_the_depth_format_follows_from_the_gap_in_depth_steps(steps_of_16: float, bits: int | None) -> None:
     """The ground seen is 2 m wide under a sun at 45°: depths range over √2 m, and a little more for the fit."""
     fitted = fitted_map(sample_view(from_above([plate(50.0), plate(0.5, (-0.5, 0.3, 0.0))], tilted(45.0), size=128)))
     depths = depths_of(fitted)
@@ -45,7 +40,7 @@ def test_the_depth_format_follows_from_the_gap_in_depth_steps(
     assert found.lost[16] == (0.0 if bits == 16 else 1.0)
 
 
-def test_the_bias_of_a_plane_is_half_a_texel_on_its_slope(tilted: Tilted) -> None:
+def test_the_bias_of_a_plane_is_half_a_texel_on_its_slope() -> None:
     fitted, _, bias = of(from_above([plate(50.0)], tilted(30.0), size=256))
     assert bias is not None
     # A picture 2 m wide: its depth range along the light is 2 cos 30°, over REFERENCE_SIZE texels less the padding;
@@ -61,7 +56,7 @@ def test_a_plane_that_faces_the_sun_needs_no_bias() -> None:
     assert bias is not None and bias.needed.value == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_lower_sun_needs_more_bias(tilted: Tilted) -> None:
+def test_a_lower_sun_needs_more_bias() -> None:
     biases = [of(from_above([plate(50.0)], tilted(elevation)))[2] for elevation in (70.0, 40.0, 10.0)]
     needed = [bias.needed.value for bias in biases if bias is not None]
     assert len(needed) == 3 and needed == sorted(needed)

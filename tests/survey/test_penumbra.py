@@ -82,9 +82,10 @@ def test_the_penumbra_of_a_lamp_follows_from_similar_triangles(scale: float) -> 
     assert found.median.value == pytest.approx(0.04 / sine / PIXEL, rel=0.05)
 
 
-def test_a_lamp_without_a_size_is_taken_as_a_bulb() -> None:
-    lamp = Light("lamp", "point", position=(-1.0, 3.0, 0.0))
-    found = found_in(from_above([plate(50.0), plate(0.1, (-0.5, 1.5, 0.0))], lamp, size=256))
+@pytest.mark.parametrize("kind", ["point", "disc", "rectangle", "spot"])
+def test_a_lamp_without_a_size_is_taken_as_a_bulb(kind: str) -> None:
+    light = Light("lamp", kind, (0.0, -1.0, 0.0), (-0.4, 3.0, 0.0), math.radians(60.0))
+    found = found_in(from_above([plate(50.0), plate(0.1, (-0.2, 1.5, 0.0))], light, size=128))
     assert found is not None and found.assumed and found.radius == pytest.approx(BULB)
 
 
@@ -117,13 +118,5 @@ def test_of_a_large_view_some_pixels_say_how_wrong_hard_shadows_are(builtin) -> 
     assert large.hard_rmse.value == pytest.approx(small.hard_rmse.value, abs=4 * large.hard_rmse.error)
 
 
-@pytest.mark.parametrize(("kind", "radius"), [("disc", BULB), ("rectangle", BULB), ("spot", BULB)])
-def test_a_panel_or_spot_without_a_size_is_as_wide_as_a_bulb(kind: str, radius: float) -> None:
-    light = Light("lamp", kind, (0.0, -1.0, 0.0), (-0.4, 3.0, 0.0), math.radians(60.0))
-    found = found_in(from_above([plate(50.0), plate(0.1, (-0.2, 1.5, 0.0))], light, size=128))
-    assert found is not None and found.assumed and found.radius == pytest.approx(radius)
-
-
 def test_without_a_shadow_there_is_no_penumbra() -> None:
     assert found_in(from_above([plate(50.0)])) is None
-    assert np.isfinite(SUN_RADIUS)

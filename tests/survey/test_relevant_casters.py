@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.views import chosen_view
+from shadowbench.survey.casters import RelevantCasters, relevant_casters
 from shadowbench.survey.maps import fitted_map
-from shadowbench.survey.relevant_casters import RelevantCasters, relevant_casters
 from shadowbench.survey.sampling import sample_view
 from shadowbench.truths.trace import trace
 from tests.survey.conftest import LIGHTS, box, from_above, looking, plate
@@ -63,10 +63,8 @@ def test_a_box_outside_the_picture_that_shadows_into_it_stays() -> None:
 
 
 def test_a_box_below_all_that_is_seen_is_left_out() -> None:
-    assert (
-        relevant(from_above([plate(50.0), box(0.3, (0.0, -1.0, 0.0))], SUN)).matters.tolist()
-        == [True] * 2 + [False] * 12
-    )
+    found = relevant(from_above([plate(50.0), box(0.3, (0.0, -1.0, 0.0))], SUN))
+    assert found.matters.tolist() == [True] * 2 + [False] * 12
 
 
 def test_a_box_behind_a_spot_is_left_out() -> None:
@@ -89,10 +87,7 @@ def test_no_shadow_changes_in_our_scenes(name: str) -> None:
     assert_same_shadows(chosen_view(name, 128))
 
 
-def test_casters_hidden_from_the_centre_of_an_area_light_are_not_surely_irrelevant() -> None:
-    wide = replace(SUN, radius=0.1)
-    assert not relevant(from_above([plate(50.0), box(0.3, (0.0, 0.15, 0.0))], wide)).sure
-
-
-def test_a_sampled_view_marks_its_result_as_uncertain() -> None:
-    assert not relevant(from_above([plate(50.0), box(0.3, (0.0, 0.15, 0.0))], SUN, size=1024)).sure
+@pytest.mark.parametrize(("radius", "size"), [(0.1, 64), (0.0, 1024)], ids=["an area light", "a part of the pixels"])
+def test_casters_may_matter_beside_the_centre_of_a_light_and_between_pixels(radius: float, size: int) -> None:
+    view = from_above([plate(50.0), box(0.3, (0.0, 0.15, 0.0))], replace(SUN, radius=radius), size=size)
+    assert not relevant(view).sure

@@ -7,32 +7,26 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
 from shadowbench.plugin.base import Stage
 from shadowbench.plugin.registry import shader_folder
-from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.explanations import explanations_of
-from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
 from shadowbench.survey.sampling import Samples, sample_view
-from shadowbench.survey.survey import needs
+from shadowbench.survey.survey import Receivers, needs, planes_of, receivers_of
 from shadowbench.techniques.planar_projection import PlanarProjection
 from shadowbench.truths.embree import Tracer
 from shadowbench.truths.trace import trace
-from tests.survey.conftest import box, from_above, looking, plate
+from tests.survey.conftest import SUN, ball, box, from_above, looking, plate, told
 
-SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
 FOUND = {"light", "receivers", "closed casters", "silhouette", "texel", "map size", "casters to leave out"}
 
 
@@ -94,9 +88,7 @@ def seen_by(samples: Samples) -> Receivers:
 def test_planes_cover_a_box_on_a_ground_and_nothing_of_a_sphere() -> None:
     flat = seen_by(sample_view(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN)))
     assert flat.planar.value == 1.0 and flat.projection_suffices
-    made = trimesh.creation.icosphere(4)
-    ball = Mesh("ball", np.asarray(made.vertices), np.asarray(made.faces, dtype=np.int32))
-    assert seen_by(sample_view(looking([ball], SUN))).planar.value < 0.2
+    assert seen_by(sample_view(looking([ball(4)], SUN))).planar.value < 0.2
 
 
 def test_planes_too_small_for_the_scene_count_for_nothing_even_if_nothing_else_is_visible() -> None:
@@ -106,10 +98,7 @@ def test_planes_too_small_for_the_scene_count_for_nothing_even_if_nothing_else_i
     found = seen_by(sample_view(seen))
     assert found.shadowed.value > 0 and found.planar.value == 0.0 and found.planes == 0
     assert not found.projection_suffices
-    assert (
-        "no visible receiver is on a plane"
-        in {row.need: row.reason for row in explanations_of(needs(seen))}["receivers"]
-    )
+    assert "no visible receiver is on a plane" in told(seen)["receivers"]
     alone = seen_by(sample_view(from_above([table, above], SUN, width=0.8)))
     assert alone.planar.value == 1.0 and alone.planes == 2
 
@@ -143,30 +132,26 @@ def test_receivers_on_planes_are_covered_by_planar_projection(name: str, device:
 
 def test_one_and_two_planes_are_found() -> None:
     def reason(*meshes: Mesh) -> str:
-        return {row.need: row.reason for row in explanations_of(needs(from_above(meshes, SUN)))}["receivers"]
+        return told(from_above(meshes, SUN))["receivers"]
 
     assert reason(plate(8.0)).startswith("all visible receivers are on 1 plane:")
     assert reason(plate(8.0), plate(0.5, (0.0, 0.1, 0.0))).startswith("all visible receivers are on 2 planes:")
-    ball = trimesh.creation.icosphere(3, radius=0.4)
-    round_one = Mesh("ball", np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int32))
-    assert reason(plate(50.0), round_one).startswith("planar-projection, on 1 plane, would leave the others lit: ")
+    others = reason(plate(50.0), ball(3, 0.4))
+    assert others.startswith("planar-projection, on 1 plane, would leave the others lit: ")
 
 
-def test_cascades_are_compared_with_other_numbers_of_cascades() -> None:
-    rows = {row.need: row.reason for row in explanations_of(needs(chosen_view("cube-on-plane", 64)))}
-    assert rows["cascades"].startswith("number and map size with the fewest texels in total; sizes by number")
-
-
-def test_without_casters_there_is_nothing_to_need() -> None:
-    with pytest.raises(InputError, match="no mesh casts a shadow"):
-        needs(looking([plate(8.0, casts=False)], SUN))
-
-
-def test_without_receivers_there_is_nothing_to_need() -> None:
-    with pytest.raises(InputError, match="no pixel shows a receiver that 'sun' lights"):
-        needs(looking([plate(8.0, receives=False)], SUN))
-    with pytest.raises(InputError, match="no pixel shows a receiver"):
-        needs(from_above([plate(8.0)], Light("sun", "directional", (0.0, 1.0, 0.0))))
+@pytest.mark.parametrize(
+    ("flags", "light", "words"),
+    [
+        ({"casts": False}, SUN, "no mesh casts a shadow"),
+        ({"receives": False}, SUN, "no pixel shows a receiver that 'sun' lights"),
+        ({}, Light("sun", "directional", (0.0, 1.0, 0.0)), "no pixel shows a receiver"),
+    ],
+    ids=["no caster", "no receiver", "light from below"],
+)
+def test_without_casters_or_receivers_there_is_nothing_to_need(flags: dict, light: Light, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        needs(from_above([plate(8.0, **flags)], light))
 
 
 def test_a_lit_plane_alone_has_needs_too() -> None:
@@ -196,14 +181,6 @@ def test_needs_prints_the_number_of_sampled_pixels(shadowbench: Callable[..., An
     assert answer.code == 0 and "25.0% of the pixels" in answer.err and "±" in answer.out
 
 
-def test_the_command_refuses_a_scene_without_casters(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
-    scene = tmp_path / "bare.toml"
-    scene.write_text('name = "bare"\n[[mesh]]\nshape = "plane"\ncasts = false\n')
-    answer = shadowbench("needs", scene, "-q")
-    assert answer.code == 2 and not answer.out and answer.err.count("\n") == 1
-    assert "no mesh casts a shadow" in answer.err
-
-
 @pytest.mark.slow
 def test_needs_make_no_opengl_context() -> None:
     code = (
@@ -213,12 +190,8 @@ def test_needs_make_no_opengl_context() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
 
 
-def test_rays_are_those_of_the_picture_and_what_is_made_of_all_triangles_is_made_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_rays_are_those_of_the_picture_however_many_triangles_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: Counter[str] = Counter()
-    made: Counter[str] = Counter()
-    crosses = Geometry.__dict__["crosses"].func
 
     def counted(query: str) -> Any:
         ask = getattr(Tracer, query)
@@ -229,28 +202,16 @@ def test_rays_are_those_of_the_picture_and_what_is_made_of_all_triangles_is_made
 
         return counting
 
-    def computed(geometry: Geometry) -> Any:
-        made["normals of triangles"] += len(geometry.faces)
-        return crosses(geometry)
-
-    once = cached_property(computed)
-    once.__set_name__(Geometry, "crosses")
-    monkeypatch.setattr(Geometry, "crosses", once)
     for query in ("nearest", "distance", "occluded"):
         monkeypatch.setattr(Tracer, query, counted(query))
     rays = []
     for subdivisions in (1, 3, 5):
-        ball = trimesh.creation.icosphere(subdivisions)
-        faces = np.asarray(ball.faces, dtype=np.int32)
-        meshes = [plate(8.0), Mesh("ball", ball.vertices * 0.4 + (0.0, 0.4, 0.0), faces)]
-        needs(looking(meshes, SUN))  # from here on, its truths are in the cache
+        view = looking([plate(8.0), ball(subdivisions, 0.4, (0.0, 0.4, 0.0))], SUN)
+        needs(view)  # from here on, its truths are in the cache
         asked.clear()
-        made.clear()
-        view = looking(meshes, SUN)
         needs(view)
         assert asked["nearest"] == 64 * 64, "a ray a pixel"
-        assert made == {"normals of triangles": len(view.scene.geometry.faces)}
-        rays.append(asked["distance"])
         assert not asked["occluded"], "the points of the light are the truth's"
+        rays.append(asked["distance"])
     # A ray more for each pixel of the shadow, which grows a little as the ball becomes rounder.
-    assert max(rays) <= 2 * 64 * 64 and max(rays) - min(rays) <= 64, "to the light, however many triangles there are"
+    assert max(rays) <= 2 * 64 * 64 and max(rays) - min(rays) <= 64

@@ -1,7 +1,5 @@
 """Needed map sizes that follow from the image size alone."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -27,7 +25,7 @@ from shadowbench.survey.texels import (
     texels_of,
 )
 from shadowbench.techniques.shadow_map import ShadowMap
-from tests.survey.conftest import box, from_above, looking, plate
+from tests.survey.conftest import box, from_above, looking, plate, tilted
 
 
 def of(view: View) -> tuple[FittedMap, Texels]:
@@ -36,9 +34,7 @@ def of(view: View) -> tuple[FittedMap, Texels]:
 
 
 @pytest.mark.parametrize("elevation", [90.0, 60.0, 20.0])
-def test_a_plane_from_above_needs_as_many_texels_as_pixels_whatever_the_sun(
-    elevation: float, tilted: Callable[[float], Light]
-) -> None:
+def test_a_plane_from_above_needs_as_many_texels_as_pixels_whatever_the_sun(elevation: float) -> None:
     fitted, texels = of(from_above([plate(50.0)], tilted(elevation)))
     # 64 pixel centres lie 63 pixels apart; the fit pads them by 2 texels on each side.
     assert fitted.padding == 2.0
