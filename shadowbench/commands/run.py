@@ -140,12 +140,7 @@ def run(
         known = techniques_with(plugin or ())
         specs = [parse_spec(text, known) for text in techniques or ()]
         reporter = stack.enter_context(console.Reporter(printed.quiet))
-        if machines.dask is not None and machines.time_on is None and measuring.rounds != 0:
-            if measuring.rounds:
-                given = f"--rounds {measuring.rounds} with --dask: times belong to one machine"
-                raise InputError(f"{given}; allowed: --rounds 0, or --time-on here or a worker")
-            reporter.note("nothing is timed: --time-on says on which machine")
-            measuring = dataclasses.replace(measuring, rounds=0)
+        measuring = _timed(measuring, machines, reporter)
         asked = study_from_options(
             known, scenes or (), specs, study=study, map_size=map_sizes(map_size), measuring=measuring, view=options
         )
@@ -162,6 +157,17 @@ def run(
         found = measure(asked, at, chosen_part)
     _print(found, output, printed)
     raise typer.Exit(_exit_code(found, asked, known))
+
+
+def _timed(measuring: Measuring, machines: StudyMachines, reporter: console.Reporter) -> Measuring:
+    """How the study is measured: with --dask it is only timed where --time-on says. Raises InputError."""
+    if machines.dask is None or machines.time_on is not None or measuring.rounds == 0:
+        return measuring
+    if measuring.rounds:
+        given = f"--rounds {measuring.rounds} with --dask: times belong to one machine"
+        raise InputError(f"{given}; allowed: --rounds 0, or --time-on here or a worker")
+    reporter.note("nothing is timed: --time-on says on which machine")
+    return dataclasses.replace(measuring, rounds=0)
 
 
 def _print(found: "StudyResult", output: Path, printed: Printed) -> None:
