@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from shadowbench import versions
 
 if TYPE_CHECKING:
-    from shadowbench.advice.recommendation import Recommendation
+    from shadowbench.advice.recommend import Recommendation
     from shadowbench.api import close, load, needs, recommend, render, run, score, stress, truth
     from shadowbench.errors import InputError, ShadowbenchError
     from shadowbench.measure.rendering import Rendering

@@ -26,25 +26,24 @@ from typing import Any
 import pandas as pd
 from numpy.typing import NDArray
 
-from shadowbench.advice.recommend import has_penumbra, target_of
+from shadowbench import options
+from shadowbench.advice.recommend import Recommendation, has_penumbra
 from shadowbench.advice.recommend import recommend as measure_recommendation
-from shadowbench.advice.recommendation import Recommendation
 from shadowbench.advice.space import technique_names
-from shadowbench.arguments import as_list, as_visibility, instance_of, number, whole_number, whole_numbers
+from shadowbench.advice.target import target_of
+from shadowbench.engines.external_mask import mask_from_array
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
-from shadowbench.options import MAP_SIZE, PHASES, PIXEL_SAMPLES, ROUNDS, VIEW_SIZE, Measuring, SceneOptions, ViewOptions
 from shadowbench.plugin.base import Technique as Technique
 from shadowbench.plugin.params import param as param
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.results.ranges import ranges_frame
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import chosen_view, opened
-from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
 from shadowbench.shared_worker import campaign, shared_worker
 from shadowbench.shared_worker import close as close
@@ -89,9 +88,9 @@ def load(
     specify it; sun: give directional lights without a size that of the sun; no_ground: assume no ground. Raises
     InputError.
     """
-    value = instance_of(scene, "scene", "a built-in name, a file, or what load returns", Scene, str, Path)
-    folder = None if assets is None else Path(instance_of(assets, "assets", "a folder", str, Path))
-    return opened(value, SceneOptions(folder, up, sun, no_ground))
+    value = options.instance_of(scene, "scene", "a built-in name, a file, or what load returns", Scene, str, Path)
+    folder = None if assets is None else Path(options.instance_of(assets, "assets", "a folder", str, Path))
+    return opened(value, options.SceneOptions(folder, up, sun, no_ground))
 
 
 def truth(
@@ -107,9 +106,8 @@ def truth(
     view, light: names of a camera and a light, by default the scene's first; pixel_samples: `area` averages
     pixel_samples² rays per pixel. Cached on disk. Raises InputError.
     """
-    return cached_truth(
-        _view(scene, view_size, view, light), whole_number(pixel_samples, "pixel_samples", PIXEL_SAMPLES)
-    )
+    samples = options.whole_number(pixel_samples, "pixel_samples", options.PIXEL_SAMPLES)
+    return cached_truth(_view(scene, view_size, view, light), samples)
 
 
 def render(
@@ -130,7 +128,7 @@ def render(
     technique does not support the view, ShadowbenchError if it fails.
     """
     files = _paths(plugins)
-    instance_of(technique, "technique", "a spec as text, or a Spec", str, Spec)
+    options.instance_of(technique, "technique", "a spec as text, or a Spec", str, Spec)
     (spec,) = _specs(technique, techniques_with(files))
     chosen = _view(scene, view_size, view, light)
     with shared_worker(files) as worker:
@@ -144,13 +142,11 @@ def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
     visibility: (N, N) of the truth's size: floats in [0, 1], booleans, uint8 or uint16; 1 or the integer maximum is
     lit. It is quantised to 16 bits first, as stored masks are. Raises InputError.
     """
-    instance_of(truth, "truth", "what truth returns", Truth)
-    mask = as_visibility(visibility, "visibility", truth.visibility.shape)
-    try:
-        prepared = prepare_truth(truth)
-        return score_mask(quantise(mask), prepared) | truth_record(prepared)
-    except ValueError as error:
-        raise InputError(f"visibility: {error}") from None
+    options.instance_of(truth, "truth", "what truth returns", Truth)
+    mask, prepared = mask_from_array(visibility, "visibility").visibility, prepare_truth(truth)
+    if mask.shape != truth.visibility.shape:
+        raise InputError(f"visibility: found shape {mask.shape}; allowed: {truth.visibility.shape}, that of the truth")
+    return score_mask(mask, prepared) | truth_record(prepared)
 
 
 def run(
@@ -177,20 +173,15 @@ def run(
     """
     files = _paths(plugins)
     known = techniques_with(files)
-    named = as_list(scenes, "scenes", "built-in names, files, and what load returns", Scene, str, Path)
+    named = options.as_list(scenes, "scenes", "built-in names, files, and what load returns", Scene, str, Path)
     chosen = study_from_options(
         known,
         [entry if isinstance(entry, Scene) else str(entry) for entry in named],
         _specs(techniques, known),
-        study=None if study is None else str(instance_of(study, "study", "a name or a file", str, Path)),
-        map_size=None if map_size is None else whole_numbers(map_size, "map_size", MAP_SIZE),
-        measuring=Measuring(
-            None if view_size is None else whole_number(view_size, "view_size", VIEW_SIZE),
-            None if rounds is None else whole_number(rounds, "rounds", ROUNDS),
-            None if phases is None else whole_number(phases, "phases", PHASES),
-            step,
-        ),
-        view=ViewOptions(view=view, light=light),
+        study=None if study is None else str(options.instance_of(study, "study", "a name or a file", str, Path)),
+        map_size=None if map_size is None else options.whole_numbers(map_size, "map_size", options.MAP_SIZE),
+        measuring=options.Measuring(view_size, rounds, phases, step),
+        view=options.ViewOptions(view=view, light=light),
     )
     with _folder(folder) as path, shared_worker(files, chosen.limits) as worker:
         return measure(chosen, [campaign(path, worker)]).run.last.frame
@@ -228,10 +219,10 @@ def recommend(
     target. Raises InputError.
     """
     limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "budget_ms": budget_ms, "max_rmse": max_rmse}
-    given = {name: None if value is None else number(value, name) for name, value in limits.items()}
+    given = {name: None if value is None else options.number(value, name) for name, value in limits.items()}
     files = _paths(plugins)
     known = techniques_with(files)
-    among = technique_names(as_list(techniques, "techniques", "names of techniques", str), known)
+    among = technique_names(options.as_list(techniques, "techniques", "names of techniques", str), known)
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
     with _folder(folder) as path, shared_worker(files) as worker:
@@ -255,7 +246,7 @@ def stress(
     Raises InputError.
     """
     files = _paths(plugins)
-    chosen = select_axes(as_list(axes, "axes", "names of axes", str))
+    chosen = select_axes(options.as_list(axes, "axes", "names of axes", str))
     known = techniques_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
     with _folder(folder) as path, shared_worker(files, LIMITS) as worker:
@@ -265,24 +256,24 @@ def stress(
 
 @_parameter_names()
 def _view(scene: SceneLike, size: int, camera: str | None, light: str | None) -> View:
-    size = whole_number(size, "view_size", VIEW_SIZE)
-    return chosen_view(load(scene), size, ViewOptions(view=camera, light=light), _log.info)
+    size = options.whole_number(size, "view_size", options.VIEW_SIZE)
+    return chosen_view(load(scene), size, options.ViewOptions(view=camera, light=light), _log.info)
 
 
 def _specs(value: SpecLike | Iterable[SpecLike], known: Techniques) -> list[Spec]:
-    specs = as_list(value, "techniques", "specs, as text or as a Spec", str, Spec)
+    specs = options.as_list(value, "techniques", "specs, as text or as a Spec", str, Spec)
     return [spec if isinstance(spec, Spec) else parse_spec(spec, known) for spec in specs]
 
 
 def _paths(plugins: Files) -> tuple[Path, ...]:
-    return tuple(Path(file).resolve() for file in as_list(plugins, "plugins", "Python files", str, Path))
+    return tuple(Path(file).resolve() for file in options.as_list(plugins, "plugins", "Python files", str, Path))
 
 
 @contextmanager
 def _folder(value: str | Path | None) -> Iterator[Path]:
     """The given folder, or a temporary one."""
     if value is not None:
-        yield Path(instance_of(value, "folder", "a folder", str, Path))
+        yield Path(options.instance_of(value, "folder", "a folder", str, Path))
         return
     with TemporaryDirectory(prefix="shadowbench-") as folder:
         yield Path(folder)

@@ -6,7 +6,7 @@ import os
 import re
 import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,6 @@ from shadowbench.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, an exhausted quota or a file size limit."""
@@ -68,17 +67,23 @@ def check_outputs(suffix: str, *files: Path | None) -> None:
     class Probed(Exception):
         """Raised to undo a successful test."""
 
-    named = [file for file in files if file is not None]
-    for file in named:
-        if [other.resolve() for other in named].count(file.resolve()) > 1:
+    seen = set[Path]()
+    for file in filter(None, files):
+        if file.resolve() in seen:
             raise InputError(f"{file}: is named twice; each output needs a file of its own")
-        try:
-            with replace_file(file):
-                raise Probed
-        except Probed:
-            pass
+        seen.add(file.resolve())
+        with suppress(Probed), replace_file(file):
+            raise Probed
         if file.suffix.lower() != suffix:
             raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: {suffix}")
+
+
+def make_folder(folder: Path, option: str = "") -> None:
+    """Create a folder if it is missing. Raises InputError, which names the option that asked for it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{option}{folder}: cannot be created ({error.strerror or error})") from None
 
 
 def check_folder(folder: Path, own: str = "rows.jsonl") -> None:

@@ -1,8 +1,15 @@
-"""Groups of options that the command line, the Python functions and study files share, and the values they allow."""
+"""Groups of options that the command line, the Python functions and study files share, and the values they allow.
 
-from dataclasses import dataclass
+The checks at the end are of arguments of Python functions; each raises InputError.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, fields
+from numbers import Integral, Real
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from shadowbench.errors import InputError
 
 
 class Bounds(NamedTuple):
@@ -19,26 +26,52 @@ PHASES = Bounds(1, 10_000)
 PIXEL_SAMPLES = Bounds(1, 64)
 
 
+def option(
+    help: str,
+    metavar: str | None = None,
+    *,
+    default: Any = None,
+    bounds: Bounds | None = None,
+    words: tuple[str, ...] = (),
+    names: tuple[str, ...] = (),
+    complete: Callable[..., Any] | None = None,
+    heading: str | None = None,
+) -> Any:
+    """A field of a group: on the command line an option with this help, of which `metavar` stands for the value.
+
+    bounds, words: what it allows; names: on the command line, by default that of the field; complete: completes it;
+    heading: of its help, if not that of the group.
+    """
+    metadata = {
+        "help": help,
+        "metavar": metavar or "|".join(words) or None,
+        "bounds": bounds,
+        "names": names,
+        "autocompletion": complete or ((lambda: words) if words else None),
+    }
+    return field(default=default, metadata=metadata | ({"rich_help_panel": heading} if heading else {}))
+
+
 @dataclass(frozen=True)
 class SceneOptions:
-    """How a scene is read.
+    """How a scene is read."""
 
-    assets: additional folder to search for a scene file's meshes; up: up axis, y or z, of mesh formats that do not
-    specify it; sun: give directional lights without a size that of the sun; no_ground: assume no ground.
-    """
-
-    assets: Path | None = None
-    up: str | None = None
-    sun: bool = False
-    no_ground: bool = False
+    assets: Path | None = option("Additional folder to search for a scene file's meshes.", "DIR")
+    up: str | None = option("Up axis of OBJ, PLY, STL and OFF files, which do not specify it  [y].", words=("y", "z"))
+    sun: bool = option(
+        "Give directional lights without a size that of the sun: an angular radius of 0.2665°.", default=False
+    )
+    no_ground: bool = option(
+        "Assume no ground below a mesh file that has none; the assumed one receives shadows that count.", default=False
+    )
 
 
 @dataclass(frozen=True)
 class ViewOptions(SceneOptions):
-    """Which view of a scene is meant: the names of a camera and of a light, None for its first."""
+    """Which view of a scene is meant, by the names of a camera and of a light."""
 
-    view: str | None = None
-    light: str | None = None
+    view: str | None = option("Name of a camera of the scene  [the first].", "NAME")
+    light: str | None = option("Name of a light of the scene  [the first; `run`: each].", "NAME")
 
 
 FIRST = ViewOptions()
@@ -46,16 +79,68 @@ FIRST = ViewOptions()
 
 @dataclass(frozen=True)
 class Measuring:
-    """How a study is measured; None for its own value.
+    """How a study is measured; None for its own value. Raises InputError."""
 
-    view_size: pixels along a side; rounds: how often each cell is timed, 0 for no timing; phases: subtexel offsets of
-    the map at which it is scored; step: camera or light, which moves a little so that flips can be counted.
-    """
+    view_size: int | None = option("Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
+    rounds: int | None = option("Number of times that each cell is timed; 0 for no timing  [9].", "N", bounds=ROUNDS)
+    phases: int | None = option(
+        "Sub-texel offsets of the shadow map at which each cell is scored; with more than one, the table shows medians "
+        "and intervals. Only the first is timed  [the study's; with -t and neither study nor --map-size, 1].",
+        "N",
+        bounds=PHASES,
+    )
+    step: str | None = option(
+        "Draw each cell again after a small step of the camera or the light, and count the pixels that flip although "
+        "the truth does not (shimmering). A step of the camera needs a truth and drawings of three times the view size "
+        " [the study's; none].",
+        words=("camera", "light"),
+    )
 
-    view_size: int | None = None
-    rounds: int | None = None
-    phases: int | None = None
-    step: str | None = None
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value, bounds = getattr(self, one.name), one.metadata["bounds"]
+            if bounds and value is not None:
+                object.__setattr__(self, one.name, whole_number(value, one.name, bounds))
 
 
 AS_STUDIED = Measuring()
+
+
+def as_list(value: Any, name: str, allowed: str, *types: type) -> list[Any]:
+    """The values of a list, array or Series as a list, or a single value of the given types as a list of one."""
+    several = isinstance(value, Iterable) and not isinstance(value, (str, bytes, *types))
+    return [instance_of(entry, name, allowed, *types) for entry in (value if several else [value])]
+
+
+def whole_number(value: Any, name: str, bounds: Bounds) -> int:
+    """The value, a whole number of any numeric library, as an int within bounds."""
+    allowed = f"whole numbers from {bounds.least} to {bounds.most}"
+    whole = int(instance_of(value, name, allowed, Integral))
+    if isinstance(value, bool) or not bounds.least <= whole <= bounds.most:
+        raise _wrong(value, name, allowed)
+    return whole
+
+
+def whole_numbers(value: Any, name: str, bounds: Bounds) -> list[int]:
+    """One or several whole numbers, as a list of ints; at least one."""
+    entries = as_list(value, name, "whole numbers", Integral)
+    if not entries:
+        raise InputError(f"{name}: found none; allowed: one or several, or None for the study's")
+    return [whole_number(entry, name, bounds) for entry in entries]
+
+
+def number(value: Any, name: str) -> float:
+    """The value, a real number of any numeric library, as a float."""
+    return float(instance_of(value, name, "a number", Real))
+
+
+def instance_of(value: Any, name: str, allowed: str, *types: type) -> Any:
+    """The value unchanged, checked to be of one of the types."""
+    if not isinstance(value, types):
+        raise _wrong(value, name, allowed)
+    return value
+
+
+def _wrong(value: Any, name: str, allowed: str) -> InputError:
+    shown = f"{value!r:.60}".splitlines() or [""]
+    return InputError(f"{name}: found {shown[0]} ({type(value).__name__}); allowed: {allowed}")

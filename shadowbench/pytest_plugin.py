@@ -1,9 +1,11 @@
 """The pytest fixture `shadow_accuracy`, for the test suites of engines. Imports nothing heavy until it is used."""
 
 import hashlib
+import logging
 import re
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import fields
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +18,9 @@ if TYPE_CHECKING:
 
     from shadowbench.engines.accuracy import Accuracy
 
+_OPTIONS = [field.name for field in fields(ViewOptions)]
+_log = logging.getLogger("shadowbench")
+
 
 class Score(float):
     """A metric's value; pytest explains what is wrong with the mask when a comparison with it fails."""
@@ -23,45 +28,35 @@ class Score(float):
     name: str
     accuracy: "ShadowAccuracy"
 
-    def __new__(cls, value: float, name: str, accuracy: "ShadowAccuracy") -> "Score":
-        """A number with the metric's name and the scores of the mask."""
-        score = super().__new__(cls, value)
-        score.name, score.accuracy = name, accuracy
-        return score
-
-
-_NONES = pytest.StashKey[list[str]]()
-"""For each test: a line for every metric it read that is None."""
-_OPTIONS = [field.name for field in fields(ViewOptions)]
-
 
 class ShadowAccuracy:
     """A mask's scores: every metric of `shadowbench list metrics` is an attribute, None where it is not defined.
 
-    accuracy: the scored mask; file: where `save` writes the difference picture; nones: receives a line for each metric
-    read that is None.
+    accuracy: the scored mask; file: where `save` writes the difference picture.
     """
 
-    def __init__(self, accuracy: "Accuracy", file: Path, nones: list[str]) -> None:
-        self.accuracy, self.file, self.nones = accuracy, file, nones
+    def __init__(self, accuracy: "Accuracy", file: Path) -> None:
+        self.accuracy, self.file = accuracy, file
 
     def __getattr__(self, name: str) -> Score | None:
         metrics = self.accuracy.metrics
         if name not in metrics:
             raise AttributeError(f"{name!r} is not a metric; allowed: {', '.join(metrics)}")
         value = metrics[name]
-        if value is None:
-            self.nones.append(f"{name} is None ({self!r}): {self._empty()}")
+        if value is None:  # pytest shows the log of a test that compares it with a number
+            _log.warning("%s is None (%r): %s", name, self, self._empty())
             return None
-        return Score(value, name, self)
+        score = Score(value)
+        score.name, score.accuracy = name, self
+        return score
 
     def _empty(self) -> str:
         """Why a metric is undefined in this view."""
         comparison = self.accuracy.comparison
-        scored, truth, mask = comparison.truth.pixels, int(comparison.truth.shadow.sum()), comparison.shadow
-        if not truth and not mask.any():
+        scored, truth, mask = comparison.truth.pixels, int(comparison.truth.shadow.sum()), int(comparison.shadow.sum())
+        if not truth and not mask:
             return f"neither the truth nor the mask has a shadow in the {scored} pixels scored"
-        return f"undefined here; of {scored} scored pixels {truth} are in shadow, in the mask {int(mask.sum())}"
+        return f"undefined here; of {scored} scored pixels {truth} are in shadow, in the mask {mask}"
 
     def __repr__(self) -> str:
         return f"accuracy of {self.accuracy.external.name} on {self.accuracy.view.scene.name}"
@@ -104,18 +99,6 @@ def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str]
     return [f"{sides[0]} {op} {sides[1]} ({score.accuracy!r})", *score.accuracy.explain()]
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
-    """Add the reason to the TypeError of a test that compared None with a number."""
-    try:
-        yield
-    except TypeError as error:
-        if "'NoneType'" in str(error):
-            for line in item.stash.get(_NONES, []):
-                error.add_note(line)
-        raise
-
-
 @pytest.fixture
 def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., ShadowAccuracy]:
     """Score your engine's shadows against ray tracing.
@@ -124,37 +107,29 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
     `no_ground`, and `lit`, `shadowed` and `ambient` in place of a mask, all as `shadowbench score` takes them. mask: a
     PNG, or an (N, N) array, bool or float in [0, 1], uint8 or uint16, row 0 at the top, white is lit; N is taken for
     the view's size. A mask that is flipped, inverted or not square fails the test. A metric that is undefined in the
-    view is None: comparing it with a number raises TypeError, and the failure says why.
+    view is None: comparing it with a number raises TypeError, and the log says why.
     """
-    diffs: Path | None = request.config.getoption("--shadow-diffs")
+    folder = request.config.getoption("--shadow-diffs") or tmp_path
     node = request.node
     plain = re.sub(r"[^\w.-]+", "-", f"{node.path.stem}.{node.name}")[:120]  # a file system takes 255
     name = f"{plain}-{hashlib.sha256(node.nodeid.encode()).hexdigest()[:8]}"  # no other test has it
-    nones = node.stash.setdefault(_NONES, [])
-    made = 0
+    numbers = count(1)
 
-    def measure(
-        mask: "str | Path | ArrayLike | None" = None,
-        *,
-        scene: str | Path,
-        **others: Any,
-    ) -> ShadowAccuracy:
+    def measure(mask: "str | Path | ArrayLike | None" = None, *, scene: str | Path, **others: Any) -> ShadowAccuracy:
         from shadowbench.engines.accuracy import accuracy_of
         from shadowbench.engines.stored_truth import stored_truth_of
         from shadowbench.errors import InputError
         from shadowbench.scenes.views import chosen_view
 
-        nonlocal made
-        made += 1
+        number = next(numbers)
+        file = folder / f"{name}{f'-{number}' if number > 1 else ''}.diff.png"
         try:
             chosen = ViewOptions(**{name: others.pop(name) for name in _OPTIONS if name in others})
             handed = _handed(mask, others)
             against = stored_truth_of(scene, chosen) or chosen_view(scene, handed.size, chosen)
-            accuracy = accuracy_of(handed, against)
+            return ShadowAccuracy(accuracy_of(handed, against), file)
         except InputError as error:
             pytest.fail(str(error), pytrace=False)
-        file = (diffs or tmp_path) / f"{name}{f'-{made}' if made > 1 else ''}.diff.png"
-        return ShadowAccuracy(accuracy, file, nones)
 
     return measure
 

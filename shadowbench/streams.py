@@ -7,7 +7,7 @@ import sys
 import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol, TextIO
+from typing import Any, TextIO
 
 _ASCII = dict(zip("−–━╸╺×✕·≈", "-----xx.~", strict=True))
 _ASCII |= {"…": "...", "→": "->", "≥": ">=", "≤": "<=", "±": "+-", "√": "sqrt", "°": " deg"}
@@ -16,53 +16,33 @@ _ASCII |= {"δ": "delta", "θ": "theta", "λ": "lambda", "π": "pi", "σ": "sigm
 
 
 def _in_ascii(error: UnicodeError) -> tuple[str, int]:
-    """Error handler of codecs: what the encoding lacks in ASCII, ? if there is nothing like it."""
+    """Error handler of codecs: what the encoding lacks in ASCII, without accents, ? if there is nothing like it."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     lacking = error.object[error.start : error.end]
-    return "".join(_ASCII.get(one) or _without_accent(one) or "?" for one in lacking), error.end
-
-
-def _without_accent(letter: str) -> str:
-    return unicodedata.normalize("NFD", letter).encode("ascii", "ignore").decode()
+    plain = (unicodedata.normalize("NFD", letter).encode("ascii", "ignore").decode() for letter in lacking)
+    return "".join(_ASCII.get(letter) or like or "?" for letter, like in zip(lacking, plain, strict=True)), error.end
 
 
 ASCII = "shadowbench.ascii"
 codecs.register_error(ASCII, _in_ascii)
 
 
-class _Binary(Protocol):
-    def write(self, data: Any, /) -> int | None: ...
-    def fileno(self) -> int: ...
-    def isatty(self) -> bool: ...
+class SafeStream(io.FileIO):
+    """Binary stream to a file descriptor that drops what cannot be written; error: the first reason."""
 
+    error: OSError | None = None
 
-class SafeStream(io.RawIOBase):
-    """Binary stream that writes to another, and drops what cannot be written; error: the first reason."""
+    def __init__(self, descriptor: int) -> None:
+        super().__init__(descriptor, "w", closefd=False)
 
-    def __init__(self, stream: _Binary) -> None:
-        self._stream = stream
-        self.error: OSError | None = None
-
-    def writable(self) -> bool:
-        """True."""
-        return True
-
-    def write(self, data: Any, /) -> int | None:
-        """Write as the other stream does, or drop the data."""
+    def write(self, data: Any, /) -> int:
+        """Write the data, or drop it."""
         try:
-            return self._stream.write(data)
+            return super().write(data)
         except OSError as error:
             self.error = self.error or error
             return len(data)
-
-    def fileno(self) -> int:
-        """The other stream's."""
-        return self._stream.fileno()
-
-    def isatty(self) -> bool:
-        """Whether it is a terminal."""
-        return self._stream.isatty()
 
 
 @contextmanager
@@ -76,10 +56,11 @@ def safe_output() -> Iterator[Callable[[], OSError | None]]:
             os.fstat(descriptor)
         except OSError:  # closed: the next file that is opened would get its number; stdout remains one to read
             os.open(os.devnull, mode)
-    before = sys.stdout, sys.stderr
-    stdout = SafeStream(_binary(sys.stdout, 1))
-    sys.stdout = _text(stdout, before[0])
-    sys.stderr = _text(SafeStream(_binary(sys.stderr, 2)), before[1])
+    before, stdout = (sys.stdout, sys.stderr), SafeStream(1)
+    for stream in filter(None, before):  # None: it was closed when the program began
+        stream.flush()
+    sys.stdout = _text(stdout, before[0], stdout.isatty())
+    sys.stderr = _text(SafeStream(2), before[1], True)
 
     def error() -> OSError | None:
         sys.stdout.flush()
@@ -93,13 +74,6 @@ def safe_output() -> Iterator[Callable[[], OSError | None]]:
         sys.stdout, sys.stderr = before
 
 
-def _binary(stream: TextIO | None, descriptor: int) -> _Binary:
-    if stream is None:  # it was closed when the program began
-        return io.FileIO(descriptor, "w", closefd=False)
-    stream.flush()
-    return getattr(stream.buffer, "raw", stream.buffer)
-
-
-def _text(binary: SafeStream, like: TextIO | None) -> TextIO:
-    lines = binary.isatty() or like is sys.stderr
-    return io.TextIOWrapper(io.BufferedWriter(binary), like.encoding if like else None, ASCII, line_buffering=lines)
+def _text(binary: SafeStream, like: TextIO | None, lines: bool) -> TextIO:
+    encoding = like.encoding if like else None
+    return io.TextIOWrapper(io.BufferedWriter(binary), encoding, ASCII, line_buffering=lines)

@@ -13,10 +13,8 @@ Model = TypeVar("Model", bound=BaseModel)
 
 LONGEST = 2_000_000
 """Most bytes of a TOML file, which is written by hand, or by a script for some thousand meshes."""
-
 MOST_DOTS = 200
 """Most dots in a line: tomllib's memory grows with the square of the number of parts of a dotted key."""
-
 DEEPEST = 20
 """Deepest nesting of tables and lists."""
 
@@ -42,11 +40,6 @@ def read_toml(path: Path, where: str, missing: str = "no such file") -> dict[str
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: not TOML: {short(error)}") from error
-    _check_values(document, where)
-    return document
-
-
-def _check_values(document: dict[str, Any], where: str) -> None:
     waiting: list[tuple[str, Any, int]] = [("", document, 0)]
     while waiting:  # not recursive: dotted keys may nest deeper than Python's recursion limit
         key, value, depth = waiting.pop()
@@ -54,9 +47,10 @@ def _check_values(document: dict[str, Any], where: str) -> None:
             raise InputError(f"{where}: {key:.60}: nested deeper than {DEEPEST} tables and lists")
         if isinstance(value, dict | list):
             parts = value.items() if isinstance(value, dict) else enumerate(value, 1)
-            waiting.extend((f"{key}.{name}" if key else str(name), part, depth + 1) for name, part in parts)
+            waiting += [(f"{key}.{name}" if key else str(name), part, depth + 1) for name, part in parts]
         elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # tomllib accepts these
             raise InputError(f"{where}: {key:.60}: found an integer beyond 64 bits; TOML allows up to 2^63 - 1")
+    return document
 
 
 def short(error: BaseException) -> str:
@@ -77,22 +71,17 @@ class Strict(BaseModel):
     def _name_what_is_allowed(cls, values: Any, info: ValidationInfo) -> Any:
         hidden = cls.not_in_files if info.context is not None else frozenset()
         known = [name for name in cls.model_fields if name not in hidden]
-        if isinstance(values, dict):
-            for key in values:
-                if key not in known:
-                    raise ValueError(f"unknown field {key!r:.60}{alternatives(key, known, none='none at all')}")
+        for key in values if isinstance(values, dict) else ():
+            if key not in known:
+                raise ValueError(f"unknown field {key!r:.60}{alternatives(key, known, none='none at all')}")
         return values
 
 
 _TABLE = "a table"
 _ALLOWED = {
-    "int_type": "a whole number",
-    "int_parsing": "a whole number",
-    "int_from_float": "a whole number",
-    "float_type": "a number",
-    "float_parsing": "a number",
-    "bool_type": "true or false",
-    "bool_parsing": "true or false",
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number"),
+    **dict.fromkeys(("float_type", "float_parsing"), "a number"),
+    **dict.fromkeys(("bool_type", "bool_parsing"), "true or false"),
     "string_type": "text",
     "list_type": "a list",
     "dict_type": _TABLE,

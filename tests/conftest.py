@@ -37,7 +37,7 @@ pytest_plugins = ["tests.runs", "tests.drawing"]
 # A suite that a script starts in the background ignores SIGINT, and so would the programs that tests interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-if settings.get_current_profile_name() == "default":  # neither CI's nor that of tools/mutate.py
+if settings.get_current_profile_name() == "default":  # not CI's
     settings.register_profile("suite", deadline=None)  # a busy machine is no failure
     settings.load_profile("suite")
 

@@ -1,15 +1,16 @@
 """The artefact gallery: each scene shows its artefact where the text says, in its metric, and its cure removes it."""
 
-import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from functools import cache
+from itertools import pairwise
+from typing import Any
 
 import artefact_gallery as gallery
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pages import compare
 from PIL import Image
 
 import shadowbench as sb
@@ -95,12 +96,10 @@ def test_other_cures_that_the_text_names_help_too(scene: str) -> None:
 
 
 def test_a_map_that_repeats_casts_shadows_where_there_is_no_caster() -> None:
-    repeated = sb.render(
-        ARTEFACTS["outside-the-map"].file, "shadow-map:fit=fixed(half=2.5),wrap=repeat", view_size=SIZE
-    )
-    drawn_once = drawn("outside-the-map")
-    truth = drawn_once.truths[0]
-    assert gallery.value("acne", repeated, truth) > 0.1 > gallery.value("acne", drawn_once.broken[0], truth)
+    spec, once = "shadow-map:fit=fixed(half=2.5),wrap=repeat", drawn("outside-the-map")
+    repeated = sb.render(ARTEFACTS["outside-the-map"].file, spec, view_size=SIZE)
+    acne, none = (gallery.value("acne", frame, once.truths[0]) for frame in (repeated, once.broken[0]))
+    assert acne > 0.1 > none
 
 
 @pytest.mark.parametrize("scene", FREE)
@@ -119,30 +118,21 @@ def test_lengths_in_the_text_match_the_scenes() -> None:
 
 
 def test_z_pass_with_the_eye_in_a_volume_inverts_light_and_shadow() -> None:
-    assert wrong("eye-in-volume", drawn("eye-in-volume").broken).sum() == (
-        prepare_truth(drawn("eye-in-volume").truths[0]).pixels
-    )
+    scored = prepare_truth(drawn("eye-in-volume").truths[0]).pixels
+    assert wrong("eye-in-volume", drawn("eye-in-volume").broken).sum() == scored
 
 
 def test_shadows_shimmer_while_the_true_one_stands_still() -> None:
-    frames = drawn("shimmering")
-    still = max(np.mean(a.visibility != b.visibility) for a, b in zip(frames.truths, frames.truths[1:], strict=False))
-    crawling = max(
-        np.mean(a.visibility != b.visibility) for a, b in zip(frames.broken, frames.broken[1:], strict=False)
-    )
-    assert crawling > 5 * still
+    def moved(frames: Sequence[Any]) -> float:
+        return max(np.mean(a.visibility != b.visibility) for a, b in pairwise(frames))
+
+    assert moved(drawn("shimmering").broken) > 5 * moved(drawn("shimmering").truths)
 
 
-def test_the_page_is_what_the_tool_writes(tmp_path) -> None:
+def test_the_page_is_what_the_tool_writes() -> None:
     command = [sys.executable, gallery.__file__, "--check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    page, file = gallery.PAGE.read_text(encoding="utf-8"), tmp_path / "gallery.md"
-    number, size = re.sub(r"(?m)^(Measured: `acne` )\S+", r"\g<1>0.1234", page), page.replace("size=256", "size=255", 1)
-    assert page not in (number, size)
-    for text, stale in ((page, 0), (number, 0), (size, 1)):
-        file.write_text(text, encoding="utf-8")
-        assert compare(file, page, "tool") == stale
 
 
 def test_every_artefact_has_a_scene_and_a_picture_that_is_small_and_moves_where_it_should() -> None:

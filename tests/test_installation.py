@@ -47,23 +47,13 @@ def test_every_pinned_version_takes_the_python_of_debian_12() -> None:
     assert [name for name, pythons in asked.items() if "3.11.2" not in SpecifierSet(pythons)] == []
 
 
-@pytest.mark.parametrize(
-    ("words", "environment", "folder"),
-    [
-        ((), {}, ".venv"),
-        ((), {"PYTHON": "/usr/bin/python2"}, ".venv"),
-        (("PYTHON=/opt/bin/python3.13",), {}, ".venv-python3.13"),
-    ],
-)
-def test_make_tests_another_python_in_an_environment_of_its_own(
-    words: tuple[str, ...], environment: dict[str, str], folder: str
-) -> None:
+@pytest.mark.parametrize(("words", "folder"), [((), ".venv"), (("PYTHON=/opt/bin/python3.13",), ".venv-python3.13")])
+def test_make_tests_another_python_in_an_environment_of_its_own(words: tuple[str, ...], folder: str) -> None:
     """Only if told so in its command line: a variable of this name in the environment is for other programs."""
-    clean = {name: value for name, value in os.environ.items() if name not in {"MAKEFLAGS", "MAKELEVEL", "PYTHON"}}
-    done = subprocess.run(
-        ["make", "-n", "test", *words],
-        cwd=ROOT, env=clean | environment, capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    clean = {name: value for name, value in os.environ.items() if name not in {"MAKEFLAGS", "MAKELEVEL"}}
+    environment = clean | {"PYTHON": "/usr/bin/python2"}
+    command = ["make", "-n", "test", *words]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     told = "/opt/bin/python3.13" if words else ""
     assert f"VENV={folder} PYTHON={told} sh tools/setup.sh" in done.stdout
     assert f"\n{folder}/bin/pytest " in done.stdout

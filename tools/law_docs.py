@@ -65,8 +65,8 @@ def _kinds() -> Iterator[str]:
 
 
 def _laws() -> Iterator[str]:
-    for number, (name, law) in enumerate(LAWS.items(), start=1):
-        yield f"## {number}. {name[0].upper()}{name[1:]}\n\n{law.text} {law.why}\n"
+    for number, (name, change) in enumerate(LAWS.items(), start=1):
+        yield f"## {number}. {name[0].upper()}{name[1:]}\n\n{' '.join((change.__doc__ or '').split())}\n"
         grounds: dict[tuple[str, str], list[str]] = {}
         for one, subject, claim in claims():
             if one == name:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from shadowbench.advice.recommendation import MARGINS, find_cheapest, trial_of
+from shadowbench.advice.recommend import MARGINS, find_cheapest, trial_of
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import full_space, grid_of
 from shadowbench.advice.target import Target

@@ -11,8 +11,8 @@ from pathlib import Path
 import typer
 from pages import compare
 
-from shadowbench.catalogue import catalogue
 from shadowbench.commands import app
+from shadowbench.commands.listing import catalogue
 
 REFERENCE = Path(__file__).resolve().parent.parent / "docs" / "reference"
 METRICS = """\

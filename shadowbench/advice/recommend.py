@@ -1,72 +1,132 @@
-"""Computation behind `recommend`: target, measured recommendation, and export of the chosen shaders."""
+"""The cheapest spec that meets a target in a view: measured by a search, and what was found."""
 
-import dataclasses
-import json
 import math
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
 
-from shadowbench.advice.recommendation import Recommendation, Unit, find_cheapest
-from shadowbench.advice.search import Trial
-from shadowbench.advice.space import chosen_techniques
-from shadowbench.advice.target import Measure, Target
-from shadowbench.advice.words import obstacles, target_notes
+from shadowbench.advice.search import Search, Trial, Untried
+from shadowbench.advice.space import (
+    Exclusion,
+    chosen_techniques,
+    full_space,
+    prune,
+    start_size,
+    unavailable,
+    untried_filters,
+)
+from shadowbench.advice.target import Target, least_error
 from shadowbench.errors import InputError
-from shadowbench.files import replace_file
 from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.cells import DEFAULT_REFERENCE, Block, Cell
-from shadowbench.measure.drawer import DeviceInfo, Drawer
-from shadowbench.measure.gl_drawer import GLDrawer
+from shadowbench.measure.cells import DEFAULT_REFERENCE, Cell
+from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.plugin.params import Component
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.folder import write_cells
+from shadowbench.results.tables import cells_frame
+from shadowbench.results.times import ReferenceTime, normalise_times
 from shadowbench.scenes.model import View
-from shadowbench.scores.metrics import ranking
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import Study
+from shadowbench.survey.survey import Needs, needs
+from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.trace import Truth
 
 ROUNDS = 9
+Unit = Literal["work", "ms"]
+# By how much an error may be smaller than predicted, for the same filter and for another; from rows of all built-in
+# scenes. edge_px, a mean of distances, is sensitive to single pixels, so that it falls less evenly with the map size.
+# rmse of a hard shadow is the root of the share of wrong pixels, so that IoU's margins are generous.
+MARGINS = {"iou": (1.8, 2.0), "edge_px": (3.5, 3.5), "rmse": (1.8, 2.0)}
+UNPREDICTABLE = (math.inf, math.inf)  # rmse of a soft shadow need not fall as the map grows, since large texels blur
+Standing = Literal["choice", "closest", "next", "too slow", "misses", "so far"]
+SAVED = 0.9  # cost relative to the choice's below which an alternative is worth relaxing the target for
 
 
-_ALLOWED: dict[str, tuple[Callable[[float], bool], str]] = {
-    "--min-iou": (lambda value: 0 < value <= 1, "above 0, up to 1"),
-    "--max-edge-px": (lambda value: 0 <= value < math.inf, "0 and more"),
-    "--max-rmse": (lambda value: 0 <= value <= 1, "0 to 1"),
-    "--budget-ms": (lambda value: 0 < value < math.inf, "above 0"),
-}
-_METRICS: dict[str, Measure] = {"--min-iou": "iou", "--max-edge-px": "edge_px", "--max-rmse": "rmse"}
+@dataclass(frozen=True, eq=False)
+class Recommendation:
+    """Result of `recommend`.
 
-
-def target_of(
-    min_iou: float | None = None,
-    max_edge_px: float | None = None,
-    budget_ms: float | None = None,
-    max_rmse: float | None = None,
-    *,
-    soft: bool = False,
-) -> Target:
-    """Target given by options, by default an IoU of 0.99, or for soft shadows an RMSE of 0.02.
-
-    soft: whether the view has penumbrae. Raises InputError for invalid or conflicting options.
+    choice: the cheapest trial that meets the target, None if none does; trials: all successful ones, by cost;
+    unsuccessful: status by spec of the others; excluded: specs that were not tried, by the survey or on principle;
+    untried: those not tried by what is predicted of them, by technique; space_size: number of specs in the full space;
+    needs: survey of the view, without penumbrae; reference: reference time of costs in milliseconds, None if costs are
+    work; among: the techniques that were asked for, empty for all.
     """
-    options = {"--min-iou": min_iou, "--max-edge-px": max_edge_px, "--max-rmse": max_rmse}
-    given = [name for name, value in options.items() if value is not None]
-    if len(given) > 1:
-        found = "both" if len(given) == 2 else "all"
-        raise InputError(f"{' and '.join(given)}: found {found}; allowed: one of them")
-    for name, value in {**options, "--budget-ms": budget_ms}.items():
-        is_allowed, told = _ALLOWED[name]
-        if value is not None and not is_allowed(value):
-            raise InputError(f"{name}: found {value:g}; allowed: {told}")
-    if given:
-        (name,) = given
-        return Target(_METRICS[name], options[name] or 0.0, budget_ms)
-    metric = ranking(soft)
-    return Target("rmse" if soft else "iou", metric.targets[1], budget_ms)
+
+    view: View
+    target: Target
+    unit: Unit
+    choice: Trial | None
+    trials: tuple[Trial, ...]
+    unsuccessful: Mapping[str, str]
+    excluded: tuple[Exclusion, ...]
+    untried: Mapping[str, Untried]
+    space_size: int
+    needs: Needs
+    reference: ReferenceTime | None
+    among: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """One line: scene, target and choice."""
+        choice = "nothing meets it" if self.choice is None else self.choice.spec.text
+        measured = f"{self.measured} of {self.space_size} specs measured"
+        return f"<Recommendation for {self.view.scene.name}, {self.target}: {choice}; {measured}>"
+
+    @property
+    def measured(self) -> int:
+        """Number of specs that were tried: measured, or found to be unsupported or to fail."""
+        return len(self.trials) + len(self.unsuccessful)
+
+    @property
+    def met(self) -> list[Trial]:
+        """The trials that meet the target but for its budget, by cost."""
+        return [trial for trial in self.trials if trial.error <= self.target.limit]
+
+    @cached_property
+    def closest(self) -> Trial | None:
+        """Without a choice, the most accurate trial within the budget; of all trials if none is."""
+        if self.choice is not None:
+            return None
+        within = [trial for trial in self.trials if self.target.affords(trial.cost)]
+        return min(within or self.trials, key=lambda trial: (trial.error, trial.cost, trial.bytes), default=None)
+
+    @cached_property
+    def runners_up(self) -> tuple[Trial, ...]:
+        """Of each technique but the choice's the cheapest trial that meets the target, else the most accurate."""
+        best: dict[str, Trial] = {}
+        for trial in (*self.met, *sorted(self.trials, key=lambda trial: (trial.error, trial.cost))):
+            best.setdefault(trial.spec.technique.name, trial)
+        if self.choice is not None:
+            best.pop(self.choice.spec.technique.name)
+        return tuple(sorted(best.values(), key=lambda trial: (trial.error > self.target.limit, trial.cost)))
+
+    @property
+    def cheaper(self) -> Trial | None:
+        """The most accurate trial that saves a tenth of the choice's cost or more, and to which a target can relax."""
+        most = SAVED * self.choice.cost if self.choice is not None else -math.inf
+        cheaper = [trial for trial in self.trials if trial.cost <= most and math.isfinite(trial.error)]
+        return min(cheaper, key=lambda trial: (trial.error, trial.cost), default=None)
+
+    @property
+    def better(self) -> Trial | None:
+        """The cheapest trial with less than half of the choice's error."""
+        least = self.choice.error / 2 if self.choice is not None else -math.inf
+        better = [trial for trial in self.trials if trial.error < least]
+        return min(better, key=lambda trial: (trial.cost, trial.error), default=None)
+
+    def standing(self, trial: Trial) -> Standing:
+        """What a trial is: its line in the table of `recommend`."""
+        if trial is self.choice:
+            return "choice"
+        if trial is self.closest:
+            return "closest"
+        if trial.error <= self.target.limit:
+            return "next" if self.target.affords(trial.cost) else "too slow"
+        return "so far" if trial.spec.technique.name in self.untried else "misses"
 
 
 def has_penumbra(view: View) -> bool:
@@ -103,7 +163,7 @@ def recommend(
         campaign.reporter.stage("measuring", None)  # the search ends when no spec is left that may be cheaper
 
         def measure(spec: Spec) -> Result:
-            (found,) = campaign.measure([dataclasses.replace(block, cells=(Cell(spec),))])
+            (found,) = campaign.measure([replace(block, cells=(Cell(spec),))])
             results.extend(found)
             return results[-1]
 
@@ -130,71 +190,110 @@ def _unit(target: Target, info: DeviceInfo, on_this_machine: bool, timed: bool) 
     return "work"
 
 
-def export_choice(found: Recommendation, folder: Path, drawer: Drawer) -> None:
-    """Write `parameters.json` and one file per shader stage of the choice into a folder; nothing without a choice."""
-    if found.choice is None:
-        return
-    spec = found.choice.spec
-    assert isinstance(drawer, GLDrawer)  # what it recommends
-    shaders = drawer.shaders(Block(found.view, ()), Cell(spec))
-    parameters = {
-        "spec": spec.text,
-        "technique": spec.technique.name,
-        "parameters": {name: _parameter(value) for name, value in spec.params},
-        "scene": found.view.scene.name,
-        "target": str(found.target),
-        "metre": found.view.scene.placement.length(1.0),  # length of 1 m in the shaders' units
-        "uniforms": {
-            shader.name: {name: _parameter(value) for name, value in shader.uniforms.items()} for shader in shaders
-        },
-    }
-    for shader in shaders:
-        with replace_file(folder / shader.name) as temporary:
-            temporary.write_text(shader.text, encoding="utf-8")
-    with replace_file(folder / "parameters.json") as temporary:
-        temporary.write_text(json.dumps(parameters, indent=2) + "\n", encoding="utf-8")
+def find_cheapest(
+    view: View,
+    truth: Truth,
+    target: Target,
+    unit: Unit,
+    known: Techniques,
+    largest: int,
+    measure: Callable[[Spec], Result],
+    among: Sequence[str] = (),
+) -> Recommendation:
+    """Search the specs of `known` techniques, or of those named, with maps up to `largest`.
 
+    Raises InputError as `needs` does, and if none of those named supports the light.
+    """
+    light = view.light
+    known = chosen_techniques(known, among, light.hard_kind, light.soft)
+    survey = needs(view, penumbrae=False)  # those rule out no spec
+    space = full_space(known, light.hard_kind, largest, light.soft)
+    left, excluded = _to_search(view, truth, target, unit, known, space, survey)
+    unsuccessful: dict[str, str] = {}
 
-def _parameter(value: Any) -> Any:
-    """JSON value of a parameter; a component is an object with its name and parameters."""
-    if isinstance(value, Component):
-        return {"name": value.name, **value.model_dump(mode="json")}
-    return value.tolist() if hasattr(value, "tolist") else value
-
-
-def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
-    """JSON object of `recommend --json`."""
-    return {
-        "scene": found.view.scene.name,
-        "view": found.view.camera.name,
-        "light": found.view.light.name,
-        "view_size": found.view.size,
-        "target": {"metric": found.target.metric, "value": found.target.value, "budget_ms": found.target.budget_ms},
-        "notes": target_notes(found),
-        "ranked_by": "work_cost" if found.unit == "work" else "frame_ms",
-        "reference": None if found.reference is None else dataclasses.asdict(found.reference),
-        "renderer": info.renderer,
-        "choice": _values(found.choice),
-        "closest": _values(found.closest),
-        "in_the_way": obstacles(found) if found.closest else [],
-        "runners_up": [{"standing": found.standing(one)} | (_values(one) or {}) for one in found.runners_up],
-        "relaxed": _values(found.cheaper),
-        "tightened": _values(found.better),
-        "measured": found.measured,
-        "space": found.space_size,
-        "evidence": [_values(trial) for trial in found.trials],
-        "techniques": list(found.among) or None,
-        "refused": dict(found.unsuccessful),
-        "untried": [{"technique": name, **dataclasses.asdict(one)} for name, one in found.untried.items()],
-        "excluded": [
-            {"what": exclusion.what, "why": exclusion.why, "specs": exclusion.specs} for exclusion in found.excluded
-        ],
-    }
-
-
-def _values(trial: Trial | None) -> dict[str, Any] | None:
-    if trial is None or trial.result is None:
+    def try_spec(spec: Spec) -> Trial | None:
+        result = measure(spec)
+        status = _status(result, unit)
+        if status == "ok":
+            return trial_of(spec, result, target, unit)
+        unsuccessful[spec.text] = status
         return None
-    row = trial.result.score
-    values = {"spec": trial.spec.text, "cost": trial.cost, "gpu_bytes": trial.bytes, "key": row["key"]}
-    return values | {"metrics": row["metrics"]}
+
+    search = Search(
+        space=left,
+        limit=target.limit,
+        pixels=view.size**2,
+        start=lambda spec: start_size(spec, survey),
+        measure=try_spec,
+        margins=UNPREDICTABLE if target.metric == "rmse" and light.soft else MARGINS[target.metric],
+        price=1.0 if unit == "work" else 0.0,
+        least=least_error(truth, target.metric),
+    )
+    search.run()
+    trials, reference = to_milliseconds(search.trials) if unit == "ms" else (search.trials, None)
+    trials = sorted(trials, key=lambda trial: trial.rank)
+    best = next((trial for trial in trials if trial.error <= target.limit), None)
+    return Recommendation(
+        view=view,
+        target=target,
+        unit=unit,
+        choice=best if best is not None and target.affords(best.cost) else None,
+        trials=tuple(trials),
+        unsuccessful=unsuccessful,
+        excluded=tuple(excluded),
+        untried=search.untried(),
+        space_size=len({*space, *left}),
+        needs=survey,
+        reference=reference,
+        among=tuple(among),
+    )
+
+
+def _status(result: Result, unit: Unit) -> str:
+    """`ok`, or why a cell is no trial."""
+    time = result.time
+    if result.status == "ok" and unit == "ms" and (time is None or time["ratio"] is None):
+        return f"failed: no ratio to the reference: {time and time['no_ratio']}"
+    return result.status
+
+
+def _to_search(
+    view: View,
+    truth: Truth,
+    target: Target,
+    unit: Unit,
+    known: Techniques,
+    space: Sequence[Spec],
+    survey: Needs,
+) -> tuple[list[Spec], list[Exclusion]]:
+    """The specs of a space that are searched, `unshadowed` alone where nothing is dark, and what is excluded."""
+    kind, soft, by_rmse = view.light.hard_kind, view.light.soft, target.metric == "rmse"
+    if not (truth.receivers & (truth.visibility < (1.0 if by_rmse else 0.5))).any():
+        dark = "in shadow" if by_rmse or not soft else "more than half in shadow"
+        left_out = Exclusion(f"all but {Unshadowed.name}", f"nothing that is seen is {dark}", len(space))
+        return [Spec(Unshadowed, Unshadowed.Params())], [left_out]
+    left, excluded = prune(space, survey, target.value if target.metric == "iou" else None, unit == "work")
+    return left, [*unavailable(known, kind, soft), *untried_filters(space, soft), *excluded]
+
+
+def trial_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Trial:
+    """Trial of a measured spec; its cost is its work, or, if `unit` is ms, its ratio to the reference."""
+    row, work = result.score, result.score["work"]
+    cost = fixed = float(work.get("vertices", 0) + work.get("geometry", 0))
+    if unit == "work":
+        cost = float(work["cost"])
+    else:
+        assert result.time is not None
+        cost = float(result.time["ratio"])
+        fixed = cost * fixed / work["cost"] if "cost" in work else 0.0  # the vertices' share
+    return Trial(spec, cost, fixed, int(row["gpu_bytes"]), target.error(row["metrics"]), result)
+
+
+def to_milliseconds(trials: Sequence[Trial]) -> tuple[list[Trial], ReferenceTime | None]:
+    """Trials with costs in milliseconds in place of ratios, by one time of their reference, None without a trial."""
+    if not trials:
+        return [], None
+    _, reference = normalise_times(cells_frame([trial.result for trial in trials]))
+    assert reference is not None
+    ms = reference.ms
+    return [replace(trial, cost=trial.cost * ms, fixed=trial.fixed * ms) for trial in trials], reference

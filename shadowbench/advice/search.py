@@ -9,6 +9,7 @@ its own.
 
 import math
 import statistics
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -26,9 +27,9 @@ TINY = 1e-6  # smallest error used in predictions
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A measured spec: its cost in work or milliseconds, GPU bytes and error.
+    """A measured spec: its cost in work or milliseconds, GPU bytes, error and rows.
 
-    fixed: cost of vertices, which does not depend on the map size; result: its rows.
+    fixed: cost of vertices, which does not depend on the map size.
     """
 
     spec: Spec
@@ -36,7 +37,12 @@ class Trial:
     fixed: float
     bytes: int
     error: float
-    result: Result | None = None
+    result: Result
+
+    @property
+    def rank(self) -> tuple[float, int, float]:
+        """The lower, the better among trials that meet a target."""
+        return self.cost, self.bytes, self.error
 
 
 @dataclass
@@ -50,11 +56,6 @@ class Untried:
     dearer: int = 0
     inaccurate: int = 0
     beyond: int = 0
-
-    @property
-    def specs(self) -> int:
-        """Their number."""
-        return self.dearer + self.inaccurate + self.beyond
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,11 @@ class Search:
 
     def __post_init__(self) -> None:
         self._left = {spec: point_of(spec) for spec in self.space}
-        self._trials_of: dict[str, list[tuple[SearchPoint, Trial]]] = {}  # by group
         self._beyond: list[Spec] = []
+        self._within = max(self.limit, self.least)
+        # By group: the cost of a map's texels and of vertices by size, and errors by filter and size.
+        self._costs: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
+        self._errors: defaultdict[str, dict[str, dict[int, float]]] = defaultdict(dict)
 
     def run(self) -> Trial | None:
         """Search, and return the cheapest spec measured that meets the target; None if none does."""
@@ -121,16 +125,15 @@ class Search:
 
     def untried(self) -> dict[str, Untried]:
         """Specs that were not measured, counted by technique and by what is predicted of them."""
-        found: dict[str, Untried] = {}
+        found: defaultdict[str, Untried] = defaultdict(Untried)
         for spec, point in self._left.items():
-            mine = found.setdefault(spec.technique.name, Untried())
             if self.cost(point) >= self.cost_limit:
-                mine.dearer += 1
+                found[spec.technique.name].dearer += 1
             else:
-                mine.inaccurate += 1
+                found[spec.technique.name].inaccurate += 1
         for spec in self._beyond:
-            found.setdefault(spec.technique.name, Untried()).beyond += 1
-        return found
+            found[spec.technique.name].beyond += 1
+        return dict(found)
 
     @property
     def best(self) -> Trial | None:
@@ -139,7 +142,7 @@ class Search:
 
     def _cheapest(self, trials: Iterable[Trial]) -> Trial | None:
         met = [trial for trial in trials if trial.error <= self.limit]
-        return min(met, key=lambda trial: (trial.cost, trial.bytes, trial.error), default=None)
+        return min(met, key=lambda trial: trial.rank, default=None)
 
     @property
     def cost_limit(self) -> float:
@@ -149,16 +152,22 @@ class Search:
     def _measure(self, spec: Spec) -> None:
         point = self._left.pop(spec)
         trial = self.measure(spec)
-        if trial is not None:
-            self.trials.append(trial)
-            self._trials_of.setdefault(point.group, []).append((point, trial))
-        elif point.size is not None:  # larger maps of the group would fail too
-            self._beyond += [
-                spec
-                for spec, other in self._left.items()
-                if other.group == point.group and other.size is not None and other.size >= point.size
-            ]
-            self._left = {spec: other for spec, other in self._left.items() if spec not in self._beyond}
+        if trial is None:
+            self._leave_out_beyond(point)
+            return
+        self.trials.append(trial)
+        if point.size is not None:
+            texels = trial.cost - trial.fixed - self.price * self.pixels * (1 + point.reads)
+            self._costs[point.group][point.size] = max(texels, TINY), trial.fixed
+            self._errors[point.group].setdefault(point.filter, {})[point.size] = trial.error
+
+    def _leave_out_beyond(self, failed: SearchPoint) -> None:
+        """Larger maps of a group would fail too."""
+        if failed.size is not None:
+            same = [(spec, point) for spec, point in self._left.items() if point.group == failed.group]
+            beyond = [spec for spec, point in same if point.size is not None and point.size >= failed.size]
+            self._beyond += beyond
+            self._left = {spec: point for spec, point in self._left.items() if spec not in beyond}
 
     def _try_first(self, group: str) -> None:
         """First trial of a group, at the size closest to the predicted one that may still be cheap enough."""
@@ -170,11 +179,11 @@ class Search:
 
     def _next(self) -> Spec | None:
         """The cheapest spec expected to meet the target, else the one expected to come closest; None if none may."""
-        cost_limit, within = self.cost_limit, max(self.limit, self.least)
+        cost_limit = self.cost_limit
         paying = [(spec, point, cost) for spec, point in self._left.items() if (cost := self.cost(point)) < cost_limit]
         judged = [(spec, cost, *self.error(point)) for spec, point, cost in paying]
-        alive = [(spec, cost, error) for spec, cost, error, margin in judged if error / margin <= within]
-        expected = [candidate for candidate in alive if candidate[2] <= within]
+        alive = [(spec, cost, error) for spec, cost, error, margin in judged if error / margin <= self._within]
+        expected = [candidate for candidate in alive if candidate[2] <= self._within]
         if expected:
             return min(expected, key=lambda candidate: (candidate[1], candidate[2]))[0]
         return min(alive, key=lambda candidate: (candidate[2], candidate[1]))[0] if alive else None
@@ -188,73 +197,57 @@ class Search:
             for spec, point in self._left.items()
             if (mine := best[spec.technique.name]) is not None
             and (cost := self.cost(point)) < mine.cost
-            and (error := self._expected(point)) <= max(self.limit, self.least)
+            and (error := self._expected(point)) <= self._within
         ]
         return min(paying, key=lambda candidate: candidate[:2])[2] if paying else None
 
     def cost(self, point: SearchPoint) -> float:
         """Predicted cost of a spec; a lower bound before anything of its group was measured."""
         base = self.price * self.pixels
-        reads = base * point.reads
         if point.size is None:
             return base
-        mine = {p.size: (p, trial) for p, trial in self._trials_of.get(point.group, []) if p.size}
-        if not mine:
+        reads, known = base * point.reads, self._costs.get(point.group)
+        if not known:
             return base + reads
-        sizes = _nearest(mine, point.size)
-        near, *others = [(size, self._texels(*mine[size])) for size in sizes]
-        growth = GROWTH[point.size < near[0]]
+        near, *others = _nearest(known, point.size)
+        texels, fixed = known[near]
+        growth = GROWTH[point.size < near]
         if others:
-            measured = math.log(others[0][1] / near[1]) / math.log(others[0][0] / near[0])
+            measured = math.log(known[others[0]][0] / texels) / math.log(others[0] / near)
             growth = min(max(measured, 0.0), GROWTH[1])
-        texels: float = near[1] * (point.size / near[0]) ** growth
-        return base + mine[near[0]][1].fixed + texels + reads
-
-    def _texels(self, point: SearchPoint, trial: Trial) -> float:
-        """Cost of a map's texels."""
-        least = self.price * self.pixels * (1 + point.reads)
-        return max(trial.cost - trial.fixed - least, TINY)
+        grown: float = texels * (point.size / near) ** growth
+        return base + fixed + grown + reads
 
     def error(self, point: SearchPoint) -> tuple[float, float]:
         """Predicted error of a spec, and the factor by which it may be smaller; 0 if nothing is known."""
-        mine = self._trials_of.get(point.group, [])
-        if not mine or point.size is None:
+        if point.size is None or point.group not in self._errors:
             return 0.0, 1.0
-        same = {p.size: trial.error for p, trial in mine if p.filter == point.filter and p.size}
+        same = self._errors[point.group].get(point.filter)
         if same:
             return extrapolate(same, point.size), self.margins[0]
         return min(self._by_filters(point, point.size), key=lambda prediction: prediction[0] / prediction[1])
-
-    def _by_filters(self, point: SearchPoint, size: int) -> list[tuple[float, float]]:
-        """Predictions of a spec's error by each filter measured in its group, with their margins."""
-        found = []
-        for other, line in self._lines(self._trials_of[point.group]).items():
-            ratios = [1.0] if other == point.filter else self._ratios(point.filter, other)
-            ratio, margin = (statistics.geometric_mean(ratios), self.margins[0]) if ratios else (1.0, self.margins[1])
-            found.append((ratio * extrapolate(line, size), margin))
-        return found
 
     def _expected(self, point: SearchPoint) -> float:
         """Predicted error of a spec by any filter of its group, the most favourable; infinite if nothing is known.
 
         A neighbour in size says more than the same filter far away, so that both count.
         """
-        if point.size is None or point.group not in self._trials_of:
+        if point.size is None or point.group not in self._errors:
             return math.inf
         return min(error for error, _ in self._by_filters(point, point.size))
 
-    def _lines(self, mine: list[tuple[SearchPoint, Trial]]) -> dict[str, dict[int, float]]:
-        """Errors by map size, for each filter."""
-        lines: dict[str, dict[int, float]] = {}
-        for point, trial in mine:
-            if point.size is not None:
-                lines.setdefault(point.filter, {})[point.size] = trial.error
-        return lines
+    def _by_filters(self, point: SearchPoint, size: int) -> list[tuple[float, float]]:
+        """Predictions of a spec's error by each filter measured in its group, with their margins."""
+        found = []
+        for other, line in self._errors[point.group].items():
+            ratios = [1.0] if other == point.filter else self._ratios(point.filter, other)
+            ratio, margin = (statistics.geometric_mean(ratios), self.margins[0]) if ratios else (1.0, self.margins[1])
+            found.append((ratio * extrapolate(line, size), margin))
+        return found
 
     def _ratios(self, filter: str, other: str) -> list[float]:
         """Ratios of a filter's error to another's at the same map size, over all groups."""
-        groups = [self._lines(seen) for seen in self._trials_of.values()]
-        both = [(_finite(lines.get(filter, {})), _finite(lines.get(other, {}))) for lines in groups]
+        both = [(_finite(lines.get(filter, {})), _finite(lines.get(other, {}))) for lines in self._errors.values()]
         return [max(a[size], TINY) / max(b[size], TINY) for a, b in both for size in a.keys() & b.keys()]
 
 
@@ -264,20 +257,19 @@ def extrapolate(errors: dict[int, float], size: int) -> float:
     Infinite errors are ignored. If all are infinite, the error is infinite up to the largest size, and 0 (unknown)
     beyond it.
     """
-    if not _finite(errors):
+    finite = _finite(errors)
+    if not finite:
         return math.inf if size <= max(errors) else 0.0
-    errors = _finite(errors)
-    near = _nearest(errors, size)
-    first = math.log(max(errors[near[0]], TINY))
+    near = _nearest(finite, size)
+    first = math.log(max(finite[near[0]], TINY))
     slope = SLOPE
     if len(near) == 2:
-        rise = math.log(max(errors[near[1]], TINY)) - first
+        rise = math.log(max(finite[near[1]], TINY)) - first
         slope = min(max(-rise / math.log(near[1] / near[0]), SLOPES[0]), SLOPES[1])
     return math.exp(first - slope * math.log(size / near[0]))
 
 
 def _finite(errors: dict[int, float]) -> dict[int, float]:
-    """The finite errors."""
     return {size: error for size, error in errors.items() if math.isfinite(error)}
 
 

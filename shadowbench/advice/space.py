@@ -2,7 +2,7 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +11,12 @@ from shadowbench.maps.filters import Filter
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import LightKind
+from shadowbench.studies.crossing import Techniques
 from shadowbench.survey.survey import Needs
 
 SIZES = (256, 512, 1024, 2048, 4096)
+
+_Rule = Callable[[Spec], tuple[str, str] | None]  # what is excluded and why
 
 
 @dataclass(frozen=True)
@@ -28,8 +31,9 @@ class Exclusion:
 def grid_of(technique: type[Technique], soft: bool = False) -> dict[str, Sequence[Any]]:
     """Grid of parameter values of a technique, including map sizes. soft: for lights with a size."""
     grid = {**technique.catalogue.grid, **(technique.catalogue.soft_grid if soft else {})}
-    sizes = {"size": SIZES} if "size" in technique.Params.model_fields else {}
-    return {**grid, **(sizes if "size" not in grid else {})}
+    if "size" in technique.Params.model_fields:
+        grid.setdefault("size", SIZES)
+    return grid
 
 
 def specs_of(technique: type[Technique], largest: int, soft: bool = False) -> list[Spec]:
@@ -42,15 +46,24 @@ def specs_of(technique: type[Technique], largest: int, soft: bool = False) -> li
     return [home.with_(**chosen) if chosen else home for chosen in choices]
 
 
-def full_space(known: Mapping[str, type[Technique]], light: LightKind, largest: int, soft: bool = False) -> list[Spec]:
+def full_space(known: Techniques, light: LightKind, largest: int, soft: bool = False) -> list[Spec]:
     """All specs that support a kind of light, with or without a size, as an exhaustive search would measure them."""
     answering = [technique for technique in known.values() if _unavailable(technique, light, soft) is None]
     return [spec for technique in answering for spec in specs_of(technique, largest, soft)]
 
 
-def chosen_techniques(
-    known: Mapping[str, type[Technique]], names: Sequence[str], light: LightKind, soft: bool = False
-) -> Mapping[str, type[Technique]]:
+def technique_names(texts: Sequence[str], known: Techniques) -> tuple[str, ...]:
+    """Names of techniques, each once. Raises InputError for other texts, such as specs with parameters."""
+    names = [parse_spec(text, known).technique.name for text in texts]
+    for text in texts:
+        if ":" in text:
+            raise InputError(
+                f"technique {text!r:.60}: found parameters, which the search chooses; allowed: a name alone"
+            )
+    return tuple(dict.fromkeys(names))
+
+
+def chosen_techniques(known: Techniques, names: Sequence[str], light: LightKind, soft: bool = False) -> Techniques:
     """The named techniques, all of them if none is named. Raises InputError if no named one can be searched."""
     named = {name: known[name] for name in names}
     whys = [f"{one.what} {one.why}" for one in unavailable(named, light, soft)]
@@ -60,18 +73,7 @@ def chosen_techniques(
     return named or known
 
 
-def technique_names(texts: Sequence[str], known: Mapping[str, type[Technique]]) -> tuple[str, ...]:
-    """Names of techniques, each once. Raises InputError for other texts, such as specs with parameters."""
-    specs = [parse_spec(text, known) for text in texts]
-    for text in texts:
-        if ":" in text:
-            raise InputError(
-                f"technique {text!r:.60}: found parameters, which the search chooses; allowed: a name alone"
-            )
-    return tuple(dict.fromkeys(spec.technique.name for spec in specs))
-
-
-def unavailable(known: Mapping[str, type[Technique]], light: LightKind, soft: bool = False) -> list[Exclusion]:
+def unavailable(known: Techniques, light: LightKind, soft: bool = False) -> list[Exclusion]:
     """Techniques that are never in the space for this light, with the reason."""
     reasons = {name: _unavailable(technique, light, soft) for name, technique in known.items()}
     return [Exclusion(name, why, 0) for name, why in reasons.items() if why is not None]
@@ -102,9 +104,7 @@ def prune(
 
     least_iou: target IoU, None for another target; by_work: whether specs are ranked by work.
     """
-    rules = [_depth_rule(needs), _planar_rule(needs, least_iou)]
-    if by_work:
-        rules.append(_work_rule(space))
+    rules = [_depth_rule(needs), _planar_rule(needs, least_iou), *([_work_rule(space)] if by_work else [])]
     left, excluded = list(space), []
     for rule in rules:
         found = {spec: reason for spec in left if (reason := rule(spec)) is not None}
@@ -113,21 +113,15 @@ def prune(
     return left, excluded
 
 
-_Rule = Callable[[Spec], tuple[str, str] | None]  # what is excluded and why
-
-
 def _depth_rule(needs: Needs) -> _Rule:
-    bits = needs.bits.bits if needs.bits else None
-    enough = bits == 16
-    why = "by `needs` 16 bits separate casters from receivers, at half the bytes" if enough else _too_few(bits)
-    unwanted = "d32f" if enough else "d16"
+    bits, unwanted = needs.bits.bits if needs.bits else None, "d16"
+    if bits == 16:
+        unwanted, why = "d32f", "by `needs` 16 bits separate casters from receivers, at half the bytes"
+    elif bits:
+        why = f"by `needs` {bits} bits are needed to separate casters from receivers"
+    else:
+        why = "no format is known to separate casters from receivers, so that the widest is taken"
     return lambda spec: (f"depth={unwanted}", why) if getattr(spec.params, "depth", None) == unwanted else None
-
-
-def _too_few(bits: int | None) -> str:
-    if bits:
-        return f"by `needs` {bits} bits are needed to separate casters from receivers"
-    return "no format is known to separate casters from receivers, so that the widest is taken"
 
 
 def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:

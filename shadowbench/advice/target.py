@@ -1,14 +1,29 @@
-"""Target of a recommendation."""
+"""Target of a recommendation, from options and in words."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any, Literal
 
-from shadowbench.scores.metrics import METRICS
+import numpy as np
+
+from shadowbench.errors import InputError
+from shadowbench.scores.masks import ThresholdedMask
+from shadowbench.scores.metrics import METRICS, ranking
+from shadowbench.truths.trace import Truth
 
 Measure = Literal["iou", "edge_px", "rmse"]
+
+_METRICS: dict[str, Measure] = {"--min-iou": "iou", "--max-edge-px": "edge_px", "--max-rmse": "rmse"}
+_ALLOWED: dict[str, tuple[Callable[[float], bool], str]] = {
+    "--min-iou": (lambda value: 0 < value <= 1, "above 0, up to 1"),
+    "--max-edge-px": (lambda value: 0 <= value < math.inf, "0 and more"),
+    "--max-rmse": (lambda value: 0 <= value <= 1, "0 to 1"),
+    "--budget-ms": (lambda value: 0 < value < math.inf, "above 0"),
+}
+_TEXTS: dict[Measure, str] = {"iou": "IoU ≥ {:g}", "edge_px": "edges at most {:g} px off", "rmse": "RMSE ≤ {:g}"}
+_REACHED: dict[Measure, str] = {"iou": "IoU {}", "edge_px": "edges {} px off", "rmse": "RMSE {}"}
 
 
 @dataclass(frozen=True)
@@ -22,7 +37,7 @@ class Target:
     @property
     def limit(self) -> float:
         """Largest error that meets the target."""
-        return 1 - self.value if self.metric == "iou" else self.value
+        return METRICS[self.metric].error(self.value)
 
     def affords(self, cost: float) -> bool:
         """Whether a cost is within the budget."""
@@ -37,20 +52,18 @@ class Target:
         value = metrics[self.metric]
         if value is None:
             return 0.0 if metrics["iou"] in (None, 1.0) else math.inf
-        return 1 - value if self.metric == "iou" else value
+        return METRICS[self.metric].error(value)
 
     def text(self, error: float, row: Mapping[str, Any], as_target: bool = False) -> str:
         """Text of an error by the metric: `IoU 0.9712`, `edges 0.21 px off`, `RMSE 0.013`; in words if infinite.
 
         row: the score row, which has the error of its truth; as_target: rounded to a target that the error meets.
         """
-        digits = self.reached if as_target else self.digits
         if math.isinf(error):
             return "no edges to compare, and other shadows"
-        if self.metric == "iou":
-            return f"IoU {digits(1 - error)}"
-        value = METRICS[self.metric].text(error, digits, row)
-        return f"RMSE {value}" if self.metric == "rmse" else f"edges {value} px off"
+        metric = METRICS[self.metric]
+        value = metric.error(error)  # which is its own inverse
+        return _REACHED[self.metric].format(metric.text(value, self.reached if as_target else self.digits, row))
 
     def digits(self, value: float) -> str:
         """A value of the metric, rounded, but neither across the target nor to an IoU of 1 unless it is that."""
@@ -59,18 +72,48 @@ class Target:
 
     def reached(self, value: float) -> str:
         """A value of the metric as another target, which it meets: an IoU rounded down, others up."""
-        places, rounding = (4, ROUND_FLOOR) if self.metric == "iou" else (3, ROUND_CEILING)
-        texts = (f"{Context(one, rounding).create_decimal(value):.{one}g}" for one in range(places, 17))
-        beyond = (
-            text for text in texts if float(text) != self.value and (float(text) > self.value) == (value > self.value)
-        )
-        return f"{float(next(beyond, value)):.16g}"
+        least, rounding = (4, ROUND_FLOOR) if self.metric == "iou" else (3, ROUND_CEILING)
+        for digits in range(least, 17):
+            rounded = float(Context(digits, rounding).create_decimal(value))
+            if rounded != self.value and (rounded > self.value) == (value > self.value):
+                return f"{rounded:.16g}"
+        return f"{value:.16g}"
 
     def __str__(self) -> str:
-        whats = {
-            "iou": f"IoU ≥ {self.value:g}",
-            "edge_px": f"edges at most {self.value:g} px off",
-            "rmse": f"RMSE ≤ {self.value:g}",
-        }
-        what = whats[self.metric]
-        return what if self.budget_ms is None else f"{what} within {self.budget_ms:g} ms"
+        text = _TEXTS[self.metric].format(self.value)
+        return text if self.budget_ms is None else f"{text} within {self.budget_ms:g} ms"
+
+
+def target_of(
+    min_iou: float | None = None,
+    max_edge_px: float | None = None,
+    budget_ms: float | None = None,
+    max_rmse: float | None = None,
+    *,
+    soft: bool = False,
+) -> Target:
+    """Target given by options, by default an IoU of 0.99, or for soft shadows an RMSE of 0.02.
+
+    soft: whether the view has penumbrae. Raises InputError for invalid or conflicting options.
+    """
+    options = {"--min-iou": min_iou, "--max-edge-px": max_edge_px, "--max-rmse": max_rmse}
+    given = {name: value for name, value in options.items() if value is not None}
+    if len(given) > 1:
+        found = "both" if len(given) == 2 else "all"
+        raise InputError(f"{' and '.join(given)}: found {found}; allowed: one of them")
+    for name, value in {**given, **({} if budget_ms is None else {"--budget-ms": budget_ms})}.items():
+        is_allowed, told = _ALLOWED[name]
+        if not is_allowed(value):
+            raise InputError(f"{name}: found {value:g}; allowed: {told}")
+    if given:
+        ((name, value),) = given.items()
+        return Target(_METRICS[name], value, budget_ms)
+    return Target("rmse" if soft else "iou", ranking(soft).targets[1], budget_ms)
+
+
+def least_error(truth: Truth, metric: Measure) -> float:
+    """Approximate error of a single wrong pixel, of the shadow or of its edge: the smallest error above 0."""
+    mask = ThresholdedMask(truth.visibility, truth.receivers & ~truth.undecided)
+    if metric == "rmse":
+        return 1 / math.sqrt(max(int(np.count_nonzero(mask.valid)), 1))
+    return 1 / max(int(np.count_nonzero(mask.shadow if metric == "iou" else mask.edge)), 1)

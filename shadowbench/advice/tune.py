@@ -1,11 +1,10 @@
 """Computation behind `tune`: a parameter search measured into a folder."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from shadowbench.advice.tune_scores import Setting
-from shadowbench.advice.tune_search import ParameterSearch, Tuning, TuningCells
+from shadowbench.advice.tune_search import ParameterSearch, Setting, Tuning, TuningCells
 from shadowbench.advice.tune_space import SearchSpace, searched_parameters, split_scenes
 from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
@@ -87,7 +86,6 @@ def values(found: Tuning) -> dict[str, Any]:
     """JSON object of `tune --json`."""
 
     def of(setting: Setting) -> dict[str, Any]:
-        values = {item.name: getattr(setting, item.name) for item in fields(setting)}
-        return values | {"spec": setting.spec.sizeless_text}
+        return vars(setting) | {"spec": setting.spec.sizeless_text}
 
     return asdict(found.split) | {"front": list(map(of, found.front)), "default": of(found.default)}

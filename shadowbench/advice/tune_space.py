@@ -7,17 +7,17 @@ import hashlib
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.plugin.params import Component, TechniqueParams, in_metres
+from shadowbench.plugin.params import Component, in_metres
 from shadowbench.plugin.spec import Spec
 
 if TYPE_CHECKING:
-    from optuna import Trial
-
+    from optuna.trial import BaseTrial
 
 DEFAULT_PARAMETERS = ("bias", "filter", "fit")
 """Parameters searched by default, if a technique has them."""
@@ -26,14 +26,14 @@ SEARCH_FACTOR = 16.0
 """Numbers are searched on a log scale from default / SEARCH_FACTOR to default · SEARCH_FACTOR, within their limits."""
 
 DIGITS = 3  # significant digits of searched numbers, for readable specs
-
-Span = tuple[float, float, bool]  # lowest, highest, whether on a log scale
+_THIRD = 3  # by default, every third scene is held out
 
 
 class SearchSpace:
     """Search space over some parameters of a spec; its other parameters are fixed.
 
-    excluded: by parameter, names of components that are excluded; fixed: by path, choices that are fixed.
+    excluded: by parameter, names of components that are excluded; fixed: by path (`bias.texel.scale`), choices that are
+    fixed.
     """
 
     def __init__(
@@ -46,48 +46,45 @@ class SearchSpace:
         self.base, self.names, self._excluded, self._fixed = base, tuple(names), excluded or {}, fixed or {}
         self._fields = {name: base.technique.Params.model_fields[name] for name in names}
 
-    def spec(self, trial: "Trial") -> Spec:
+    def spec(self, trial: "BaseTrial | _SpecTrial") -> Spec:
         """Spec of the point suggested by a trial. Raises InputError for an invalid combination of values."""
         return self.base.with_(**{name: self._suggest(trial, name, info) for name, info in self._fields.items()})
 
     def point(self, spec: Spec) -> dict[str, Any] | None:
         """Point of a spec, as suggestions by path; None if it lies outside the space."""
-        coordinates = self._coordinates(spec)
-        if coordinates is None:
-            return None
-        values = {coordinate.path: coordinate.value for coordinate in coordinates}
-        if not self._fixed.items() <= values.items():
-            return None
-        return {path: value for path, value in values.items() if path not in self._fixed}
+        asked = self._asked(spec)
+        return None if asked is None else asked.choices | asked.numbers
 
     def around(self, spec: Spec) -> "SearchSpace":
         """The subspace of the numeric parameters, with all choices fixed to those of a spec of this space."""
-        fixed = {coordinate.path: coordinate.value for coordinate in self._coordinates(spec) or () if coordinate.choice}
-        return SearchSpace(self.base, self.names, self._excluded, fixed)
-
-    def _coordinates(self, spec: Spec) -> "list[Coordinate] | None":
-        if spec.technique is not self.base.technique:
-            return None
-        return self._coordinates_of(spec.params, self._fields, "")
+        asked = self._asked(spec)
+        return SearchSpace(self.base, self.names, self._excluded, asked.choices if asked else {})
 
     def components(self, name: str) -> list[type[Component]]:
         """Components that a parameter is chosen from; empty if it is not a component parameter."""
         return [one for one in family_of(self._fields[name]) if one.name not in self._excluded.get(name, ())]
 
-    def _suggest(self, trial: "Trial", path: str, info: FieldInfo) -> Any:
+    def _asked(self, spec: Spec) -> "_SpecTrial | None":
+        """A spec's values of the space's parameters; None if it lies outside the space."""
+        asked = _SpecTrial(spec)
+        try:
+            made = self.spec(asked).params if spec.technique is self.base.technique else None
+        except InputError:
+            return None
+        same = made is not None and all(getattr(made, name) == getattr(spec.params, name) for name in self.names)
+        return asked if same else None
+
+    def _suggest(self, trial: "BaseTrial | _SpecTrial", path: str, info: FieldInfo) -> Any:
         if family_of(info):
             table = {one.name: one for one in (self.components(path) if path in self._fields else family_of(info))}
             component = table[self._choice(trial, path, list(table))]
+            fields = component.model_fields.items()
             return component(
-                **{
-                    key: self._suggest(trial, f"{path}.{component.name}.{key}", own)
-                    for key, own in component.model_fields.items()
-                }
+                **{key: self._suggest(trial, f"{path}.{component.name}.{key}", own) for key, own in fields}
             )
-        choices = choices_of(info)
+        choices, found = choices_of(info), span(info)
         if choices:
             return self._choice(trial, path, choices)
-        found = span(info)
         if found is None:
             return info.default
         low, high, log = found
@@ -96,41 +93,38 @@ class SearchSpace:
         value = float(f"{trial.suggest_float(path, low, high, log=log):.{DIGITS}g}")
         return min(max(value, low), high)
 
-    def _choice(self, trial: "Trial", path: str, choices: list[Any]) -> Any:
+    def _choice(self, trial: "BaseTrial | _SpecTrial", path: str, choices: list[Any]) -> Any:
         return self._fixed[path] if path in self._fixed else trial.suggest_categorical(path, choices)
 
-    def _coordinates_of(
-        self, params: TechniqueParams | Component, fields: Mapping[str, FieldInfo], prefix: str
-    ) -> "list[Coordinate] | None":
-        coordinates: list[Coordinate] = []
-        for name, info in fields.items():
-            value, path = getattr(params, name), prefix + name
-            if isinstance(value, Component):
-                if type(value) not in family_of(info):  # a sum of biases
-                    return None
-                inner = self._coordinates_of(value, type(value).model_fields, f"{path}.{value.name}.")
-                if inner is None or value.name in self._excluded.get(path, ()):
-                    return None
-                coordinates += [Coordinate(path, value.name, True), *inner]
-                continue
-            if choices_of(info):
-                coordinates.append(Coordinate(path, value, True))
-                continue
-            found = span(info)
-            if (value != info.default) if found is None else not found[0] <= value <= found[1]:
-                return None
-            if found is not None:
-                coordinates.append(Coordinate(path, value, False))
-        return coordinates
 
+class _SpecTrial:
+    """Suggests what a spec has, and keeps it by path. Raises InputError for what is not allowed."""
 
-@dataclass(frozen=True)
-class Coordinate:
-    """One coordinate of a point: its path (`bias.texel.scale`), value, and whether it is a choice or a number."""
+    def __init__(self, spec: Spec) -> None:
+        self._params = spec.params
+        self.choices: dict[str, Any] = {}
+        self.numbers: dict[str, Any] = {}
 
-    path: str
-    value: Any
-    choice: bool
+    def suggest_categorical(self, name: str, choices: Sequence[Any]) -> Any:
+        value = self._value(name)
+        self.choices[name] = getattr(value, "name", "+") if isinstance(value, Component) else value  # + is a sum
+        if self.choices[name] not in choices:
+            raise InputError(f"{name}: found {value}")
+        return self.choices[name]
+
+    def suggest_float(self, name: str, low: float, high: float, *, log: bool) -> Any:
+        self.numbers[name] = self._value(name)
+        if not low <= self.numbers[name] <= high:
+            raise InputError(f"{name}: found {self.numbers[name]}")
+        return self.numbers[name]
+
+    suggest_int = suggest_float
+
+    def _value(self, path: str) -> Any:
+        try:
+            return reduce(getattr, path.split(".")[::2], self._params)  # between them the components' names
+        except AttributeError:  # of a component that is fixed, where the spec has another one
+            raise InputError(f"{path}: found none") from None
 
 
 def family_of(info: FieldInfo) -> list[type[Component]]:
@@ -146,20 +140,21 @@ def choices_of(info: FieldInfo) -> list[Any]:
     return list(get_args(info.annotation)) if get_origin(info.annotation) is Literal else []
 
 
-def span(info: FieldInfo) -> Span | None:
-    """Search range of a number: around its default, or, if that is 0, between its limits; None if it is not searched.
+def span(info: FieldInfo) -> tuple[float, float, bool] | None:
+    """Lowest and highest value to search of a number, and whether on a log scale; None if it is not searched.
 
-    Lengths in metres are not searched, since they suit a scene rather than a technique.
+    It is searched around its default, or, if that is 0, between its limits; lengths in metres are not searched, since
+    they suit a scene rather than a technique.
     """
     if info.annotation not in (int, float) or in_metres(info):
         return None
     low, high = _limit(info, "ge", "gt"), _limit(info, "le", "lt")
-    if info.default > 0:
-        least, most = info.default / SEARCH_FACTOR, info.default * SEARCH_FACTOR
-        if info.annotation is int:
-            least = max(1, round(least))
-        return (least if low is None else max(low, least), most if high is None else min(high, most), True)
-    return None if low is None or high is None else (low, high, False)
+    if info.default <= 0:
+        return None if low is None or high is None else (low, high, False)
+    least, most = info.default / SEARCH_FACTOR, info.default * SEARCH_FACTOR
+    if info.annotation is int:
+        least = max(1, round(least))
+    return (least if low is None else max(low, least), most if high is None else min(high, most), True)
 
 
 def _limit(info: FieldInfo, *names: str) -> float | None:
@@ -170,13 +165,16 @@ def _limit(info: FieldInfo, *names: str) -> float | None:
 def searched_parameters(base: Spec, text: str | None) -> tuple[str, ...]:
     """Parameters named by `--params`, by default DEFAULT_PARAMETERS. Raises InputError if one cannot be searched."""
     fields: Mapping[str, FieldInfo] = base.technique.Params.model_fields
-    searchable = [name for name, info in fields.items() if _searchable(info) and name != "size"]
+    searchable = [
+        name for name, info in fields.items() if name != "size" and (family_of(info) or choices_of(info) or span(info))
+    ]
     none = f"none, as {base.technique.name} has no parameter that can be searched"
     if text is None:
         present = tuple(name for name in DEFAULT_PARAMETERS if name in fields)
         if not present:
-            lacking = f"{', '.join(DEFAULT_PARAMETERS[:-1])} or {DEFAULT_PARAMETERS[-1]}"
-            raise InputError(f"{base.technique.name} has no {lacking}; --params: {', '.join(searchable) or none}")
+            raise InputError(
+                f"{base.technique.name} has no bias, filter or fit; --params: {', '.join(searchable) or none}"
+            )
         return present
     names = tuple(dict.fromkeys(part.strip() for part in text.split(",")))
     for name in names:
@@ -184,24 +182,6 @@ def searched_parameters(base: Spec, text: str | None) -> tuple[str, ...]:
             why = "; the map's size is what --map-size states" if name == "size" else ""
             raise InputError(f"--params: found {name!r:.60}{alternatives(name, searchable, none=none)}{why}")
     return names
-
-
-def _searchable(info: FieldInfo) -> bool:
-    return bool(family_of(info) or choices_of(info) or span(info))
-
-
-__all__ = [
-    "DEFAULT_PARAMETERS",
-    "SEARCH_FACTOR",
-    "SearchSpace",
-    "choices_of",
-    "family_of",
-    "searched_parameters",
-    "span",
-]
-
-
-_THIRD = 3  # by default, every third scene is held out
 
 
 @dataclass(frozen=True)

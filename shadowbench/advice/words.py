@@ -1,13 +1,19 @@
-"""A recommendation in words: costs of other targets, obstacles, and exclusions. It says no more than was measured."""
+"""A recommendation in words, as JSON and as files for an engine. The words say no more than was measured."""
 
+import json
 import math
-from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
 
-from shadowbench.advice.recommendation import Recommendation
+from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES
-from shadowbench.advice.target import Target
-from shadowbench.measure.rows import Record
+from shadowbench.files import replace_file
+from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.drawer import DeviceInfo, Drawer
+from shadowbench.measure.gl_drawer import GLDrawer
+from shadowbench.plugin.params import Component
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
 
@@ -20,8 +26,7 @@ _KINDS = {
 
 def target_notes(found: Recommendation) -> list[str]:
     """What a target means for soft shadows, where IoU and edges say little and the truth has an error of its own."""
-    target = found.target
-    rows = [trial.result.score for trial in found.trials if trial.result is not None]
+    target, rows = found.target, [trial.result.score for trial in found.trials]
     if target.metric != "rmse":
         what = "IoU judges" if target.metric == "iou" else "edges are"
         soft = any(is_soft(row["metrics"]) for row in rows)
@@ -41,19 +46,16 @@ def phase_notes(found: Recommendation) -> list[str]:
 
 def step_lines(found: Recommendation) -> list[str]:
     """What relaxing the target would save and tightening it would cost, among the trials."""
-    choice, target = found.choice, found.target
+    choice, cheaper, better = found.choice, found.cheaper, found.better
     assert choice is not None
-    lines = []
-    if found.cheaper is not None:
-        saved = math.floor(100 * (1 - found.cheaper.cost / choice.cost))
-        cheaper = f"relaxing the target to {_text(target, found.cheaper, as_target=True)} saves {saved}%"
-        lines.append(f"of those measured, {cheaper}: {_name(found.cheaper)}")
-    else:
-        lines.append("of those measured, none saves a tenth or more if the target is relaxed")
-    if found.better is not None:
-        times = found.better.cost / choice.cost
-        better = f"tightening it to {_text(target, found.better, as_target=True)} costs {times:.3g} × as much"
-        lines.append(f"of those measured, {better}: {_name(found.better)}")
+    lines = ["of those measured, none saves a tenth or more if the target is relaxed"]
+    if cheaper is not None:
+        saved = math.floor(100 * (1 - cheaper.cost / choice.cost))
+        target = _error(found, cheaper, as_target=True)
+        lines = [f"of those measured, relaxing the target to {target} saves {saved}%: {_name(cheaper)}"]
+    if better is not None:
+        target, times = _error(found, better, as_target=True), better.cost / choice.cost
+        lines.append(f"of those measured, tightening it to {target} costs {times:.3g} × as much: {_name(better)}")
     elif choice.error > 0:
         lines.append("tightening it: nothing measured has less than half the error")
     return lines
@@ -61,44 +63,43 @@ def step_lines(found: Recommendation) -> list[str]:
 
 def obstacles(found: Recommendation) -> list[str]:
     """Why nothing that was measured meets the target."""
-    return list(_obstacles(found))
-
-
-def _obstacles(found: Recommendation) -> Iterator[str]:
     target, near = found.target, found.closest
     of = f" of {', '.join(found.among)}" if found.among else ""
-    if near is None or near.result is None:
+    if near is None:
         why = f"; {'; '.join(found.unsuccessful.values())}" if found.unsuccessful else ""
-        yield f"nothing{of} was measured that meets {target}: no spec could be{why}"
-        return
-    met = [trial for trial in found.trials if trial.error <= target.limit]
-    yield f"nothing measured{of} meets {target}; the closest is {_name(near)}: {_text(target, near)}"
-    if met and target.budget_ms is not None:
-        yield f"obstacle: the budget; {_name(met[0])} reaches {_text(target, met[0])} in {met[0].cost:.3g} ms"
-        return
-    yield from _faults(found, near, near.result.score)
+        return [f"nothing{of} was measured that meets {target}: no spec could be{why}"]
+    line = f"nothing measured{of} meets {target}; the closest is {_name(near)}: {_error(found, near)}"
+    if found.met:  # over the budget
+        met = found.met[0]
+        return [line, f"obstacle: the budget; {_name(met)} reaches {_error(found, met)} in {met.cost:.3g} ms"]
+    soft = target.metric == "rmse" and is_soft(near.result.score["metrics"])
+    return [line, *(f"obstacle: {one}" for one in (_soft_faults if soft else _hard_faults)(found, near))]
 
 
-def _faults(found: Recommendation, near: Trial, row: Record) -> Iterator[str]:
-    """What is wrong with the closest trial, of which this is the score row."""
-    target, needs = found.target, found.needs
-    metrics, largest = row["metrics"], max(trial.spec.map_size or 0 for trial in found.trials)
-    if target.metric == "rmse" and is_soft(metrics):
-        faults = [f"{fault.name}, {fault.line}" for fault in soft_faults(metrics, row.get("width_bias"))]
-        error = f"an RMSE of {metrics['rmse_pen']:.2g} in the penumbra (rmse_pen)"
-        yield f"obstacle: {faults[0] if faults else error}"
-        if near.spec.map_size == largest == SIZES[-1]:
-            yield f"obstacle: map size; the closest has {largest} texels a side, the most that are tried"
-        return
+def _soft_faults(found: Recommendation, near: Trial) -> list[str]:
+    """What is wrong with the penumbrae of the closest trial."""
+    row, largest = near.result.score, max(trial.spec.map_size or 0 for trial in found.trials)
+    faults = [f"{fault.name}, {fault.line}" for fault in soft_faults(row["metrics"], row.get("width_bias"))]
+    worst = faults[:1] or [f"an RMSE of {row['metrics']['rmse_pen']:.2g} in the penumbra (rmse_pen)"]
+    is_widest = near.spec.map_size == largest == SIZES[-1]
+    size = f"map size; the closest has {largest} texels a side, the most that are tried"
+    return [*worst, *([size] if is_widest else [])]
+
+
+def _hard_faults(found: Recommendation, near: Trial) -> list[str]:
+    """What is wrong with the closest trial, where IoU or edges judge it."""
+    metrics, largest = near.result.score["metrics"], max(trial.spec.map_size or 0 for trial in found.trials)
+    size = (found.needs.texels.edge_size or found.needs.texels.size).value
     kinds = {kind: metrics[kind] for kind in _KINDS if metrics[kind] and METRICS[kind].suits(is_soft(metrics))}
-    size = (needs.texels.edge_size or needs.texels.size).value
+    lines = []
     if kinds:
         worst = max(kinds, key=lambda kind: kinds[kind])
-        yield f"obstacle: {worst}, {100 * kinds[worst]:.3g}% {_KINDS[worst]}"
+        lines.append(f"{worst}, {100 * kinds[worst]:.3g}% {_KINDS[worst]}")
     if 0 < largest < size:
-        yield f"obstacle: map size; `needs` asks for about {size:.0f} texels a side, the largest tried has {largest}"
+        lines.append(f"map size; `needs` asks for about {size:.0f} texels a side, the largest tried has {largest}")
     elif not kinds and metrics["edge_px"] is not None:
-        yield f"obstacle: edges, {metrics['edge_px']:.3g} px off on average"
+        lines.append(f"edges, {metrics['edge_px']:.3g} px off on average")
+    return lines
 
 
 def excluded_lines(found: Recommendation) -> list[str]:
@@ -113,25 +114,90 @@ def excluded_lines(found: Recommendation) -> list[str]:
 
 def _untried_line(found: Recommendation, name: str) -> str:
     """What is predicted of the specs of a technique that were not measured, and how to have it searched."""
-    rest = found.untried[name]
-    met = [trial for trial in found.trials if trial.error <= found.target.limit]
+    rest, met = found.untried[name], found.met
     limit = "the choice" if found.choice or not met else _name(met[0])
     whys = {
         f"predicted to cost at least as much as {limit}": rest.dearer,
         "predicted to miss the target": rest.inaccurate,
         "with the map of one that failed, or a larger one": rest.beyond,
     }
-    reasons = [f"{count} {why}" for why, count in whys.items() if count]
-    further = " further" if name in {trial.spec.technique.name for trial in found.trials} else ""
-    has_met = name in {trial.spec.technique.name for trial in met}
-    alone = f"; -t {name} searches it alone" if rest.dearer and not has_met else ""
-    return f"not tried{further}: {name}: {', '.join(reasons)}{alone}"
+    reasons = ", ".join(f"{count} {why}" for why, count in whys.items() if count)
+    measured, has_met = ({trial.spec.technique.name for trial in trials} for trials in (found.trials, met))
+    alone = f"; -t {name} searches it alone" if rest.dearer and name not in has_met else ""
+    return f"not tried{' further' if name in measured else ''}: {name}: {reasons}{alone}"
 
 
-def _text(target: Target, trial: Trial, as_target: bool = False) -> str:
-    return target.text(trial.error, {} if trial.result is None else trial.result.score, as_target)
+def _error(found: Recommendation, trial: Trial, as_target: bool = False) -> str:
+    return found.target.text(trial.error, trial.result.score, as_target)
 
 
 def _name(trial: Trial) -> str:
     size = f" at {trial.spec.map_size}" if trial.spec.map_size else ""
     return trial.spec.sizeless_text + size
+
+
+def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
+    """JSON object of `recommend --json`."""
+    view = found.view
+    return {
+        "scene": view.scene.name,
+        "view": view.camera.name,
+        "light": view.light.name,
+        "view_size": view.size,
+        "target": asdict(found.target),
+        "notes": target_notes(found),
+        "ranked_by": "work_cost" if found.unit == "work" else "frame_ms",
+        "reference": None if found.reference is None else asdict(found.reference),
+        "renderer": info.renderer,
+        "choice": _values(found.choice),
+        "closest": _values(found.closest),
+        "in_the_way": obstacles(found) if found.closest else [],
+        "runners_up": [{"standing": found.standing(one)} | (_values(one) or {}) for one in found.runners_up],
+        "relaxed": _values(found.cheaper),
+        "tightened": _values(found.better),
+        "measured": found.measured,
+        "space": found.space_size,
+        "evidence": [_values(trial) for trial in found.trials],
+        "techniques": list(found.among) or None,
+        "refused": dict(found.unsuccessful),
+        "untried": [{"technique": name, **asdict(one)} for name, one in found.untried.items()],
+        "excluded": [asdict(exclusion) for exclusion in found.excluded],
+    }
+
+
+def _values(trial: Trial | None) -> dict[str, Any] | None:
+    if trial is None:
+        return None
+    row = trial.result.score
+    values = {"spec": trial.spec.text, "cost": trial.cost, "gpu_bytes": trial.bytes}
+    return values | {name: row[name] for name in ("key", "metrics")}
+
+
+def export_choice(found: Recommendation, folder: Path, drawer: Drawer) -> None:
+    """Write `parameters.json` and one file per shader stage of the choice into a folder; nothing without a choice."""
+    if found.choice is None:
+        return
+    spec, scene = found.choice.spec, found.view.scene
+    assert isinstance(drawer, GLDrawer)  # what it recommends
+    shaders = drawer.shaders(Block(found.view, ()), Cell(spec))
+    parameters = {
+        "spec": spec.text,
+        "technique": spec.technique.name,
+        "parameters": {name: _parameter(value) for name, value in spec.params},
+        "scene": scene.name,
+        "target": str(found.target),
+        "metre": scene.placement.length(1.0),  # length of 1 m in the shaders' units
+        "uniforms": {one.name: {name: _parameter(value) for name, value in one.uniforms.items()} for one in shaders},
+    }
+    files = {shader.name: shader.text for shader in shaders}
+    files["parameters.json"] = json.dumps(parameters, indent=2) + "\n"
+    for name, text in files.items():
+        with replace_file(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+
+def _parameter(value: Any) -> Any:
+    """JSON value of a parameter; a component is an object with its name and parameters."""
+    if isinstance(value, Component):
+        return {"name": value.name, **value.model_dump(mode="json")}
+    return value.tolist() if hasattr(value, "tolist") else value

@@ -8,7 +8,6 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
@@ -17,11 +16,9 @@ from typer.core import TyperGroup
 from shadowbench.commands import (
     check,
     doctor,
-    export,
+    extend,
     listing,
     merge,
-    needs,
-    new_technique,
     recommend,
     render,
     report,
@@ -32,7 +29,9 @@ from shadowbench.commands import (
     tune,
     view,
 )
-from shadowbench.commands.options import GroupedCommand
+from shadowbench.commands.options import GroupedCommand, write_sections
+from shadowbench.errors import NO_PROCESS, NOT_EVERYWHERE, NOT_INSTALLED, ShadowbenchError
+from shadowbench.files import FULL
 from shadowbench.streams import safe_output
 from shadowbench.versions import VERSION
 
@@ -52,9 +51,7 @@ class _Grouped(TyperGroup):
         for name, command in self.commands.items():
             text = command.get_short_help_str(formatter.width - longest - 6)
             panels.setdefault(str(getattr(command, "rich_help_panel", "")), []).append((name.ljust(longest), text))
-        for panel, lines in panels.items():
-            with formatter.section(panel):
-                formatter.write_dl(lines)
+        write_sections(formatter, panels)
 
 
 app = typer.Typer(
@@ -71,17 +68,15 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _PANELS = {  # as --help lists them
-    "Measure techniques": (run, stress, score, truth),
-    "Decide what a scene needs": (recommend, needs, tune),
-    "Check results and the machine": (check, merge, doctor),
-    "Look": (report, render, view, listing),
-    "Extend with a technique or an engine": (new_technique, export),
+    "Measure techniques": (run.run, stress.stress, score.score, truth.truth),
+    "Decide what a scene needs": (recommend.recommend, recommend.needs, tune.tune),
+    "Check results and the machine": (check.check, merge.merge, doctor.doctor),
+    "Look": (report.report, render.render, view.view, listing.list_things),
+    "Extend with a technique or an engine": (extend.new_technique, extend.export),
 }
-for panel, modules in _PANELS.items():
-    for module in modules:
-        for command in module.app.registered_commands:
-            command.rich_help_panel, command.cls = panel, GroupedCommand
-        app.add_typer(module.app)
+for _panel, _commands in _PANELS.items():
+    for _one in _commands:
+        app.command(epilog=_one.epilog, rich_help_panel=_panel, cls=GroupedCommand)(_one.function)
 
 
 @app.callback(invoke_without_command=True)
@@ -109,50 +104,44 @@ def main() -> None:
 
 
 def _exit_code() -> int:
-    """Exit code of the command line; errors are printed."""
-    from shadowbench.errors import NO_PROCESS, NOT_EVERYWHERE, NOT_INSTALLED, ShadowbenchError
-    from shadowbench.files import FULL
-
+    """Exit code of the command line; an error is printed."""
+    line = ""
     try:
         code = int(app(standalone_mode=False) or 0)
-    except _UsageError as error:
-        message = error.format_message().rstrip(".").replace("Input should be", "allowed is")  # type: ignore[attr-defined]
-        _complain(_misplaced(error) or f"{message}; --help lists what is allowed")
-        code = 2
-    except ShadowbenchError as error:
-        _complain(str(error))
-        code = error.exit_code
     except (KeyboardInterrupt, typer.Abort):
         code = _STOPPED
     except Exception as error:
-        code = 3
-        if isinstance(error, OSError) and error.errno in FULL:
-            _complain(f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})")
-            code = 2
-        elif any(map(_lacks_process, _chain(error))):
-            _complain(NO_PROCESS)
-        elif isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
-            _complain(NOT_INSTALLED.format(error.name))
-        else:
-            traceback.print_exc()
-            _complain("an internal error; please report it with the lines above")
-    if code == _STOPPED and not _can_start_threads():
-        _complain(NO_PROCESS)
-        return 3
+        code, line = _answer(error)
     if code == _STOPPED:  # Typer answers Ctrl-C with this code, and prints nothing
-        _complain("stopped; repeat the command to resume")
+        code, line = (code, "stopped; repeat the command to resume") if _can_start_threads() else (3, NO_PROCESS)
+    if line:
+        _complain(line)
     return code
 
 
-def _chain(error: BaseException | None) -> Iterator[BaseException]:
-    """An exception, and those that led to it."""
-    while error is not None:
-        yield error
-        error = error.__cause__ or error.__context__
+def _answer(error: Exception) -> tuple[int, str]:
+    """Exit code and line for an error; the traceback of an internal one is printed."""
+    if isinstance(error, _UsageError):
+        message = error.format_message().rstrip(".").replace("Input should be", "allowed is")  # type: ignore[attr-defined]
+        return 2, f"{message}; --help lists what is allowed"
+    if isinstance(error, ShadowbenchError):
+        return error.exit_code, str(error)
+    if isinstance(error, OSError) and error.errno in FULL:
+        return 2, f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})"
+    if _lacks_process(error):
+        return 3, NO_PROCESS
+    if isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
+        return 3, NOT_INSTALLED.format(error.name)
+    traceback.print_exc()
+    return 3, "an internal error; please report it with the lines above"
 
 
-def _lacks_process(error: BaseException) -> bool:
-    return str(error) == _NO_THREAD or (isinstance(error, OSError) and error.errno == errno.EAGAIN)
+def _lacks_process(error: BaseException | None) -> bool:
+    """Whether an error, or what led to it, is that no process or thread could be started."""
+    if error is None:
+        return False
+    lacks = str(error) == _NO_THREAD or (isinstance(error, OSError) and error.errno == errno.EAGAIN)
+    return lacks or _lacks_process(error.__cause__ or error.__context__)
 
 
 def _can_start_threads() -> bool:
@@ -166,15 +155,6 @@ def _can_start_threads() -> bool:
     finally:
         ended.set()
     return True
-
-
-def _misplaced(error: Exception) -> str | None:
-    """Message for an option that precedes the command; None for any other error."""
-    context, name = getattr(error, "ctx", None), getattr(error, "option_name", None)
-    if context is None or context.parent is not None or name is None:
-        return None
-    taken = {option for command in context.command.commands.values() for one in command.params for option in one.opts}
-    return f"{name} goes after the command: shadowbench COMMAND … {name}" if name in taken else None
 
 
 def _complain(text: str) -> None:

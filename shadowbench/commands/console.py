@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import TaskID
 
+    from shadowbench.measure.drawer import Failure
+    from shadowbench.measure.rows import Result
     from shadowbench.options import ViewOptions
     from shadowbench.scenes.model import View
 
@@ -43,6 +45,11 @@ def print_line(line: str) -> None:
     out().print(line, markup=False, soft_wrap=True)
 
 
+def print_text(text: str) -> None:
+    """Print a text on stdout, wrapped between words."""
+    out().print(text, markup=False)
+
+
 def print_error(line: str) -> None:
     """Print a line on stderr."""
     err().print(line, markup=False, soft_wrap=True)
@@ -51,20 +58,11 @@ def print_error(line: str) -> None:
 class Reporter(logging.Handler):
     """Notes, and a progress bar for each stage of a run, or a line now and then where stderr is no terminal.
 
-    Silent if `quiet`.
-
-    A context manager, within which warnings that the package logs are printed as notes.
+    A context manager, within which warnings that the package logs are printed as notes. Silent if `quiet`.
     """
 
     def __init__(self, quiet: bool) -> None:
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
+        from rich import progress
         from rich.table import Column
 
         super().__init__(logging.WARNING)
@@ -72,16 +70,14 @@ class Reporter(logging.Handler):
         self._noted: set[str] = set()
         self._task: TaskID | None = None
         self._printed = monotonic()
-        columns = (
-            TextColumn("{task.description:<24.24}"),
-            BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what the numbers leave
-            MofNCompleteColumn(table_column=Column(no_wrap=True)),
-            TimeElapsedColumn(table_column=Column(no_wrap=True)),
-            TimeRemainingColumn(table_column=Column(no_wrap=True)),
-            TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
-        )
-        self._progress = Progress(
-            *columns,
+        text = Column(ratio=2, no_wrap=True, overflow="ellipsis")
+        self._progress = progress.Progress(
+            progress.TextColumn("{task.description:<24.24}"),
+            progress.BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what numbers leave
+            progress.MofNCompleteColumn(table_column=Column(no_wrap=True)),
+            progress.TimeElapsedColumn(table_column=Column(no_wrap=True)),
+            progress.TimeRemainingColumn(table_column=Column(no_wrap=True)),
+            progress.TextColumn("{task.fields[what]}", table_column=text),
             console=err(),
             disable=quiet or not err().is_terminal,
             transient=True,
@@ -138,25 +134,29 @@ class Reporter(logging.Handler):
             print_error(f"{task.description}: {task.completed:.0f}{of}, {left}{printable(what)}")
 
 
-def print_failures(failed: Iterable[tuple[str, str, str]]) -> None:
-    """Print what failed on stderr, most frequent first: a line for each reason.
+def exit_code_of(results: "Sequence[Result]", left_out: "Sequence[Failure]") -> int:
+    """3 if a cell failed or something was left out, which is told on stderr; else 0."""
+    failed = [one for one in results if one.status.startswith("failed")]
+    reasons = [one.status.removeprefix("failed: ") for one in failed]
+    places: dict[tuple[str, str], list[str]] = {}  # of each kind and reason
+    for one in left_out:
+        places.setdefault((one.what, one.reason), []).append(one.where)
+    for result, reason in zip(failed, reasons, strict=True):
+        places.setdefault(("cell", reason), []).append(f"{result.score['scene']} {result.score['spec']}")
+    if left_out or len(places) > 1:
+        for (what, reason), where in sorted(places.items(), key=lambda item: -len(item[1])):
+            others = "" if len(where) == 1 else f" and {len(where) - 1} more"
+            print_error(f"failed: {len(where)} × {what}: {printable(where[0])}{others}: {printable(reason)}")
+    if failed:
+        print_error(f"shadowbench: {len(failed)} of {len(results)} cells failed; the first: {reasons[0]}")
+    return 3 if failed or left_out else 0
 
-    failed: of each failure its kind (`scene`, `cell`, …), its name, and its reason.
-    """
-    kinds: dict[tuple[str, str], list[str]] = {}
-    for what, where, reason in failed:
-        kinds.setdefault((what, reason), []).append(where)
-    for (what, reason), places in sorted(kinds.items(), key=lambda item: -len(item[1])):
-        others = "" if len(places) == 1 else f" and {len(places) - 1} more"
-        print_error(f"failed: {len(places)} × {what}: {printable(places[0])}{others}: {printable(reason)}")
 
-
-def print_unsupported(statuses: Sequence[str], others: Sequence[str] = ()) -> None:
-    """If all cells are unsupported, print that on stderr, as the command's last line. others: what would be drawn."""
+def print_unsupported(statuses: Sequence[str]) -> None:
+    """If all cells are unsupported, print that on stderr, as the command's last line."""
     if statuses and all(status.startswith("unsupported") for status in statuses):
         which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
-        instead = f"; what draws here: {', '.join(others)} (-t)" if others else ""
-        print_error(f"note: nothing was drawn and nothing failed: {which} {statuses[0]}{instead}")
+        print_error(f"note: nothing was drawn and nothing failed: {which} {statuses[0]}")
 
 
 def print_table(
@@ -173,40 +173,35 @@ def print_table(
     columns: headings; numbers: right-aligned columns; neither these nor those in `whole` wrap. Other columns wrap
     between words; words over _LONGEST_WORD characters are broken.
     """
-    from rich.cells import cell_len
     from rich.markup import escape
     from rich.measure import Measurement
-    from rich.segment import Segment, Segments
     from rich.table import Table
 
+    console = out()
     table = Table(title=escape(title) or None, title_justify="left", box=None, pad_edge=padded)
     for heading in columns:
         justify: Literal["right", "left"] = "right" if heading in numbers else "left"
-        kept = heading in numbers or heading in whole
-        table.add_column(heading, justify=justify, no_wrap=kept, overflow="fold")
+        table.add_column(heading, justify=justify, no_wrap=heading in (*numbers, *whole), overflow="fold")
     for row in rows:
         table.add_row(*map(escape, row))
-    unlimited = out().options.update(width=10_000)
+    unlimited = console.options.update(width=10_000)
     for column in table.columns:
-        sizes = [Measurement.get(out(), unlimited, cell) for cell in (column.header, *column.cells)]
+        sizes = [Measurement.get(console, unlimited, cell) for cell in (column.header, *column.cells)]
         words = min(max(size.minimum for size in sizes), _LONGEST_WORD)
         column.min_width = max(size.maximum for size in sizes) if column.no_wrap else words
-    least = Measurement.get(out(), unlimited, table).minimum
-    table.width = least if least > out().width else None
-    options = out().options.update(width=max(least, out().width))
-    for line in out().render_lines(
-        table, options, pad=False
-    ):  # without the blanks that Rich leaves at the ends of lines
-        width = cell_len("".join(part.text for part in line).rstrip())
-        trimmed = Segment.adjust_line_length(line, width, pad=False)
-        out().print(Segments([*trimmed, Segment.line()]), crop=False, end="")
+    least = Measurement.get(console, unlimited, table).minimum
+    table.width = least if least > console.width else None
+    with console.capture() as captured:
+        console.print(table, crop=False)
+    for line in captured.get().splitlines():
+        print(line.rstrip())  # Rich leaves blanks at the ends of lines
 
 
 def print_json(value: Any) -> None:
-    """One JSON document on stdout."""
+    """One JSON document on stdout; paths are texts."""
     import json
 
-    print(json.dumps(value, indent=2, allow_nan=False))
+    print(json.dumps(value, indent=2, allow_nan=False, default=str))
 
 
 def number(value: float | None) -> str:

@@ -1,15 +1,10 @@
 """`doctor`: check that everything needed to measure is installed."""
 
-import typer
-
-from shadowbench.commands import console
-from shadowbench.commands.options import Json, Quiet
-
-app = typer.Typer()
+from shadowbench.commands import console, options
 
 
-@app.command()
-def doctor(json: Json = False, quiet: Quiet = False) -> None:
+@options.command()
+def doctor(json: options.Json = False, quiet: options.Quiet = False) -> int:
     """Check that shadowbench can run here.
 
     Prints the machine, library versions, the OpenGL renderer and its limits, the timer in use and its noise, how many
@@ -35,4 +30,4 @@ def doctor(json: Json = False, quiet: Quiet = False) -> None:
             console.out().print("ready, but each command must trace its truths again: the cache cannot be used")
         elif not quiet:
             console.out().print("ready")
-    raise typer.Exit(3 if missing else 0)
+    return 3 if missing else 0

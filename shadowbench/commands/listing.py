@@ -1,30 +1,28 @@
-"""`list`: techniques, scenes, metrics, studies and axes."""
+"""`list`: every technique, scene, metric, study and stress axis."""
 
-from typing import Annotated, Any
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from shadowbench.commands import console, options
+from shadowbench.errors import InputError, alternatives
 
-from shadowbench.commands import completion, console
-from shadowbench.commands.options import Json, Plugins, Quiet
+if TYPE_CHECKING:
+    from shadowbench.plugin.params import Component, TechniqueParams
 
+Entry = dict[str, Any]
+KINDS = ("techniques", "scenes", "metrics", "studies", "axes")
 EXAMPLE = "shadow-map:size=2048,filter=pcf(taps=5)"
 TOGETHER = "bias=polygon-offset(2,4)+normal-offset"
 
-app = typer.Typer()
 
-
-@app.command("list")
+@options.command(name="list")
 def list_things(
-    what: Annotated[
-        str,
-        typer.Argument(metavar="WHAT", autocompletion=completion.kind, help=f"{', '.join(completion.KINDS)}  [all]."),
-    ] = "",
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", autocompletion=completion.entry, help="Show only this entry  [all].")
-    ] = "",
-    plugin: Plugins = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    what: Annotated[str, options.argument("WHAT", f"{', '.join(KINDS)}  [all].", lambda: KINDS)] = "",
+    name: Annotated[str, options.argument("NAME", "Show only this entry  [all].")] = "",
+    plugin: options.Plugins = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """List techniques, scenes, metrics, studies and stress axes.
 
@@ -37,60 +35,141 @@ def list_things(
       for        the kind of shadows that it suits: hard, soft or both
       tolerance  largest change for the worse that `check` allows
     """
-    from shadowbench.catalogue import catalogue
-
     found = catalogue(plugin or (), what, name)
     if json:
         console.print_json(found[what] if what else found)
         return
     for kind, entries in found.items():
+        title = "" if quiet and what else kind
         if kind == "techniques":
             _print_techniques(entries)
         elif kind == "axes":
-            _print_axes(entries, "" if quiet and what else kind)
+            _print_axes(entries, title)
         else:
             rows = [[str(value) for value in entry.values()] for entry in entries]
-            console.print_table("" if quiet and what else kind, list(entries[0]), rows)
-            console.out().print()
+            console.print_table(title, list(entries[0]), rows)
+            console.print_text("")
 
 
-def _print_techniques(rows: list[dict[str, Any]]) -> None:
+def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> dict[str, list[Entry]]:
+    """The entries of each kind (techniques, scenes, metrics, studies, axes), each with its `name`.
+
+    plugins: Python files that add techniques and metrics; what: only this kind; name: only this entry. Raises
+    InputError for an unknown kind or name.
+    """
+    from shadowbench.extremes.axes import AXES
+    from shadowbench.extremes.model import value_label
+    from shadowbench.measure.flips import ROW_METRICS
+    from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
+    from shadowbench.studies.study import find_study, read_study, study_names
+
+    known = techniques_with(plugins)
+    makers: dict[str, Callable[[], list[Entry]]] = {
+        "techniques": lambda: [
+            {
+                "name": one.name,
+                "help": _help(one),
+                "lights": sorted(one.lights),
+                "parameters": _parameters(one.Params),
+                "presets": one.presets,
+            }
+            for one in known.values()
+        ],
+        "scenes": lambda: [
+            {"name": scene, "light": builtin_light(scene), "about": builtin_about(scene)} for scene in builtin_names()
+        ],
+        "metrics": lambda: [
+            {"name": one.name, "better": one.better, "for": one.kind, "tolerance": one.tolerance, "help": one.help}
+            for one in ROW_METRICS.values()
+        ],
+        "studies": lambda: [
+            {"name": study, "about": read_study(find_study(study), known).about} for study in study_names()
+        ],
+        "axes": lambda: [
+            {
+                "name": axis.name,
+                "unit": axis.unit,
+                "values": [value_label(value) for value in axis.values],
+                "home": value_label(axis.default),
+                "lights": list(axis.lights),
+                "about": axis.about,
+            }
+            for axis in AXES.values()
+        ],
+    }
+    if what and what not in makers:
+        raise InputError(f"list: found {what!r:.60}{alternatives(what, makers)}")
+    found = {kind: make() for kind, make in makers.items() if what in ("", kind)}
+    for kind, entries in found.items() if name else ():
+        names = [entry["name"] for entry in entries]
+        if name not in names:
+            raise InputError(f"list {kind}: found {name!r:.60}{alternatives(name, names)}")
+        found[kind] = [entries[names.index(name)]]
+    return found
+
+
+def _help(described: type) -> str:
+    return " ".join((described.__doc__ or "").split())
+
+
+def _parameters(model: "type[TechniqueParams] | type[Component]") -> list[Entry]:
+    """Name, default, allowed values and help of every field; a component field lists its family with parameters."""
+    from shadowbench.plugin.params import Component, allowed
+    from shadowbench.plugin.spec import format_value
+
+    found = []
+    for name, info in model.model_fields.items():
+        entry: Entry = {
+            "name": name,
+            "default": format_value(info.default),
+            "allowed": allowed(info),
+            "help": info.description,
+        }
+        if isinstance(info.default, Component):
+            entry["values"] = [
+                {"name": one.name, "help": _help(one), "parameters": _parameters(one)}
+                for one in info.default.family().table.values()
+            ]
+        found.append(entry)
+    return found
+
+
+def _print_techniques(entries: list[Entry]) -> None:
     """Print techniques with their parameters and presets; then biases, filters and fits with theirs."""
-    console.out().print(f"A spec is written name:parameter=value,… such as {EXAMPLE}", markup=False)
-    console.out().print(f"Biases that are applied together are joined by a plus: {TOGETHER}\n", markup=False)
-    families: list[tuple[str, list[dict[str, Any]]]] = []
-    for row in rows:
-        console.out().print(f"{row['name']}: {row['help']}", markup=False)
-        console.out().print(f"  supports {', '.join(row['lights'])} lights", markup=False)
-        _print_parameters(row["parameters"], "  ")
-        for name, items in row["presets"].items():
-            console.out().print(f"  preset={name}: {items}", markup=False)
-        console.out().print()
-        used = [(one["name"], one["values"]) for one in row["parameters"] if "values" in one]
-        families += [family for family in used if family not in families]
-    for key, values in families:
-        console.out().print(f"{key}=", markup=False)
+    console.print_text(f"A spec is written name:parameter=value,… such as {EXAMPLE}")
+    console.print_text(f"Biases that are applied together are joined by a plus: {TOGETHER}\n")
+    families: dict[str, list[Entry]] = {}
+    for entry in entries:
+        console.print_text(f"{entry['name']}: {entry['help']}")
+        console.print_text(f"  supports {', '.join(entry['lights'])} lights")
+        _print_parameters(entry["parameters"], "  ")
+        for name, items in entry["presets"].items():
+            console.print_text(f"  preset={name}: {items}")
+        console.print_text("")
+        families |= {one["name"]: one["values"] for one in entry["parameters"] if "values" in one}
+    for key, values in families.items():
+        console.print_text(f"{key}=")
         for value in values:
-            console.out().print(f"  {value['name']}: {value['help']}", markup=False)
+            console.print_text(f"  {value['name']}: {value['help']}")
             _print_parameters(value["parameters"], "    ")
-        console.out().print()
+        console.print_text("")
 
 
-def _print_axes(rows: list[dict[str, Any]], title: str) -> None:
+def _print_axes(entries: list[Entry], title: str) -> None:
     """Print what each axis varies, its values and its default value."""
     if title:
-        console.out().print(title, markup=False)
-    for row in rows:
-        console.out().print(f"{row['name']}: {row['about']}", markup=False)
-        unit = f", {row['unit']}" if row["unit"] else ""
-        console.out().print(f"  values{unit}: {' '.join(row['values'])}; default {row['home']}", markup=False)
-        console.out().print(f"  swept under {', '.join(row['lights'])} lights", markup=False)
-    console.out().print()
+        console.print_text(title)
+    for entry in entries:
+        unit = f", {entry['unit']}" if entry["unit"] else ""
+        console.print_text(f"{entry['name']}: {entry['about']}")
+        console.print_text(f"  values{unit}: {' '.join(entry['values'])}; default {entry['home']}")
+        console.print_text(f"  swept under {', '.join(entry['lights'])} lights")
+    console.print_text("")
 
 
-def _print_parameters(parameters: list[dict[str, Any]], indent: str) -> None:
+def _print_parameters(parameters: list[Entry], indent: str) -> None:
     for parameter in parameters:
         allowed = parameter["allowed"] or ", ".join(value["name"] for value in parameter.get("values", ()))
         limits = f" ({allowed})" if allowed else ""
-        line = f"{indent}{parameter['name']} = {parameter['default']}{limits}: {parameter['help']}"
-        console.out().print(line, markup=False)
+        console.print_text(f"{indent}{parameter['name']} = {parameter['default']}{limits}: {parameter['help']}")

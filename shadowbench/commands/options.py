@@ -1,64 +1,75 @@
-"""Options of commands: each is described once, by its name; groups of them are the fields of one value."""
+"""Options of commands: each is described once, and groups of them are the fields of one value."""
 
 import inspect
 from collections.abc import Callable
-from copy import copy
-from dataclasses import dataclass, fields, is_dataclass
-from functools import wraps
+from dataclasses import Field, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import typer
 from typer.core import TyperCommand
 
-from shadowbench.commands import completion
 from shadowbench.errors import InputError
-from shadowbench.options import MAP_SIZE, PHASES, ROUNDS, VIEW_SIZE, Measuring, SceneOptions
+from shadowbench.options import MAP_SIZE, VIEW_SIZE, Measuring, SceneOptions, option
+
+# What shells complete, with imports in the bodies. Where nothing matches, they complete file names.
+
+
+def scenes() -> list[str]:
+    """Built-in scenes."""
+    from shadowbench.scenes.library import builtin_names
+
+    return builtin_names()
+
+
+def studies() -> list[str]:
+    """Built-in studies."""
+    from shadowbench.studies.study import study_names
+
+    return study_names()
+
+
+def axes() -> list[tuple[str, str]]:
+    """Axes of `stress`, with what they vary."""
+    from shadowbench.extremes.axes import AXES
+
+    return [(one.name, one.about) for one in AXES.values()]
+
+
+def techniques() -> list[tuple[str, str]]:
+    """Techniques, with what they are."""
+    from shadowbench.plugin.registry import own_techniques
+
+    return [(one.name, " ".join((one.__doc__ or "").split("\n\n")[0].split())) for one in own_techniques()]
+
 
 SCENE = "a built-in name (shadowbench list scenes), a scene file (.toml), or a mesh file"
+_PLUGIN = "A Python file with techniques, filters or metrics; repeatable."
 SPEC = "a technique and its parameters (shadowbench list techniques)"
-SceneArgument = Annotated[
-    str, typer.Argument(metavar="SCENE", autocompletion=completion.scene, help=f"The scene: {SCENE}.")
-]
-Plugins = Annotated[
-    list[Path] | None,
-    typer.Option("--plugin", metavar="FILE.py", help="A Python file with techniques, filters or metrics; repeatable."),
-]
-PartOption = Annotated[
-    str | None,
-    typer.Option(
-        "--part",
-        metavar="K/N",
-        rich_help_panel="Machines",
-        help="Measure only part K of N, such as 3/16, for machines that share nothing, or array jobs; each needs a "
-        "folder of its own, and `merge` joins them.",
-    ),
-]
-KeepGoing = Annotated[
-    bool,
-    typer.Option(
-        "--keep-going",
-        rich_help_panel="Measurement",
-        help="Leave out scenes that cannot be read, and what else would stop the command, and measure the rest; a "
-        "summary names them, and the exit code is 3. A cell that fails never stops it.",
-    ),
-]
 
 
 @dataclass(frozen=True)
 class Printed:
     """What is printed of a result, and whether anything else is."""
 
-    json: bool = False
-    quiet: bool = False
+    json: bool = option("Print JSON instead of tables.", default=False)
+    quiet: bool = option(
+        "Print results and errors only, without notes or progress.", default=False, names=("--quiet", "-q")
+    )
 
 
 @dataclass(frozen=True)
 class Machines:
     """The Dask cluster that measures. Raises InputError for an option about it without `--dask`."""
 
-    dask: str | None = None
-    renderer: str | None = None
+    dask: str | None = option(
+        "Measure on the workers of the Dask cluster with this scheduler, such as tcp://host:8786, or on N workers on "
+        "this machine; needs the extra `dask`.",
+        "ADDRESS|local:N",
+    )
+    renderer: str | None = option(
+        "With --dask, the renderer of the workers that measure; others are left out  [that of most of them].", "NAME"
+    )
 
     def __post_init__(self) -> None:
         others = [field.name for field in fields(self)[1:] if getattr(self, field.name)]
@@ -70,115 +81,141 @@ class Machines:
 class TimingMachines(Machines):
     """Also the worker that takes times."""
 
-    time_on: str | None = None
+    time_on: str | None = option(
+        "With --dask, where cells are timed, after all are scored: in this process, or on one worker, by its address "
+        "or machine  [nowhere].",
+        "here|WORKER",
+    )
 
 
 @dataclass(frozen=True)
 class StudyMachines(TimingMachines):
     """Also whether workers of any renderer are used."""
 
-    any_renderer: bool = False
+    any_renderer: bool = option(
+        "With --dask, use workers of every renderer; each makes rows and tables of its own.", default=False
+    )
 
 
-HEADINGS = {
-    SceneOptions: "Scene",
-    Measuring: "Measurement",
-    Machines: "Machines",
-    Printed: "Output",
-}
-OPTIONS: dict[str, Any] = {
-    "view": typer.Option("--view", metavar="NAME", help="Name of a camera of the scene  [the first]."),
-    "light": typer.Option("--light", metavar="NAME", help="Name of a light of the scene  [the first; `run`: each]."),
-    "assets": typer.Option(metavar="DIR", help="Additional folder to search for a scene file's meshes."),
-    "up": typer.Option(
-        metavar="y|z",
-        autocompletion=completion.up,
-        help="Up axis of OBJ, PLY, STL and OFF files, which do not specify it  [y].",
-    ),
-    "sun": typer.Option(
-        "--sun", help="Give directional lights without a size that of the sun: an angular radius of 0.2665°."
-    ),
-    "no_ground": typer.Option(
-        "--no-ground",
-        help="Assume no ground below a mesh file that has none; the assumed one receives shadows that count.",
-    ),
-    "view_size": typer.Option(
-        metavar="N", min=VIEW_SIZE.least, max=VIEW_SIZE.most, help="Width and height of the image in pixels  [512]."
-    ),
-    "rounds": typer.Option(
-        metavar="N",
-        min=ROUNDS.least,
-        max=ROUNDS.most,
-        help="Number of times that each cell is timed; 0 for no timing  [9].",
-    ),
-    "phases": typer.Option(
-        metavar="N",
-        min=PHASES.least,
-        max=PHASES.most,
-        help="Sub-texel offsets of the shadow map at which each cell is scored; with more than one, the table shows "
-        "medians and intervals. Only the first is timed  [the study's; with -t and neither study nor --map-size, 1].",
-    ),
-    "step": typer.Option(
-        metavar="camera|light",
-        autocompletion=completion.step,
-        help="Draw each cell again after a small step of the camera or the light, and count the pixels that flip "
-        "although the truth does not (shimmering). A step of the camera needs a truth and drawings of three times "
-        "the view size  [the study's; none].",
-    ),
-    "dask": typer.Option(
-        "--dask",
-        metavar="ADDRESS|local:N",
-        help="Measure on the workers of the Dask cluster with this scheduler, such as tcp://host:8786, or on N workers "
-        "on this machine; needs the extra `dask`.",
-    ),
-    "renderer": typer.Option(
-        metavar="NAME",
-        help="With --dask, the renderer of the workers that measure; others are left out  [that of most of them].",
-    ),
-    "any_renderer": typer.Option(
-        "--any-renderer", help="With --dask, use workers of every renderer; each makes rows and tables of its own."
-    ),
-    "time_on": typer.Option(
-        metavar="here|WORKER",
-        help="With --dask, where cells are timed, after all are scored: in this process, or on one worker, by its "
-        "address or machine  [nowhere].",
-    ),
-    "json": typer.Option("--json", help="Print JSON instead of tables."),
-    "quiet": typer.Option("--quiet", "-q", help="Print results and errors only, without notes or progress."),
-}
-
-Json = Annotated[bool, OPTIONS["json"]]
-Quiet = Annotated[bool, OPTIONS["quiet"]]
-ViewSize = Annotated[int | None, OPTIONS["view_size"]]
+_HEADINGS = {SceneOptions: "Scene", Measuring: "Measurement", Machines: "Machines", Printed: "Output"}
+REQUIRED: Any = ...
+"""Default of an option that must be given."""
 
 
-def grouped(command: Callable[..., None]) -> Callable[..., None]:
-    """A command with an option for each field of the parameters that are dataclasses, by its name in OPTIONS."""
-    hints = get_type_hints(command, include_extras=True)
-    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
-    parameters: list[inspect.Parameter] = []
-    for name, parameter in inspect.signature(command).parameters.items():
-        if name not in groups:
-            parameters.append(parameter.replace(annotation=hints[name], kind=parameter.KEYWORD_ONLY))
-            continue
-        kinds = get_type_hints(groups[name])
-        heading = next(text for group, text in HEADINGS.items() if issubclass(groups[name], group))
-        for field in fields(groups[name]):
-            option = copy(OPTIONS[field.name])
-            option.rich_help_panel = heading
-            kind: Any = Annotated[kinds[field.name], option]
-            made = inspect.Parameter(field.name, parameter.KEYWORD_ONLY, default=field.default, annotation=kind)
-            parameters.append(made)
+def _option_of(field: "Field[Any]", heading: str | None = None) -> Any:
+    """Typer's option of a field of a group."""
+    metadata = {"rich_help_panel": heading, **field.metadata}
+    names = metadata.pop("names") or [f"--{field.name.replace('_', '-')}"]
+    least, most = metadata.pop("bounds") or (None, None)
+    return typer.Option(*names, min=least, max=most, **metadata)
 
-    @wraps(command)
-    def flat(**values: Any) -> None:
-        for name, kind in groups.items():
-            values[name] = kind(**{field.name: values.pop(field.name) for field in fields(kind)})
-        command(**values)
 
-    flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return flat
+def technique(help: str, metavar: str = "SPEC", **others: Any) -> Any:
+    """The option -t of a group of options."""
+    return option(help, metavar, names=("-t", "--technique"), complete=techniques, **others)
+
+
+def output(help: str, metavar: str = "DIR", **others: Any) -> Any:
+    """The option -o of a group of options."""
+    return option(help, metavar, names=("-o", "--output"), **others)
+
+
+def plugins() -> Any:
+    """The option --plugin of a group of options."""
+    return option(_PLUGIN, "FILE.py", default=())
+
+
+def view_size() -> Any:
+    """The option --view-size of a group of options."""
+    return option("Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
+
+
+def flag(help: str) -> Any:
+    """An option without a value of a group of options."""
+    return option(help, default=False)
+
+
+def argument(metavar: str, help: str, complete: Callable[..., Any] | None = None) -> Any:
+    """An argument of a command; complete: lists its values."""
+    return typer.Argument(metavar=metavar, autocompletion=complete, help=help, show_default=False)
+
+
+def part() -> Any:
+    """The option --part of a group of options."""
+    return option(
+        "Measure only part K of N, such as 3/16, for machines that share nothing, or array jobs; each needs a folder "
+        "of its own, and `merge` joins them.",
+        "K/N",
+        heading="Machines",
+    )
+
+
+def keep_going() -> Any:
+    """The option --keep-going of a group of options."""
+    return option(
+        "Leave out scenes that cannot be read, and what else would stop the command, and measure the rest; a summary "
+        "names them, and the exit code is 3. A cell that fails never stops it.",
+        default=False,
+        heading="Measurement",
+    )
+
+
+def scene(help: str) -> Any:
+    """The argument SCENE of a command."""
+    return argument("SCENE", help, scenes)
+
+
+Scene = Annotated[str, scene(f"The scene: {SCENE}.")]
+Plugins = Annotated[list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help=_PLUGIN)]
+ViewSize = Annotated[int | None, _option_of(fields(Measuring)[0])]
+Json = Annotated[bool, _option_of(fields(Printed)[0])]
+Quiet = Annotated[bool, _option_of(fields(Printed)[1])]
+
+
+class Command(NamedTuple):
+    """A command of the command line; function: with a parameter for each option; epilog: the end of its help."""
+
+    function: Callable[..., int | None]
+    epilog: str
+
+
+def command(epilog: str = "", name: str | None = None) -> Callable[[Callable[..., int | None]], Command]:
+    """Decorator of a function that returns an exit code, None for 0: a command.
+
+    A parameter that is a group becomes an option for each of its fields. name: that of the function by default.
+    """
+
+    def made(function: Callable[..., int | None]) -> Command:
+        hints = get_type_hints(function, include_extras=True)
+        groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+
+        def flat(**values: Any) -> int | None:
+            for name, kind in groups.items():
+                values[name] = kind(**{field.name: values.pop(field.name) for field in fields(kind)})
+            return function(**values)
+
+        parameters: list[inspect.Parameter] = []
+        for parameter in inspect.signature(function).parameters.values():
+            kind = hints[parameter.name]
+            parameters += _of_group(kind) if kind in groups.values() else [parameter.replace(annotation=kind)]
+        signature = inspect.Signature([one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in parameters])
+        flat.__signature__ = signature  # type: ignore[attr-defined]
+        flat.__annotations__ = {name: parameter.annotation for name, parameter in signature.parameters.items()}
+        flat.__name__, flat.__doc__ = name or function.__name__, function.__doc__
+        return Command(flat, epilog)
+
+    return made
+
+
+def _of_group(group: Any) -> list[inspect.Parameter]:
+    """A parameter for each field of a group."""
+    kinds, made = get_type_hints(group), []
+    heading = next((text for one, text in _HEADINGS.items() if issubclass(group, one)), None)
+    for field in fields(group):
+        kind: Any = Annotated[kinds[field.name], _option_of(field, heading)]
+        default = inspect.Parameter.empty if field.default is REQUIRED else field.default
+        made.append(inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind))
+    return made
 
 
 class GroupedCommand(TyperCommand):
@@ -192,28 +229,33 @@ class GroupedCommand(TyperCommand):
             if record is not None:
                 own = "Arguments" if parameter.param_type_name == "argument" else "Options"
                 sections.setdefault(getattr(parameter, "rich_help_panel", None) or own, []).append(record)
-        for heading, records in sections.items():
-            if records:
-                with formatter.section(heading):
-                    formatter.write_dl(records)
+        write_sections(formatter, sections)
+
+
+def write_sections(formatter: Any, sections: dict[str, list[tuple[str, str]]]) -> None:
+    """Write the non-empty sections of a help text, by heading: pairs of a name and its help."""
+    for heading, records in sections.items():
+        if records:
+            with formatter.section(heading):
+                formatter.write_dl(records)
 
 
 def map_sizes(text: str | None) -> tuple[int, ...] | None:
     """The sizes of --map-size. Raises InputError."""
     if text is None:
         return None
-    try:
-        sizes = [int(part) for part in text.split(",")]
-    except ValueError:
-        sizes = []
     least, most = MAP_SIZE
-    if not all(least <= size <= most for size in sizes or [0]):
+    try:
+        sizes = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        sizes = (0,)
+    if not all(least <= size <= most for size in sizes):
         raise InputError(
             f"--map-size: found {text!r:.60}; allowed: whole numbers from {least} to {most}, separated by commas"
         )
-    return tuple(sizes)
+    return sizes
 
 
 def listed(text: str | None) -> tuple[str, ...]:
     """The non-empty parts of a comma-separated text."""
-    return tuple(part.strip() for part in text.split(",") if part.strip()) if text else ()
+    return tuple(part.strip() for part in (text or "").split(",") if part.strip())

@@ -1,22 +1,17 @@
-"""`recommend`: the cheapest technique, parameters and map size that meet a target in a view."""
+"""`needs` and `recommend`: what a view requires, and the cheapest technique that meets a target in it."""
 
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from shadowbench.commands import completion, console
+from shadowbench.commands import console, options
 from shadowbench.commands.executors import campaigns
-from shadowbench.commands.options import Plugins, Printed, SceneArgument, TimingMachines, ViewSize, grouped
-from shadowbench.errors import InputError
-from shadowbench.options import ViewOptions
+from shadowbench.options import ViewOptions, option
 
 if TYPE_CHECKING:
-    from shadowbench.advice.recommendation import Recommendation
+    from shadowbench.advice.recommend import Recommendation
     from shadowbench.advice.search import Trial
     from shadowbench.measure.drawer import DeviceInfo
-
-app = typer.Typer()
 
 WORK = (
     "ranked by work, not by time; where a GPU's clock disagrees, as on shadow volumes: "
@@ -24,65 +19,81 @@ WORK = (
 )
 
 
-@app.command(
-    epilog="\b\nFor example\n"
+@options.command("For example  shadowbench needs street --view-size 1024")
+def needs(
+    scene: options.Scene, view_size: options.ViewSize = None, *, view: ViewOptions, printed: options.Printed
+) -> None:
+    """Predict map size, cascades, bias and depth bits.
+
+    Map size, cascades, depth bits, bias, the width of penumbrae and the error of hard shadows. Nothing is drawn: they
+    follow from the geometry and from shadow rays for the visible pixels, or for a sample of them; ± is then the
+    standard error. The error of hard shadows is that of the ray-traced truth, which `run` reads too. Each prediction
+    has its reason. Needs no OpenGL.
+    """
+    from shadowbench.survey.explanations import explanations_of
+    from shadowbench.survey.survey import needs as needs_of
+
+    with console.Reporter(printed.quiet) as reporter:
+        chosen = reporter.view(scene, view_size, view)
+        found = needs_of(chosen)
+        if found.pixels < found.view_size**2:
+            part = found.pixels / found.view_size**2
+            reporter.note(f"{part:.1%} of the pixels were sampled; ± is one standard error")
+    rows = explanations_of(found)
+    if printed.json:
+        values = asdict(found)
+        values["reach"].pop("matters")
+        names = {"scene": chosen.scene.name, "view": chosen.camera.name}
+        console.print_json(names | values | {"told": [asdict(row) for row in rows]})
+        return
+    title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels"
+    lines = [(row.need, row.number, row.reason) for row in rows]
+    console.print_table(title, ("need", "number", "why"), lines, padded=True)
+
+
+@dataclass(frozen=True)
+class RecommendOptions:
+    """The target, and what is searched for it."""
+
+    min_iou: float | None = option("Target: minimum IoU  [0.99, if nothing is in penumbra].", "X")
+    max_edge_px: float | None = option(
+        "Target, instead of --min-iou: maximum mean distance between drawn and true shadow edges, in pixels.", "X"
+    )
+    max_rmse: float | None = option(
+        "Target, instead of --min-iou: maximum root mean square error of visibility  [0.02, if any pixel is in "
+        "penumbra].",
+        "X",
+    )
+    budget_ms: float | None = option("Maximum time per frame, in ms; needs a GPU.", "X")
+    on_this_machine: bool = options.flag("Rank by time even on a software renderer.")
+    export: Path | None = option("Folder for the parameters and shaders (GLSL) of the choice.", "DIR")
+    techniques: list[str] = options.technique(
+        "Name of a technique to search (shadowbench list techniques), such as one that your engine has; repeatable  "
+        "[all].",
+        "TECHNIQUE",
+        default=(),
+    )
+    view_size: int | None = options.view_size()
+    plugin: list[Path] = options.plugins()
+    output: Path = options.output(
+        "Folder for the measured cells, which later calls reuse.", default=Path("results/recommend")
+    )
+
+
+@options.command(
+    "\b\nFor example\n"
     "  shadowbench recommend street\n"
     "  shadowbench recommend my.glb --max-edge-px 0.5 --export for-my-engine\n"
     "  shadowbench recommend my.glb --min-iou 0.98 --budget-ms 2\n"
     "  shadowbench recommend my.glb -t shadow-map -t cascades"
 )
-@grouped
 def recommend(
-    scene: SceneArgument,
-    min_iou: Annotated[
-        float | None, typer.Option(metavar="X", help="Target: minimum IoU  [0.99, if nothing is in penumbra].")
-    ] = None,
-    max_edge_px: Annotated[
-        float | None,
-        typer.Option(
-            metavar="X",
-            help="Target, instead of --min-iou: maximum mean distance between drawn and true shadow edges, in pixels.",
-        ),
-    ] = None,
-    max_rmse: Annotated[
-        float | None,
-        typer.Option(
-            metavar="X",
-            help="Target, instead of --min-iou: maximum root mean square error of visibility  [0.02, if any "
-            "pixel is in penumbra].",
-        ),
-    ] = None,
-    budget_ms: Annotated[
-        float | None, typer.Option(metavar="X", help="Maximum time per frame, in ms; needs a GPU.")
-    ] = None,
-    on_this_machine: Annotated[
-        bool, typer.Option("--on-this-machine", help="Rank by time even on a software renderer.")
-    ] = False,
-    export: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the parameters and shaders (GLSL) of the choice.")
-    ] = None,
-    techniques: Annotated[
-        list[str] | None,
-        typer.Option(
-            "-t",
-            "--technique",
-            metavar="TECHNIQUE",
-            autocompletion=completion.spec,
-            help="Name of a technique to search (shadowbench list techniques), such as one that your engine has; "
-            "repeatable  [all].",
-        ),
-    ] = None,
-    view_size: ViewSize = None,
-    plugin: Plugins = None,
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells, which later calls reuse."),
-    ] = Path("results/recommend"),
-    *,
-    options: ViewOptions,
-    machines: TimingMachines,
-    printed: Printed,
-) -> None:
+    scene: options.Scene,
+    asked: RecommendOptions,
+    view: ViewOptions,
+    machines: options.TimingMachines,
+    printed: options.Printed,
+) -> int:
     """Search for the cheapest technique that meets a target.
 
     Searches techniques, parameters and map sizes. Few specs are measured: the scene's geometry rules some out (see
@@ -108,48 +119,43 @@ def recommend(
       MiB         memory of textures and buffers
       key         name of the cell's mask and picture in the output folder
     """
-    from shadowbench.advice.recommend import export_choice, has_penumbra, target_of, values
+    from shadowbench.advice.recommend import has_penumbra
     from shadowbench.advice.recommend import recommend as measure_recommendation
     from shadowbench.advice.space import technique_names
+    from shadowbench.advice.target import target_of
+    from shadowbench.advice.words import export_choice, values
+    from shadowbench.files import make_folder
     from shadowbench.measure.plugin_output import techniques_with
 
-    target_of(min_iou, max_edge_px, budget_ms, max_rmse)  # invalid options, before the scene is read
-    plugins = tuple(plugin or ())
-    known = techniques_with(plugins)
-    among = technique_names(techniques or (), known)
-    if export is not None:
-        _make_folder(export)
+    wanted = asked.min_iou, asked.max_edge_px, asked.budget_ms, asked.max_rmse
+    target_of(*wanted)  # invalid options, before the scene is read
+    known = techniques_with(asked.plugin)
+    among = technique_names(asked.techniques, known)
+    if asked.export is not None:
+        make_folder(asked.export, "--export ")
     with (
         console.Reporter(printed.quiet) as reporter,
-        campaigns(output, machines, plugins, None, reporter) as (*_, campaign),
+        campaigns(asked.output, machines, asked.plugin, None, reporter) as (*_, campaign),
     ):
-        chosen = reporter.view(scene, view_size, options)
-        target = target_of(min_iou, max_edge_px, budget_ms, max_rmse, soft=has_penumbra(chosen))
+        chosen = reporter.view(scene, asked.view_size, view)
         found, info = measure_recommendation(
             chosen,
-            target,
+            target_of(*wanted, soft=has_penumbra(chosen)),
             known,
             campaign,
-            on_this_machine=on_this_machine,
+            on_this_machine=asked.on_this_machine,
             timed=machines.dask is None or machines.time_on is not None,
             among=among,
         )
-        if export is not None:
-            export_choice(found, export, campaign.drawer)
+        if asked.export is not None:
+            export_choice(found, asked.export, campaign.drawer)
     if printed.json:
         console.print_json(values(found, info))
     else:
-        _print(found, info, output)
-        if export is not None and found.choice is not None and not printed.quiet:
-            console.print_line(f"{export}: parameters.json and the GLSL of the choice")
-    raise typer.Exit(0 if found.choice is not None else 1)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--export {folder}: cannot be created ({error.strerror or error})") from None
+        _print(found, info, asked.output)
+        if asked.export is not None and found.choice is not None and not printed.quiet:
+            console.print_line(f"{asked.export}: parameters.json and the GLSL of the choice")
+    return 0 if found.choice is not None else 1
 
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
@@ -182,12 +188,11 @@ def _is_rough(found: "Recommendation", one: "Trial") -> bool:
     """Whether the rounds of a time varied much."""
     from shadowbench.results.times import ROUGH
 
-    time = one.result.time if one.result else None
+    time = one.result.time
     return found.unit == "ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]
 
 
 def _cells(found: "Recommendation", one: "Trial") -> list[str]:
-    assert one.result is not None
     from shadowbench.scores.metrics import METRICS
 
     row = one.result.score

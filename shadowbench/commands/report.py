@@ -1,20 +1,40 @@
 """`report`: run and stress folders as HTML, Markdown, CSV or charts."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from shadowbench.commands import completion, console
-from shadowbench.commands.options import Plugins, Quiet
+from shadowbench.commands import console, options
+from shadowbench.errors import counted
+from shadowbench.options import option
 
 _LARGE = 20e6  # bytes of a page
 
-app = typer.Typer()
+
+@dataclass(frozen=True)
+class ReportOptions:
+    """What is made of folders, and where it goes."""
+
+    output: Path | None = options.output(
+        "Output file, or folder if --format png  [report.html, report.md, report.csv, or report/].", "FILE"
+    )
+    format: str = option(
+        "html: a single page that needs no network; md: tables; csv: one row per cell; png: the charts, "
+        "SCENE.VIEW-SIZE.front.png (error against time), .sizes.png (error against map size), .passes.png (time of "
+        "each pass), and from `stress` stability.png and stability.AXIS.png.",
+        "FORMAT",
+        default="html",
+        words=("html", "md", "csv", "png"),
+    )
+    split: bool = options.flag(
+        "Write pictures, charts and tables into files beside the page (report.files/), which it loads when it shows "
+        "them: for thousands of cells."
+    )
+    plugin: list[Path] = options.plugins()
 
 
-@app.command(
-    epilog="\b\nFor example\n"
+@options.command(
+    "\b\nFor example\n"
     "  shadowbench report results/latest\n"
     "  shadowbench report laptop/ server/ -o both.html\n"
     "  shadowbench report results/latest --format png -o charts/"
@@ -22,37 +42,10 @@ app = typer.Typer()
 def report(
     folders: Annotated[
         list[Path],
-        typer.Argument(metavar="DIR...", help="Folders written by `run` or `stress`, on one machine or several."),
+        options.argument("DIR...", "Folders written by `run` or `stress`, on one machine or several."),
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            help="Output file, or folder if --format png  [report.html, report.md, report.csv, or report/].",
-        ),
-    ] = None,
-    format: Annotated[
-        str,
-        typer.Option(
-            metavar="FORMAT",
-            autocompletion=completion.file_format,
-            help="html: a single page that needs no network; md: tables; csv: one row per cell; png: the "
-            "charts, SCENE.VIEW-SIZE.front.png (error against time), .sizes.png (error against map size), .passes.png "
-            "(time of each pass), and from `stress` stability.png and stability.AXIS.png.",
-        ),
-    ] = "html",
-    split: Annotated[
-        bool,
-        typer.Option(
-            "--split",
-            help="Write pictures, charts and tables into files beside the page (report.files/), which it loads when it "
-            "shows them: for thousands of cells.",
-        ),
-    ] = False,
-    plugin: Plugins = None,
-    quiet: Quiet = False,
+    asked: ReportOptions,
+    quiet: options.Quiet = False,
 ) -> None:
     """Make charts, tables and pictures from run folders.
 
@@ -65,20 +58,19 @@ def report(
     shadows (lights with a size) an RMSE.
     """
     from shadowbench.commands.study_tables import print_verdict
-    from shadowbench.errors import counted
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.reports.report import report_target, write_report
     from shadowbench.results.configurations import sections
     from shadowbench.results.folder import read_folders
 
-    target = report_target(output, format, split)
-    techniques_with(plugin or ())  # whose metrics are columns too
+    target = report_target(asked.output, asked.format, asked.split)
+    techniques_with(asked.plugin)  # whose metrics are columns too
     with console.Reporter(quiet) as reporter:
         reporter.stage("reading", 1, ", ".join(map(str, folders)))
         runs, sweeps = read_folders(folders)
         reporter.stage("charts and pictures", 1, str(target))
         scenes = sections(runs)
-        charts = write_report(runs, scenes, sweeps, target, format, split)
+        charts = write_report(runs, scenes, sweeps, target, asked.format, asked.split)
     if quiet:
         return
     for run in runs:
@@ -88,14 +80,13 @@ def report(
         if len(runs) > 1:
             console.print_line(f"{run.label}, on {run.renderer}")
         print_verdict([section for parts in scenes.values() for section in parts if section.run is run])
-    if format == "png":
-        what = counted(charts, "chart")
-    else:
-        size = target.stat().st_size
-        cells = counted(sum(len(one.rows) for one in (*runs, *sweeps)), "cell")
-        if format == "html" and not split and size > _LARGE:
-            console.print_error(
-                f"note: {target}: {size / 1e6:.0f} MB are slow to open; with --split the pictures are files beside it"
-            )
-        what = f"{cells}, {f'{size / 1e6:.1f} MB' if size >= 1e6 else f'{size / 1e3:.0f} kB'}"
-    console.print_line(f"{target}: {what}")
+    if asked.format == "png":
+        console.print_line(f"{target}: {counted(charts, 'chart')}")
+        return
+    size = target.stat().st_size
+    if asked.format == "html" and not asked.split and size > _LARGE:
+        console.print_error(
+            f"note: {target}: {size / 1e6:.0f} MB are slow to open; with --split the pictures are files beside it"
+        )
+    cells = counted(sum(len(one.rows) for one in (*runs, *sweeps)), "cell")
+    console.print_line(f"{target}: {cells}, {f'{size / 1e6:.1f} MB' if size >= 1e6 else f'{size / 1e3:.0f} kB'}")

@@ -1,40 +1,52 @@
 """`run`: measure a study and print its tables."""
 
-import dataclasses
 from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from shadowbench.commands import completion, console
+from shadowbench.commands import console, options
 from shadowbench.commands.executors import campaigns
-from shadowbench.commands.options import (
-    SCENE,
-    SPEC,
-    KeepGoing,
-    PartOption,
-    Plugins,
-    Printed,
-    StudyMachines,
-    grouped,
-    map_sizes,
-)
 from shadowbench.commands.study_tables import print_study
-from shadowbench.errors import InputError
-from shadowbench.options import Measuring, ViewOptions
+from shadowbench.errors import InputError, counted
+from shadowbench.options import Measuring, ViewOptions, option
 
 if TYPE_CHECKING:
     from shadowbench.results.folder import Run
-    from shadowbench.studies.crossing import Techniques
-    from shadowbench.studies.run import StudyResult
-    from shadowbench.studies.study import Study
-
-app = typer.Typer()
 
 
-@app.command(
-    epilog="\b\nColumns\n"
+@dataclass(frozen=True)
+class RunOptions:
+    """What is measured, and where results go."""
+
+    study: str | None = option(
+        "A study file (.toml), which names scenes, techniques and options, or a built-in study (shadowbench list "
+        "studies).",
+        "STUDY",
+        names=("-s", "--study"),
+        complete=options.studies,
+    )
+    techniques: list[str] = options.technique(
+        f"Technique to measure: {options.SPEC}; repeatable  [the study's].", default=()
+    )
+    map_size: str | None = option(
+        "Shadow-map sizes in texels along a side; each spec that does not set its own is measured at all of them  [the "
+        "study's; with -t and no study, the technique's default].",
+        "N,N,...",
+    )
+    output: Path = options.output("Folder for the table, masks and pictures.", default=Path("results/latest"))
+    plugin: list[Path] = options.plugins()
+    time_again: bool = option(
+        "Time cells again that have been timed before; `check DIR --repeat` compares the two times.",
+        default=False,
+        heading="Measurement",
+    )
+    part: str | None = options.part()
+    keep_going: bool = options.keep_going()
+
+
+@options.command(
+    "\b\nColumns\n"
     "  spec      the technique and its parameters\n"
     "  map       texels along a side of its shadow map\n"
     "  1 − IoU   error: 1 − intersection over union of the shadows; 0 is exact\n"
@@ -53,61 +65,15 @@ app = typer.Typer()
     "`shadowbench list metrics` has the exact definitions, also of the other columns of soft shadows; < marks a value "
     "below the truth's own error. A slope, below a table, is the median of the slopes of each view, light and phase."
 )
-@grouped
 def run(
-    scenes: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="SCENE", autocompletion=completion.scene, help=f"Each is {SCENE}  [the study's]."),
-    ] = None,
-    study: Annotated[
-        str | None,
-        typer.Option(
-            "-s",
-            "--study",
-            metavar="STUDY",
-            autocompletion=completion.study,
-            help="A study file (.toml), which names scenes, techniques and options, or a built-in study "
-            "(shadowbench list studies).",
-        ),
-    ] = None,
-    techniques: Annotated[
-        list[str] | None,
-        typer.Option(
-            "-t",
-            "--technique",
-            metavar="SPEC",
-            autocompletion=completion.spec,
-            help=f"Technique to measure: {SPEC}; repeatable  [the study's].",
-        ),
-    ] = None,
-    map_size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="N,N,...",
-            help="Shadow-map sizes in texels along a side; each spec that does not set its own is measured at all of "
-            "them  [the study's; with -t and no study, the technique's default].",
-        ),
-    ] = None,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the table, masks and pictures.")
-    ] = Path("results/latest"),
-    plugin: Plugins = None,
+    scenes: Annotated[list[str] | None, options.scene(f"Each is {options.SCENE}  [the study's].")] = None,
     *,
     measuring: Measuring,
-    time_again: Annotated[
-        bool,
-        typer.Option(
-            "--time-again",
-            rich_help_panel="Measurement",
-            help="Time cells again that have been timed before; `check DIR --repeat` compares the two times.",
-        ),
-    ] = False,
-    options: ViewOptions,
-    machines: StudyMachines,
-    part: PartOption = None,
-    printed: Printed,
-    keep_going: KeepGoing = False,
-) -> None:
+    view: ViewOptions,
+    machines: options.StudyMachines,
+    printed: options.Printed,
+    asked: RunOptions,
+) -> int:
     """Measure techniques: accuracy against ray tracing, and time.
 
     Draws each technique in each scene, compares its shadows with ray-traced ones and times it. Prints one table per
@@ -122,103 +88,57 @@ def run(
     """
     from shadowbench.measure.worker import Worker
 
-    stray = [scene for scene in scenes or () if scene.isdecimal()]
-    if map_size is not None and stray:
-        together = ",".join([map_size, *stray])
-        raise InputError(
-            f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} as separate arguments; allowed: {together}"
-        )
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
-        worker = None if machines.dask is not None else stack.enter_context(Worker(plugin or ()))
+        worker = None if machines.dask is not None else stack.enter_context(Worker(asked.plugin))
         from shadowbench.measure.plugin_output import techniques_with
         from shadowbench.plugin.spec import parse_spec
         from shadowbench.studies.run import Part, estimate, measure
         from shadowbench.studies.study import study_from_options
 
-        chosen_part = Part.named(part)
-        known = techniques_with(plugin or ())
-        specs = [parse_spec(text, known) for text in techniques or ()]
+        chosen_part = Part.named(asked.part)
+        known = techniques_with(asked.plugin)
+        specs = [parse_spec(text, known) for text in asked.techniques]
+        sizes = options.map_sizes(asked.map_size)
         reporter = stack.enter_context(console.Reporter(printed.quiet))
-        measuring = _timed(measuring, machines, reporter)
-        asked = study_from_options(
-            known, scenes or (), specs, study=study, map_size=map_sizes(map_size), measuring=measuring, view=options
+        if machines.dask is not None and machines.time_on is None and measuring.rounds != 0:
+            if measuring.rounds:
+                given = f"--rounds {measuring.rounds} with --dask: times belong to one machine"
+                raise InputError(f"{given}; allowed: --rounds 0, or --time-on here or a worker")
+            reporter.note("nothing is timed: --time-on says on which machine")
+            measuring = replace(measuring, rounds=0)
+        study = study_from_options(
+            known, scenes or (), specs, study=asked.study, map_size=sizes, measuring=measuring, view=view
         )
-        if machines.time_on is not None and asked.rounds == 0:
+        if machines.time_on is not None and study.rounds == 0:
             raise InputError(f"--time-on {machines.time_on}: found 0 rounds; allowed: 1 or more")
-        if not scenes and not study and part is None:
-            cells, seconds = estimate(asked)
-            on = f"{len(asked.scenes)} scenes"
+        if not scenes and not asked.study and asked.part is None:
+            cells, seconds = estimate(study)
+            on = f"{len(study.scenes)} scenes"
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         if worker is not None:
-            worker.limits = asked.limits
-        where = (output, machines, plugin or (), asked.limits, reporter, worker)
-        at = stack.enter_context(campaigns(*where, time_again=time_again, keep_going=keep_going))
-        found = measure(asked, at, chosen_part)
-    _print(found, output, printed)
-    raise typer.Exit(_exit_code(found, asked, known))
-
-
-def _timed(measuring: Measuring, machines: StudyMachines, reporter: console.Reporter) -> Measuring:
-    """How the study is measured: with --dask it is only timed where --time-on says. Raises InputError."""
-    if machines.dask is None or machines.time_on is not None or measuring.rounds == 0:
-        return measuring
-    if measuring.rounds:
-        given = f"--rounds {measuring.rounds} with --dask: times belong to one machine"
-        raise InputError(f"{given}; allowed: --rounds 0, or --time-on here or a worker")
-    reporter.note("nothing is timed: --time-on says on which machine")
-    return dataclasses.replace(measuring, rounds=0)
-
-
-def _print(found: "StudyResult", output: Path, printed: Printed) -> None:
+            worker.limits = study.limits
+        where = (asked.output, machines, asked.plugin, study.limits, reporter, worker)
+        at = stack.enter_context(campaigns(*where, time_again=asked.time_again, keep_going=asked.keep_going))
+        found = measure(study, at, chosen_part)
     if found.run.earlier and not printed.quiet:
-        console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
-    if not printed.json:
-        print_study(found, output, printed.quiet)
-        return
-    from shadowbench.results.configurations import sections
+        console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
+    if printed.json:
+        from shadowbench.results.configurations import sections
 
-    made = [section for parts in sections([found.run.last]).values() for section in parts]
-    console.print_json({section.scene: list(map(dataclasses.asdict, section.configurations)) for section in made})
-
-
-def _exit_code(found: "StudyResult", asked: "Study", known: "Techniques") -> int:
-    """3 if a cell failed or something was left out, else 0; what it was, and why nothing was drawn, is printed."""
+        made = [section for parts in sections([found.run.last]).values() for section in parts]
+        console.print_json({section.scene: [asdict(one) for one in section.configurations] for section in made})
+    else:
+        print_study(found, asked.output, printed.quiet)
     results = found.run.last.results
     statuses = [one.status for one in results]
     if "ok" not in statuses and not found.failures:
-        console.print_unsupported(statuses, _others(asked, known))
-    failed = [
-        ("cell", f"{one.score['scene']} {one.score['spec']}", one.status.removeprefix("failed: "))
-        for one in results
-        if one.status.startswith("failed")
-    ]
-    if found.failures or len({reason for _, _, reason in failed}) > 1:
-        console.print_failures([*((one.what, one.where, one.reason) for one in found.failures), *failed])
-    if failed:
-        console.print_error(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {failed[0][2]}")
-    return 3 if failed or found.failures else 0
+        console.print_unsupported(statuses)
+    return console.exit_code_of(results, found.failures)
 
 
-def _others(study: "Study", known: "Techniques") -> list[str]:
-    """The real-time techniques that support all lights of a study, if one of its own does not."""
-    lights = [block.view.light for block in study.blocks()]
-    kinds, soft = {light.hard_kind for light in lights}, all(light.soft for light in lights)
-    able = [
-        name
-        for name, technique in known.items()
-        if kinds <= technique.lights and (soft or not technique.catalogue.soft_only)
-    ]
-    if all(spec.technique.name in able for spec in study.specs):
-        return []
-    return [name for name in able if not known[name].catalogue.never_recommended]
-
-
-def _earlier_cells_note(run: "Run") -> str:
-    """A note on the cells of earlier commands in the folder."""
-    from shadowbench.errors import counted
+def _earlier_cells(run: "Run") -> str:
 
     rows = [row for row in run.rows if row["key"] in run.earlier]
-    named = [counted(len({row[what] for row in rows}), what) for what in ("scene", "spec")]
-    found = f"the folder also holds {counted(len(rows), 'cell')} of earlier commands ({', '.join(named)})"
-    return f"{found}; they are in table.csv and in reports"
+    named = ", ".join(counted(len({row[what] for row in rows}), what) for what in ("scene", "spec"))
+    return f"the folder also holds {counted(len(rows), 'cell')} of earlier commands ({named})"

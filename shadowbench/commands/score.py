@@ -1,68 +1,46 @@
 """`score`: score a mask or screenshots of another renderer."""
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from shadowbench.commands import completion, console
-from shadowbench.commands.options import SCENE, Printed, grouped
+from shadowbench.commands import console, options
 from shadowbench.errors import InputError
-from shadowbench.options import ViewOptions
+from shadowbench.options import ViewOptions, option
 
 if TYPE_CHECKING:
     from shadowbench.engines.accuracy import Accuracy
-    from shadowbench.scores.metric import Metric
-
-app = typer.Typer()
 
 
-@app.command(
-    epilog="\b\nFor example\n"
+@dataclass(frozen=True)
+class ScoreOptions:
+    """Screenshots in place of a mask, and where the score goes."""
+
+    lit: Path | None = option("Instead of a mask: a screenshot without shadows, sRGB.", "LIT.png")
+    shadowed: Path | None = option("The same screenshot with shadows.", "SHADOWED.png")
+    ambient: Path | None = option("The same screenshot without the light  [black].", "AMBIENT.png")
+    output: Path | None = options.output("Run folder to add the score to; requires --name.")
+    name: str | None = option("Name of your engine in that run folder; requires -o.", "NAME")
+    diff: Path | None = option("File for a difference picture: false shadow orange, false light blue.", "FILE.png")
+
+
+@options.command(
+    "\b\nFor example\n"
     "  shadowbench score stairs mask.png --diff wrong.png\n"
     "  shadowbench score stairs --lit lit.png --shadowed shadowed.png -o results/engines --name my-engine"
 )
-@grouped
 def score(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE",
-            autocompletion=completion.scene,
-            help=f"The scene: {SCENE}; or its truth, a file of `shadowbench truth`.",
-        ),
-    ],
+    scene: Annotated[str, options.scene(f"The scene: {options.SCENE}; or its truth, a file of `shadowbench truth`.")],
     mask: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="MASK.png",
-            help="Shadow mask: linear grey, 8 or 16 bit, square, white is lit; its size is the view size.",
+        options.argument(
+            "MASK.png", "Shadow mask: linear grey, 8 or 16 bit, square, white is lit; its size is the view size."
         ),
     ] = None,
-    lit: Annotated[
-        Path | None, typer.Option(metavar="LIT.png", help="Instead of a mask: a screenshot without shadows, sRGB.")
-    ] = None,
-    shadowed: Annotated[
-        Path | None, typer.Option(metavar="SHADOWED.png", help="The same screenshot with shadows.")
-    ] = None,
-    ambient: Annotated[
-        Path | None, typer.Option(metavar="AMBIENT.png", help="The same screenshot without the light  [black].")
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="Run folder to add the score to; requires --name."),
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Name of your engine in that run folder; requires -o.")
-    ] = None,
-    diff: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.png", help="File for a difference picture: false shadow orange, false light blue."),
-    ] = None,
     *,
-    options: ViewOptions,
-    printed: Printed,
+    asked: ScoreOptions,
+    view: ViewOptions,
+    printed: options.Printed,
 ) -> None:
     """Score another renderer's mask or screenshots.
 
@@ -83,47 +61,50 @@ def score(
     from shadowbench.engines.stored_truth import stored_truth_of
     from shadowbench.scores.difference import write_difference
 
-    _check_outputs(output, name, diff, [mask, lit, shadowed, ambient])
-    handed = external_mask(scene, mask, lit, shadowed, ambient)
+    _check_outputs(asked, mask)
+    handed = external_mask(scene, mask, asked.lit, asked.shadowed, asked.ambient)
     with console.Reporter(printed.quiet) as reporter:
-        against = stored_truth_of(scene, options) or reporter.view(scene, handed.size, options)
+        against = stored_truth_of(scene, view) or reporter.view(scene, handed.size, view)
         accuracy = accuracy_of(handed, against)
-    drawn = mask or shadowed
+    drawn = mask or asked.shadowed
     sized = size_mismatch(drawn, accuracy.view) if drawn is not None else None
     warnings = [*accuracy.warnings, *([sized] if sized else [])]
-    if diff is not None:
-        write_difference(diff, accuracy.difference())
-    new = append_row(accuracy, name, output) if output is not None and name is not None else False
+    told = []
+    if asked.diff is not None:
+        write_difference(asked.diff, accuracy.difference())
+        told.append(f"{asked.diff}: false shadow orange, false light blue")
+    if asked.output is not None and asked.name is not None:
+        new = append_row(accuracy, asked.name, asked.output)
+        row = (
+            f"score, mask and difference of {asked.name} added" if new else f"already holds this score of {asked.name}"
+        )
+        told.append(f"{asked.output}: {row}")
     if printed.json:
         console.print_json(accuracy.values() | {"warnings": warnings})
         return
     _print(accuracy)
-    if printed.quiet:
-        return
-    for warning in warnings:
-        console.print_error(f"warning: {warning}")
-    if diff is not None:
-        console.print_line(f"{diff}: false shadow orange, false light blue")
-    if output is not None:
-        row = f"score, mask and difference of {name} added" if new else f"already holds this score of {name}"
-        console.print_line(f"{output}: {row}")
+    if not printed.quiet:
+        for warning in warnings:
+            console.print_error(f"warning: {warning}")
+        for line in told:
+            console.print_line(line)
 
 
-def _check_outputs(folder: Path | None, name: str | None, diff: Path | None, pictures: Sequence[Path | None]) -> None:
+def _check_outputs(asked: ScoreOptions, mask: Path | None) -> None:
     """Raises InputError if what is asked for cannot be written."""
     from shadowbench.engines.store import check_name
     from shadowbench.files import check_folder, check_outputs
 
-    if (folder is None) != (name is None):
+    if (asked.output is None) != (asked.name is None):
         raise InputError("-o DIR and --name NAME: found one of them; allowed: both, for a row in a run folder, or none")
-    check_outputs(".png", diff)
-    if diff is not None and diff.exists():
-        for picture in filter(None, pictures):
-            if picture.exists() and diff.samefile(picture):
-                raise InputError(f"--diff {diff}: is one of the pictures to score; name another file")
-    if folder is not None and name is not None:
-        check_name(name)
-        check_folder(folder)
+    check_outputs(".png", asked.diff)
+    if asked.diff is not None and asked.diff.exists():
+        for picture in (mask, asked.lit, asked.shadowed, asked.ambient):
+            if picture is not None and picture.exists() and asked.diff.samefile(picture):
+                raise InputError(f"--diff {asked.diff}: is one of the pictures to score; name another file")
+    if asked.output is not None and asked.name is not None:
+        check_name(asked.name)
+        check_folder(asked.output)
 
 
 def _print(accuracy: "Accuracy") -> None:
@@ -133,18 +114,15 @@ def _print(accuracy: "Accuracy") -> None:
     title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
     soft = is_soft(accuracy.metrics)
     first = ("rmse", "rmse_pen") if soft else ()
-    rows = [
-        (metric.name, metric.text(value, console.number, accuracy.record), metric.better, metric.kind, about)
-        for metric in sorted(METRICS.values(), key=lambda metric: metric.name not in first)
-        for value, about in [(accuracy.metrics[metric.name], _about(metric))]
-        if metric.suits(soft) and (value is not None or metric.kind != "soft")
-    ]
+    rows = []
+    for metric in sorted(METRICS.values(), key=lambda metric: metric.name not in first):
+        value = accuracy.metrics[metric.name]
+        if metric.suits(soft) and (value is not None or metric.kind != "soft"):
+            # The first sentence of a metric of soft shadows is not enough.
+            about = metric.help if metric.kind == "soft" else metric.help.split(". ")[0]
+            shown = metric.text(value, console.number, accuracy.record)
+            rows.append((metric.name, shown, metric.better, metric.kind, about))
     columns = ("metric", "", "better", "shadows", "what it is")
     console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better", "shadows"))
     for line in accuracy.summary():
         console.print_line(f"  {line}")
-
-
-def _about(metric: "Metric") -> str:
-    """What a metric is: its first sentence; all of them for one of soft shadows, where the first is not enough."""
-    return metric.help if metric.kind == "soft" else metric.help.split(". ")[0]

@@ -1,60 +1,44 @@
 """`stress`: vary one parameter of the scene at a time until a technique fails, and print the operating ranges."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from shadowbench.commands import completion, console
+from shadowbench.commands import console, options
 from shadowbench.commands.executors import campaigns
-from shadowbench.commands.options import SPEC, KeepGoing, Machines, PartOption, Plugins, Printed, grouped
+from shadowbench.options import option
 
 if TYPE_CHECKING:
     from shadowbench.measure.rows import Record
     from shadowbench.results.ranges import OperatingRange
 
-app = typer.Typer()
+
+@dataclass(frozen=True)
+class StressOptions:
+    """What is tested, along which axes."""
+
+    techniques: list[str] = options.technique(
+        f"Technique to test: {options.SPEC}; repeatable  [all techniques at their defaults].", default=()
+    )
+    axis: list[str] = option(
+        "Axis to vary (shadowbench list axes); repeatable  [all].", "NAME", default=(), complete=options.axes
+    )
+    quick: bool = options.flag("Only a few values of each axis.")
+    plugin: list[Path] = options.plugins()
+    output: Path = options.output(
+        "Folder for the tables, and the masks of failed cells.", default=Path("results/stress")
+    )
+    part: str | None = options.part()
+    keep_going: bool = options.keep_going()
 
 
-@app.command(
-    epilog="\b\nFor example\n"
+@options.command(
+    "\b\nFor example\n"
     "  shadowbench stress --quick\n"
     "  shadowbench stress -t shadow-map -t 'shadow-map:bias=slope' --axis elevation"
 )
-@grouped
-def stress(
-    techniques: Annotated[
-        list[str] | None,
-        typer.Option(
-            "-t",
-            "--technique",
-            metavar="SPEC",
-            autocompletion=completion.spec,
-            help=f"Technique to test: {SPEC}; repeatable  [all techniques at their defaults].",
-        ),
-    ] = None,
-    axis: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--axis",
-            metavar="NAME",
-            autocompletion=completion.axis,
-            help="Axis to vary (shadowbench list axes); repeatable  [all].",
-        ),
-    ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Only a few values of each axis.")] = False,
-    plugin: Plugins = None,
-    part: PartOption = None,
-    keep_going: KeepGoing = False,
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", metavar="DIR", help="Folder for the tables, and the masks of failed cells."),
-    ] = Path("results/stress"),
-    *,
-    machines: Machines,
-    printed: Printed,
-) -> None:
+def stress(machines: options.Machines, asked: StressOptions, printed: options.Printed) -> int:
     """Find where each technique breaks.
 
     Varies one property of a scene at a time, along an axis: elevation of the light, distance from the origin, gap
@@ -79,29 +63,28 @@ def stress(
     from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
     from shadowbench.studies.stress import stress as walk
 
-    chosen_part = Part.named(part)
-    axes = select_axes(axis or ())
-    known = techniques_with(plugin or ())
-    chosen = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
-    specs = chosen or default_specs(known.values())
+    chosen_part = Part.named(asked.part)
+    axes = select_axes(asked.axis)
+    known = techniques_with(asked.plugin)
+    specs = tuple(dict.fromkeys(parse_spec(text, known) for text in asked.techniques)) or default_specs(known.values())
     with (
         console.Reporter(printed.quiet) as reporter,
-        campaigns(output, machines, plugin or (), LIMITS, reporter, keep_going=keep_going, **SWEEPING) as (campaign,),
+        campaigns(asked.output, machines, asked.plugin, LIMITS, reporter, keep_going=asked.keep_going, **SWEEPING) as (
+            campaign,
+        ),
     ):
-        found = walk(specs, axes, campaign, quick=quick, part=chosen_part)
+        found = walk(specs, axes, campaign, quick=asked.quick, part=chosen_part)
     if printed.json:
         frame = ranges_frame(found.ranges).astype(object)
-        console.print_json(frame.where(lambda frame: frame.notna(), None).to_dict("records"))
+        console.print_json(frame.where(frame.notna(), None).to_dict("records"))
     else:
         for spec in (spec.text for spec in specs):
             _print(spec, [one for one in found.ranges if one.spec == spec])
         if not printed.quiet:
-            console.print_line(
-                f"{output / 'ranges.csv'}: {len(found.ranges)} operating ranges, from {len(found.rows)} cells"
-            )
+            told = f"{len(found.ranges)} operating ranges, from {len(found.rows)} cells"
+            console.print_line(f"{asked.output / 'ranges.csv'}: {told}")
     console.print_unsupported([str(row["status"]) for row in found.rows])
-    console.print_failures((one.what, one.where, one.reason) for one in found.failures)
-    raise typer.Exit(3 if found.failures else _exit_code(found.rows))
+    return console.exit_code_of((), found.failures) or _exit_code(found.rows)
 
 
 def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
@@ -118,7 +101,7 @@ def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
         texts = {one.light: one.text for one in ranges if one.axis is axis}
         rows.append([axis.name, *(texts.get(kind, "") for kind in lights)])
     console.print_table(title, ("axis", *(NAMES[kind] for kind in lights)), rows, whole=("axis",))
-    console.out().print()
+    console.print_text("")
 
 
 def _exit_code(rows: "Sequence[Record]") -> int:

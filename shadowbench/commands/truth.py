@@ -1,36 +1,27 @@
 """`truth`: ray-trace the shadows of a view."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from shadowbench.commands import console
-from shadowbench.commands.options import Quiet, SceneArgument, ViewSize, grouped
-from shadowbench.options import PIXEL_SAMPLES, ViewOptions
+from shadowbench.commands import console, options
+from shadowbench.options import PIXEL_SAMPLES, ViewOptions, option
 
 if TYPE_CHECKING:
     from shadowbench.truths.trace import Truth
 
-app = typer.Typer()
+
+@dataclass(frozen=True)
+class TruthOptions:
+    """The file, and what is traced for it."""
+
+    output: Path = options.output("File for the arrays.", "FILE.npz", default=options.REQUIRED)
+    view_size: int | None = options.view_size()
+    pixel_samples: int = option("`area` averages N × N rays per pixel.", "N", default=4, bounds=PIXEL_SAMPLES)
 
 
-@app.command(epilog="For example  shadowbench truth stairs -o stairs.npz --view-size 1024")
-@grouped
-def truth(
-    scene: SceneArgument,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE.npz", help="File for the arrays.")],
-    view_size: ViewSize = None,
-    pixel_samples: Annotated[
-        int,
-        typer.Option(
-            metavar="N", min=PIXEL_SAMPLES.least, max=PIXEL_SAMPLES.most, help="`area` averages N × N rays per pixel."
-        ),
-    ] = 4,
-    quiet: Quiet = False,
-    *,
-    options: ViewOptions,
-) -> None:
+@options.command("For example  shadowbench truth stairs -o stairs.npz --view-size 1024")
+def truth(scene: options.Scene, asked: TruthOptions, quiet: options.Quiet = False, *, view: ViewOptions) -> None:
     """Ray-trace the shadows of a view into NumPy arrays.
 
     \b
@@ -55,32 +46,29 @@ def truth(
     from shadowbench.files import check_outputs
     from shadowbench.truths.cache import cached_truth
 
-    check_outputs(".npz", output)
+    check_outputs(".npz", asked.output)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, options)
-        found = cached_truth(chosen, pixel_samples)
-    write_stored_truth(output, found, chosen)
+        chosen = reporter.view(scene, asked.view_size, view)
+        found = cached_truth(chosen, asked.pixel_samples)
+    write_stored_truth(asked.output, found, chosen)
     if not quiet:
         receivers, shadowed = int(found.receivers.sum()), int((found.visibility < 0.5).sum())
         undecided = int((found.receivers & found.undecided).sum())
         pixels = f"{receivers} of {found.receivers.size} pixels show a receiver"
-        console.print_line(f"{output}: {pixels}, {shadowed} in shadow, {undecided} undecided{_penumbra(found)}")
+        console.print_line(f"{asked.output}: {pixels}, {shadowed} in shadow, {undecided} undecided{_penumbra(found)}")
 
 
 def _penumbra(truth: "Truth") -> str:
     """The size of the penumbra and the standard errors there; nothing without a penumbra."""
-    if not truth.sampled:
-        return ""
     import numpy as np
 
     from shadowbench.measure.scoring import prepare_truth
 
-    prepared = prepare_truth(truth)
-    penumbra = prepared.penumbra
-    if not penumbra.any():
+    prepared = prepare_truth(truth) if truth.sampled else None
+    if prepared is None or not prepared.penumbra.any():
         return ""
-    variance = prepared.variance[penumbra]
+    variance = prepared.variance[prepared.penumbra]
     median, high = np.sqrt(np.percentile(variance[variance > 0], [50, 95]))  # 0 where all points of the light agree
-    share = penumbra.sum() / truth.receivers.sum()
+    pixels = prepared.penumbra.sum()
     errors = f"{median:.2g} (median), {high:.2g} (95%)"
-    return f", {penumbra.sum()} ({share:.0%}) in penumbra, where the standard error is {errors}"
+    return f", {pixels} ({pixels / truth.receivers.sum():.0%}) in penumbra, where the standard error is {errors}"

@@ -1,97 +1,53 @@
 """`tune`: search a technique's parameters on some scenes, and score what was found and its default on others."""
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from shadowbench.commands import completion, console
+from shadowbench.commands import console, options
 from shadowbench.commands.executors import campaigns
-from shadowbench.commands.options import (
-    SCENE,
-    SPEC,
-    KeepGoing,
-    Machines,
-    Plugins,
-    Printed,
-    ViewSize,
-    grouped,
-    listed,
-    map_sizes,
-)
-from shadowbench.options import PHASES, SceneOptions
+from shadowbench.errors import counted
+from shadowbench.options import PHASES, Bounds, SceneOptions, option
 
 if TYPE_CHECKING:
-    from shadowbench.advice.tune_scores import Setting
-    from shadowbench.advice.tune_search import Tuning
-
-app = typer.Typer()
+    from shadowbench.advice.tune_search import Setting, Tuning
 
 
-@app.command(
-    epilog="\b\nFor example\n"
+@dataclass(frozen=True)
+class TuneOptions:
+    """What is searched, and on which scenes."""
+
+    technique: str = options.technique(
+        f"Technique to tune: {options.SPEC}; parameters outside the search keep their values.",
+        default=options.REQUIRED,
+    )
+    scenes: str | None = option(
+        f"Each is {options.SCENE}  [all built-in scenes that the technique supports and whose lights have no size].",
+        "SCENE,SCENE,...",
+    )
+    held_out: str | None = option(
+        "Scenes held out of the search, on which its result is judged  [a third, chosen by a hash of the names].",
+        "NAME,NAME,...",
+    )
+    params: str | None = option(
+        "Parameters to search  [those of bias, filter, fit that the technique has].",
+        "NAME,NAME,...",
+    )
+    trials: int = option("Number of settings that the search tries.", "N", default=100, bounds=Bounds(1, 100_000))
+    map_size: str = option("Map sizes to average over.", "N,N,...", default="2048")
+    view_size: int | None = options.view_size()
+    phases: int = option("Sub-texel offsets of the map to average over.", "N", default=2, bounds=PHASES)
+    plugin: list[Path] = options.plugins()
+    output: Path = options.output("Folder for the measured cells.", default=Path("results/tune"))
+    keep_going: bool = options.keep_going()
+
+
+@options.command(
+    "\b\nFor example\n"
     "  shadowbench tune -t shadow-map --scenes stairs,statue,street,my.glb --held-out statue,my\n"
     "  shadowbench tune -t cube-map --params bias --trials 50"
 )
-@grouped
-def tune(
-    technique: Annotated[
-        str,
-        typer.Option(
-            "-t",
-            "--technique",
-            metavar="SPEC",
-            autocompletion=completion.spec,
-            help=f"Technique to tune: {SPEC}; parameters outside the search keep their values.",
-        ),
-    ],
-    scenes: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SCENE,SCENE,...",
-            autocompletion=completion.scenes,
-            help=f"Each is {SCENE}  [all built-in scenes that the technique supports and whose lights have no size].",
-        ),
-    ] = None,
-    held_out: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,NAME,...",
-            autocompletion=completion.scenes,
-            help="Scenes held out of the search, on which its result is judged  [a third, chosen by a hash of the "
-            "names].",
-        ),
-    ] = None,
-    params: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,NAME,...",
-            autocompletion=completion.parameters,
-            help="Parameters to search  [those of bias, filter, fit that the technique has].",
-        ),
-    ] = None,
-    trials: Annotated[
-        int, typer.Option(metavar="N", min=1, max=100_000, help="Number of settings that the search tries.")
-    ] = 100,
-    map_size: Annotated[str, typer.Option(metavar="N,N,...", help="Map sizes to average over.")] = "2048",
-    view_size: ViewSize = None,
-    phases: Annotated[
-        int,
-        typer.Option(
-            metavar="N", min=PHASES.least, max=PHASES.most, help="Sub-texel offsets of the map to average over."
-        ),
-    ] = 2,
-    plugin: Plugins = None,
-    keep_going: KeepGoing = False,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells.")
-    ] = Path("results/tune"),
-    *,
-    options: SceneOptions,
-    machines: Machines,
-    printed: Printed,
-) -> None:
+def tune(asked: TuneOptions, view: SceneOptions, machines: options.Machines, printed: options.Printed) -> int:
     """Search a technique's parameters for the best accuracy.
 
     Finds the most accurate setting at each cost on some scenes, and scores it beside the default on others, held out
@@ -108,40 +64,35 @@ def tune(
       acne, leak, contact means over the held-out scenes (shadowbench list metrics)
     """
     from shadowbench.advice.tune import no_image, tune_parameters, values
-    from shadowbench.errors import counted
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.plugin.spec import parse_spec
 
-    known = techniques_with(plugin or ())
+    known = techniques_with(asked.plugin)
+    spec = parse_spec(asked.technique, known)
+    of_campaigns: dict[str, Any] = {"keep_going": asked.keep_going, "keeps_images": no_image}
     with (
         console.Reporter(printed.quiet) as reporter,
-        campaigns(output, machines, plugin or (), None, reporter, keep_going=keep_going, keeps_images=no_image) as (
-            campaign,
-        ),
+        campaigns(asked.output, machines, asked.plugin, None, reporter, **of_campaigns) as (campaign,),
     ):
         found = tune_parameters(
-            parse_spec(technique, known),
+            spec,
             campaign,
-            scenes=listed(scenes),
-            held_out=listed(held_out),
-            params=params,
-            trials=trials,
-            map_size=map_sizes(map_size) or (),
-            view_size=view_size or 512,
-            phases=phases,
-            **asdict(options),
+            scenes=options.listed(asked.scenes),
+            held_out=options.listed(asked.held_out),
+            params=asked.params,
+            trials=asked.trials,
+            map_size=options.map_sizes(asked.map_size) or (),
+            view_size=asked.view_size or 512,
+            phases=asked.phases,
+            **asdict(view),
         )
     if printed.json:
         console.print_json(values(found.tuning))
     else:
         _print(found.tuning)
         if not printed.quiet:
-            console.print_line(f"{output / 'table.csv'}: {counted(len(found.results), 'cell')}")
-    console.print_failures((one.what, one.where, one.reason) for one in found.failures)
-    failed = [one.status for one in found.results if one.status.startswith("failed")]
-    if failed:
-        console.print_error(f"shadowbench: {len(failed)} of {len(found.results)} cells failed; the first: {failed[0]}")
-    raise typer.Exit(3 if failed or found.failures else 0)
+            console.print_line(f"{asked.output / 'table.csv'}: {counted(len(found.results), 'cell')}")
+    return console.exit_code_of(found.results, found.failures)
 
 
 def _print(found: "Tuning") -> None:

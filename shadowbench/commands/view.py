@@ -2,58 +2,46 @@
 
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from shadowbench.commands import completion, console
-from shadowbench.commands.options import SCENE, SPEC, Plugins, Quiet, ViewSize, grouped
+from shadowbench.commands import console, options
 from shadowbench.errors import NOT_EVERYWHERE, InputError, how_to_install
-from shadowbench.options import FIRST, ViewOptions
+from shadowbench.options import FIRST, ViewOptions, option
 
-app = typer.Typer()
 _MOST = 2
 LIBRARIES = "libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
 
 
-@app.command(
-    epilog="\b\nFor example\n"
+@dataclass(frozen=True)
+class WindowOptions:
+    """What the window shows."""
+
+    technique: list[str] = options.technique(
+        f"One or two techniques, A and B: {options.SPEC}  [shadow-map; cube-map under a point light].", default=()
+    )
+    state: Path | None = option("Show a state that the window saved.", "FILE.toml")
+    cell: str | None = option("Show a cell of a folder of `run` or `stress`, by its key.", "KEY")
+    view_size: int | None = options.view_size()
+    plugin: list[Path] = options.plugins()
+
+
+@options.command(
+    "\b\nFor example\n"
     "  shadowbench view sphere-and-torus -t shadow-map -t shadow-volume\n"
     "  shadowbench view --state view.toml\n"
     "  shadowbench view results/stress --cell 5be1f0"
 )
-@grouped
 def view(
     scene: Annotated[
         str | None,
-        typer.Argument(
-            metavar="[SCENE]",
-            autocompletion=completion.scene,
-            help=f"The scene: {SCENE}; with --cell the folder of a run.",
-            show_default=False,
-        ),
+        options.argument("[SCENE]", f"The scene: {options.SCENE}; with --cell the folder of a run.", options.scenes),
     ] = None,
-    technique: Annotated[
-        list[str] | None,
-        typer.Option(
-            "-t",
-            "--technique",
-            metavar="SPEC",
-            autocompletion=completion.spec,
-            help=f"One or two techniques, A and B: {SPEC}  [shadow-map; cube-map under a point light].",
-        ),
-    ] = None,
-    state: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Show a state that the window saved.")] = None,
-    cell: Annotated[
-        str | None, typer.Option(metavar="KEY", help="Show a cell of a folder of `run` or `stress`, by its key.")
-    ] = None,
-    view_size: ViewSize = None,
-    plugin: Plugins = None,
-    quiet: Quiet = False,
     *,
-    options: ViewOptions,
+    asked: WindowOptions,
+    quiet: options.Quiet = False,
+    view: ViewOptions,
 ) -> None:
     """Open a window on a scene, beside its ray-traced truth.
 
@@ -67,40 +55,38 @@ def view(
     from shadowbench.viewer.state import Origin, ViewerState
     from shadowbench.viewer.state_files import read_state
 
-    _check(scene, state, cell, options)
-    if len(technique or ()) > _MOST:
-        raise InputError(f"--technique: found {len(technique or ())}; allowed: one or two, A and B")
+    _check(scene, asked, view)
     show = _window()
-    known = techniques_with(plugin or ())
-    specs = tuple(parse_spec(text, known) for text in technique or ())
-    if state is not None:
-        shown = read_state(state, known, options.assets)
-    elif cell is not None:
+    known = techniques_with(asked.plugin)
+    specs = tuple(parse_spec(text, known) for text in asked.technique)
+    if asked.state is not None:
+        shown = read_state(asked.state, known, view.assets)
+    elif asked.cell is not None:
         from shadowbench.viewer.state_files import cell_state  # with pandas, only when it is needed
 
-        shown = cell_state(Path(str(scene)), cell, known, options.assets)
+        shown = cell_state(Path(str(scene)), asked.cell, known, view.assets)
     else:
         with console.Reporter(quiet) as reporter:
-            chosen = reporter.view(str(scene), view_size, options)
+            chosen = reporter.view(str(scene), asked.view_size, view)
         camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
         first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
-        origin = Origin(str(scene), options.assets, options.up, options.sun, options.no_ground)
-        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
-    show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())
+        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, Origin(str(scene), view))
+    show(replace(shown, specs=specs or shown.specs, size=asked.view_size or shown.size), known, asked.plugin)
 
 
-def _check(scene: str | None, state: Path | None, cell: str | None, options: ViewOptions) -> None:
+def _check(scene: str | None, asked: WindowOptions, view: ViewOptions) -> None:
     """Raises InputError for arguments that exclude each other."""
-    if (scene is None) == (state is None):
-        raise InputError(
-            "view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: SCENE, such as"
-            " sphere-and-torus or a mesh file, or --state FILE.toml"
-        )
-    if cell is None and scene is not None and Path(scene).is_dir():
+    if len(asked.technique) > _MOST:
+        raise InputError(f"--technique: found {len(asked.technique)}; allowed: one or two, A and B")
+    if (scene is None) == (asked.state is None):
+        found = "no scene" if scene is None else "SCENE and --state"
+        allowed = "SCENE, such as sphere-and-torus or a mesh file, or --state FILE.toml"
+        raise InputError(f"view: found {found}; allowed: {allowed}")
+    if asked.cell is None and scene is not None and Path(scene).is_dir():
         raise InputError(f"{scene}: found a folder; allowed with --cell KEY, a key of its rows.jsonl or its report")
-    if state is not None and cell is not None:
+    if asked.state is not None and asked.cell is not None:
         raise InputError("view: found --state and --cell; allowed: one")
-    if (state or cell) and replace(options, assets=None) != FIRST:
+    if (asked.state or asked.cell) and replace(view, assets=None) != FIRST:
         raise InputError(
             "--view, --light, --up, --sun and --no-ground are for a SCENE; a state and a cell have their own"
         )

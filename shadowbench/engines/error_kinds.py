@@ -61,10 +61,7 @@ def error_kinds(comparison: Comparison, metrics: dict[str, float | None]) -> lis
 
 
 def faint_kinds(comparison: Comparison) -> list[ErrorKind]:
-    """Pixels of full light that are darker than they should be, but lighter than ½, as a kind; none for few.
-
-    Farther from the true edge than soft edges of the mask reach.
-    """
+    """Pixels of full light that are darker than they should be, but lighter than ½, away from edges; none for few."""
     truth, mask = comparison.truth, comparison.visibility
     beyond = INTERIOR_PX + 2 * max(edge_widths(comparison))
     inside = truth.lit_interior & (truth.squared_edge_distance > beyond**2)

@@ -11,8 +11,7 @@ import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
-from shadowbench.errors import InputError
-from shadowbench.files import replace_file
+from shadowbench.files import make_folder, replace_file
 from shadowbench.scenes.model import Camera, Light, Mesh, View
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 from shadowbench.scores.masks import write_mask
@@ -26,14 +25,8 @@ Json = dict[str, Any]
 
 
 def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list[Path]:
-    """Write a view's files into a folder, created if missing, and return their paths.
-
-    scene_name: the scene's argument on the command line. Raises InputError if the folder cannot be written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from None
+    """Write a view's files into a folder, and return their paths; scene_name: its argument on the command line."""
+    make_folder(folder)
     model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
     with replace_file(model) as temporary:
         temporary.write_bytes(glb_of(view))

@@ -56,8 +56,12 @@ def mask_from_array(values: ArrayLike, name: str = "mask") -> ExternalMask:
     """Mask of an (N, N) array: bool, float in [0, 1], uint8 or uint16, 1 or full scale = lit. Raises InputError."""
     array = np.asarray(values)
     full = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS}.get(array.dtype, 1)
-    if array.dtype.kind not in "bf" and full == 1:
-        raise InputError(f"{name}: found an array of {array.dtype}; allowed: float in [0, 1], bool, uint8, uint16")
+    masked = np.ma.isMaskedArray(values)
+    if masked or (array.dtype.kind not in "bf" and full == 1):
+        found = "a masked array" if masked else f"an array of {array.dtype}"
+        raise InputError(f"{name}: found {found}; allowed: float in [0, 1], bool, uint8, uint16")
+    if full > 1 and array.max(initial=0) == 1:
+        raise InputError(f"{name}: found {array.dtype} up to 1; allowed: up to {full}, which is lit")
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.size == 0:
         across = " × ".join(map(str, (*array.shape[1::-1], *array.shape[2:])))
         raise InputError(f"{name}: found {across} pixels; allowed: a square, as the view is")

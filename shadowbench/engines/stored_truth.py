@@ -64,10 +64,7 @@ def write_stored_truth(file: Path, truth: Truth, view: View) -> None:
 
 
 def stored_truth_of(scene: str | Path, options: ViewOptions) -> TruthOfView | None:
-    """The truth in a file of `shadowbench truth`; None for any other scene.
-
-    Raises InputError for a truth with an option, of which each is for a scene.
-    """
+    """The truth in a file of `shadowbench truth`; None for any other scene. Raises InputError for one with options."""
     if not str(scene).lower().endswith(".npz"):
         return None
     for option in (f"--{name.replace('_', '-')}" for name, value in asdict(options).items() if value):

@@ -68,10 +68,7 @@ def through_up(degrees: float, kind: LightKind) -> Setting:
     invariant="a caster near the light shadows as its larger, farther likeness does",
 )
 def far_near(ratio: float, kind: LightKind) -> Setting:
-    """A box whose distance to the light is the ground's farthest corner's over `ratio`.
-
-    The box is scaled with its distance, so that its shadow is the same at every ratio.
-    """
+    """A box near the light, the ground's farthest corner being `ratio` times as far; its shadow is always the same."""
     light = Light(NAMES[kind], kind, (0.0, -1.0, 0.0), (0.2, 2.0, -0.1), math.radians(100.0) if kind == "spot" else 0.0)
     far = float(np.linalg.norm(np.subtract(light.position, (-2.0, 0.0, 2.0))))
     near = far / ratio

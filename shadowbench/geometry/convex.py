@@ -1,5 +1,9 @@
-"""Convex regions: intersections of half-spaces and their corners; the hull of a scene's casters and receivers."""
+"""Convex regions: intersections of half-spaces and their corners; slices of a frustum; hulls of casters and receivers.
 
+A plane is (n, d) with a unit normal n; n·x + d ≥ 0 is inside.
+"""
+
+from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 
@@ -7,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
-from shadowbench.scenes.model import Light, Scene, View
+from shadowbench.scenes.model import Camera, Light, Scene, View
 from shadowbench.scenes.vectors import Floats
 
-# A plane is (n, d) with a unit normal n; n·x + d ≥ 0 is inside.
+PRACTICAL_WEIGHT = 0.9
+"""Default λ of the practical split."""
 
 
 def box_planes(bounds: Floats) -> Floats:
@@ -20,22 +25,12 @@ def box_planes(bounds: Floats) -> Floats:
 
 
 def frustum_planes(eye: Floats, basis: Floats, slope: float, near: float, far: float) -> Floats:
-    """(6, 4) planes of a square frustum between two depths.
-
-    eye: (3,) apex; basis: (3, 3) rows right, up, back; slope: tangent of half the opening angle.
-    """
+    """(6, 4) planes of a square frustum between two depths; basis: rows right, up, back; slope: of its sides."""
     right, up, back = basis
     sides = [slope * -back + sign * axis for axis in (right, up) for sign in (1, -1)]
     normals = np.array([*(side / np.linalg.norm(side) for side in sides), -back, back])
     points = np.array([eye, eye, eye, eye, eye - near * back, eye - far * back])
     return np.column_stack([normals, -np.einsum("ij,ij->i", normals, points)])
-
-
-def view_planes(view: View) -> Floats:
-    """(6, 4) planes of a view's frustum."""
-    camera = view.camera
-    slope = float(np.tan(camera.fov_y / 2))
-    return frustum_planes(np.array(camera.position), camera.basis(), slope, *view.near_far)
 
 
 @cache
@@ -44,10 +39,9 @@ def _triples(count: int) -> NDArray[np.intp]:
 
 
 def corners(planes: Floats, extent: float) -> Floats:
-    """(N, 3) corners of the region inside all (P, 4) planes; N = 0 for an empty region.
+    """(N, 3) corners of the region inside all (P, 4) planes: intersections of three planes that are inside all others.
 
-    The corners are the intersections of three planes that are inside all others. extent: largest coordinate of the
-    region, which scales the tolerance for rounding.
+    extent: largest coordinate of the region, which scales the tolerance for rounding.
     """
     a, b, c = planes[_triples(len(planes))]
     bc, ca, ab = np.cross(b[:, :3], c[:, :3]), np.cross(c[:, :3], a[:, :3]), np.cross(a[:, :3], b[:, :3])
@@ -80,11 +74,66 @@ def caster_and_receiver_vertices(geometry: Geometry) -> Floats:
     return used_by(geometry.faces[shadowing] if shadowing.any() else geometry.faces, geometry.vertices)
 
 
-class SceneHull:
-    """Bounds of a scene's casters and receivers for fits, computed once.
+def practical_depths(near: float, far: float, count: int, weight: float = PRACTICAL_WEIGHT) -> Floats:
+    """(count + 1,) view depths of the practical split, λ · n (f/n)^(i/m) + (1 − λ) (n + (f − n) i/m).
 
-    bounds: (2, 3) bounding box; extent: largest absolute coordinate; points: (N, 3) vertices of the convex hull.
+    weight: λ, 1 for the logarithmic split, 0 for the uniform one (Zhang, Sun, Xu and Lun 2006).
     """
+    share = np.arange(count + 1) / count
+    ratios, lengths = near * (far / near) ** share, near + (far - near) * share
+    return weight * ratios + (1 - weight) * lengths
+
+
+@dataclass(frozen=True, eq=False)
+class Slice:
+    """The camera's frustum between two view depths, for a square image."""
+
+    camera: Camera
+    near: float
+    far: float
+
+    @property
+    def planes(self) -> Floats:
+        """(6, 4) planes."""
+        slope = float(np.tan(self.camera.fov_y / 2))
+        return frustum_planes(np.array(self.camera.position), self.camera.basis(), slope, self.near, self.far)
+
+    @property
+    def corners(self) -> Floats:
+        """(8, 3) corners, the near ones first."""
+        right, up, back = self.camera.basis()
+        slope = np.tan(self.camera.fov_y / 2)
+        rays = np.array([x * slope * right + y * slope * up - back for x in (-1, 1) for y in (-1, 1)])
+        return np.array(self.camera.position) + np.vstack([self.near * rays, self.far * rays])
+
+    def corners_within(self, bounds: Floats, extent: float) -> Floats:
+        """(N, 3) corners of the slice's intersection with a (2, 3) box; its own corners if that is empty."""
+        shared = corners(np.vstack([box_planes(bounds), self.planes]), extent)
+        return shared if len(shared) else self.corners
+
+    @property
+    def sphere(self) -> tuple[Floats, float]:
+        """(3,) centre and radius of the smallest bounding sphere; the radius is independent of the camera's pose."""
+        slope = 2 * np.tan(self.camera.fov_y / 2) ** 2  # squared slope of the frustum's edges
+        along = min((self.near + self.far) / 2 * (1 + slope), self.far)
+        radius = np.hypot(along - self.far, self.far * np.sqrt(slope))
+        return np.array(self.camera.position) - self.camera.basis()[2] * along, float(radius)
+
+
+def view_planes(view: View) -> Floats:
+    """(6, 4) planes of a view's frustum."""
+    return Slice(view.camera, *view.near_far).planes
+
+
+def slices(camera: Camera, depths: Floats, overlap: float) -> list[Slice]:
+    """The slices between view depths, each extended towards the camera by `overlap` of the previous slice's length."""
+    lengths = np.diff(depths)
+    starts = depths[:-1] - overlap * np.array([0.0, *lengths[:-1]])
+    return [Slice(camera, float(near), float(far)) for near, far in zip(starts, depths[1:], strict=True)]
+
+
+class SceneHull:
+    """A scene's casters and receivers for fits: (2, 3) bounds, largest absolute coordinate, (N, 3) hull points."""
 
     def __init__(self, scene: Scene) -> None:
         self._geometry = scene.geometry

@@ -2,37 +2,10 @@
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from shadowbench.compiled import compiled
-from shadowbench.geometry.topology import Indices
-from shadowbench.scenes.vectors import Floats
-
-Weights = NDArray[np.int8]
 
 IN_PLANE = 1e-13  # of the terms of the determinant: rounding, of a light in the plane of a triangle
-
-
-def cap_weights(vertices: Floats, faces: Indices, light: Floats, both_from: int, closed: int) -> Weights:
-    """(F,) weight of each triangle's cap: 1 if it faces the light, else 0; from index `both_from` on ±1 by its facing.
-
-    A light in the plane of a triangle is behind it if it is of a closed part, before index `closed`: as in the truth, a
-    lamp on a face is in shadow. Other such triangles are edge-on and have no cap. vertices: (V, 3); faces: (F, 3)
-    corners; light: unit vector towards it and w = 0, or its position and w = 1.
-    """
-    weights: Weights = _cap_weights(vertices, faces, light, both_from, closed)
-    return weights
-
-
-def wall_weights(vertices: Floats, edges: Indices, light: Floats, both_from: int, closed: int) -> Weights:
-    """(E,) weight of each edge's wall, the sum over its two triangles of ±1, the edge's direction in the triangle.
-
-    That is when the triangle is wound counter-clockwise as seen from the light, whatever its own winding. Before index
-    `both_from` only the facing one of two triangles counts, which halves the sum. `closed` as in `cap_weights`, of
-    edges. edges: (E, 4), as in `Surface`.
-    """
-    weights: Weights = _wall_weights(vertices, edges, light, both_from, closed)
-    return weights
 
 
 @numba.njit(inline="always")
@@ -69,7 +42,13 @@ def _facing(vertices, light, a, b, c, in_plane):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _cap_weights(vertices, faces, light, both_from, closed):  # type: ignore[no-untyped-def]
+def cap_weights(vertices, faces, light, both_from, closed):  # type: ignore[no-untyped-def]
+    """(F,) int8 weight of each triangle's cap: 1 if it faces the light, else 0; from index `both_from` on ±1.
+
+    A light in the plane of a triangle is behind it if it is of a closed part, before index `closed`: as in the truth, a
+    lamp on a face is in shadow. Other such triangles are edge-on and have no cap. vertices: (V, 3); faces: (F, 3) int64
+    corners; light: unit vector towards it and w = 0, or its position and w = 1.
+    """
     weights = np.empty(len(faces), dtype=np.int8)
     for i in range(len(faces)):
         side = _facing(vertices, light, faces[i, 0], faces[i, 1], faces[i, 2], -1 if i < closed else 0)
@@ -78,7 +57,13 @@ def _cap_weights(vertices, faces, light, both_from, closed):  # type: ignore[no-
 
 
 @compiled()
-def _wall_weights(vertices, edges, light, both_from, closed):  # type: ignore[no-untyped-def]
+def wall_weights(vertices, edges, light, both_from, closed):  # type: ignore[no-untyped-def]
+    """(E,) int8 weight of each edge's wall, the sum over its two triangles of ±1, the edge's direction in the triangle.
+
+    That is when the triangle is wound counter-clockwise as seen from the light, whatever its own winding. Before index
+    `both_from` only the facing one of two triangles counts, which halves the sum. edges: (E, 4), as in `Surface`; the
+    rest as of `cap_weights`.
+    """
     weights = np.empty(len(edges), dtype=np.int8)
     for i in range(len(edges)):
         c, a, b, d = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]

@@ -21,8 +21,8 @@ class Box:
 class LightSpace:
     """A coordinate system that depends on the light only, so that a moving camera cannot rotate the map.
 
-    basis: (3, 3) rows right, up, back, with −back the light's direction; origin: (3,); perspective: True for a spot;
-    half: tangent of a spot's half angle, inf for a directional light.
+    basis: (3, 3) rows right, up, back, with −back the light's direction; perspective: True for a spot; half: tangent of
+    its half angle, inf for a directional light.
     """
 
     basis: Floats
@@ -144,10 +144,7 @@ class LightView:
 
 
 def window(box: Box, space: LightSpace, size: int, padding: float, shift: tuple[float, float]) -> Box:
-    """The box that a map of size² texels covers to show `box`: clipped to a spot's cone, and padded.
-
-    padding: texels added on each side; shift: offset of the texel grid, in texels.
-    """
+    """The box that a map of size² texels covers to show `box`: clipped to a spot's cone, padded, shifted by texels."""
     low, high = box.low.copy(), box.high.copy()
     low[:2], high[:2] = np.clip(low[:2], -space.half, space.half), np.clip(high[:2], -space.half, space.half)
     # A box without an extent (one pixel, a plane seen edge-on) still needs texels of some size.
@@ -162,3 +159,24 @@ def window(box: Box, space: LightSpace, size: int, padding: float, shift: tuple[
     if space.perspective:
         low[2] = max(low[2], high[2] / 1e4)
     return Box(low, high)
+
+
+def stretched(box: Box, factor: float) -> Box:
+    """The box with its depth range scaled about its middle."""
+    middle, half = (box.low[2] + box.high[2]) / 2, (box.high[2] - box.low[2]) / 2 * factor
+    return Box(np.array([*box.low[:2], middle - half]), np.array([*box.high[:2], middle + half]))
+
+
+def snapped(
+    space: LightSpace, center: Floats, half: Floats, size: int, padding: float, shift: tuple[float, float]
+) -> Box:
+    """A box that contains center ± half, padded and shifted by texels, and moves by whole ones only (Valient 2008).
+
+    center: (3,) in world space; half: (3,) in light space, with equal x and y, on which alone the box's size depends. A
+    camera that moves or turns gets the same texels.
+    """
+    texel = 2 * half[0] / max(size - 2 * padding - 1, 1.0)  # one texel of margin for snapping
+    low = np.floor((space.box(center[None]).low - half) / texel - padding)
+    span = np.array([size, size, np.ceil(2 * half[2] / texel + 2 * padding + 1)])
+    moved = low + np.array([*shift, 0.0])
+    return Box(moved * texel, (moved + span) * texel)

@@ -12,12 +12,9 @@ from numpy.typing import NDArray
 from shadowbench.scenes.geometry import Geometry, in_slices
 from shadowbench.scenes.vectors import Floats
 
-LEAST_SHARE = 0.0005
-"""Default smallest area of a plane, as a share of the searched area."""
+LEAST_SHARE = 0.0005  # of the searched area
 MOST_PLANES = 32
-"""Default largest number of planes."""
-TOLERANCE = 1e-5
-"""Default largest distance of a plane's corners from it, as a share of the scene's diagonal."""
+TOLERANCE = 1e-5  # largest distance of a plane's corners from it, as a share of the scene's diagonal
 
 # Width of the voting cells, in normals and in shares of the diagonal: above the scatter of small triangles with rounded
 # corners. Fitting separates planes that share a cell.
@@ -33,9 +30,8 @@ _MIXING = np.random.default_rng(0).integers(-(2**62), 2**62, 9)  # hash multipli
 class Plane:
     """A planar receiver.
 
-    equation: (4,) float64 π with a unit normal of either orientation, π·(x, y, z, 1) = 0 on the plane; triangles: (n,)
-    sorted indices into the geometry's faces, of either winding; share: their share of the searched area; thickness:
-    largest distance of their corners from the plane.
+    equation: (4,) π with a unit normal, π·(x, y, z, 1) = 0 on the plane; triangles: (n,) sorted indices into the
+    geometry's faces; share: of the searched area; thickness: largest distance of their corners from the plane.
     """
 
     equation: Floats
@@ -51,10 +47,9 @@ def find_planes(
     most: int = MOST_PLANES,
     tolerance: float = TOLERANCE,
 ) -> tuple[Plane, ...]:
-    """The planes with at least a share of `least` of the searched area, largest first, at most `most` of them.
+    """The planes with at least a share of `least` of the searched (F,) faces' area, largest first, at most `most`.
 
-    searched: (F,) bool, the faces to search. A triangle of either orientation is on a plane if its corners are within
-    `tolerance` times the scene's diagonal of it, which is independent of the scene's position and size.
+    A triangle of either orientation is on a plane if its corners are within `tolerance` diagonals of the scene of it.
     """
     faces = geometry.faces[searched]
     if not len(faces):
@@ -138,11 +133,11 @@ class _PlaneSearch:
 
 
 def _cells(search: _PlaneSearch, normals: Floats, offsets: Floats, least: float) -> Iterator[NDArray[np.int64]]:
-    """Groups of triangles with similar planes, by area: first layers of cells, then whole cells; each largest first.
+    """Groups of triangles with similar planes: layers of cells, then whole cells; each largest first.
 
-    A cell is a bin of normals and offsets, a layer a bin of heights within a cell. Layers come first because a stack of
-    sheets has much area in a cell but little in a plane. Planes that scatter over several layers are found by cell. A
-    group needs only half of `least`, as a plane may straddle the border of two cells.
+    A cell is a bin of normals and offsets, a layer a bin of heights within a cell: a stack of sheets has much area in a
+    cell but little in a plane, and planes may scatter over layers. A group needs only half of `least`, as a plane may
+    straddle the border of two cells.
     """
     # n nᵀ and the plane's point nearest to the centre are equal for n and −n, and continuous.
     cell = np.zeros(len(normals), dtype=np.int64)

@@ -19,9 +19,9 @@ Singles = NDArray[np.float32]
 class Surface:
     """Triangles and edges as indices into the scene's welded vertices, ordered by part.
 
-    faces: (F, 3), winding kept. edges: (E, 4) adjacency of an edge a < b: opposite corner, a, b, opposite corner; the
-    last is a if the edge has only one triangle. An edge of more than two triangles has several rows. face_ends,
-    edge_ends: (P,) index of the row after each part's last; boxes: (P, 2, 3) bounding box of each part.
+    faces: (F, 3), winding kept. edges: (E, 4) of an edge a < b: opposite corner, a, b, opposite corner, which is a if
+    there is only one triangle; of more than two, several rows. face_ends, edge_ends: (P,) index after each part's last
+    row; boxes: (P, 2, 3) bounding box of each part.
     """
 
     faces: Indices
@@ -33,10 +33,9 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Casters:
-    """A scene's casters by part, a set of triangles connected by shared edges.
+    """A scene's casters by part.
 
-    closed: parts that are wound outwards and whose edges all have as many half-edges in either direction; open: all
-    other parts.
+    closed: parts that are wound outwards and whose edges all have as many half-edges in either direction; open: others.
     """
 
     closed: Surface
@@ -65,10 +64,9 @@ class Casters:
 class Topology:
     """The caster triangles, their edges and their parts, which are sets of triangles connected by shared edges.
 
-    faces, edges: as in `Surface`; edges are sorted by their corners a and b. half_edges: (E, 2) the half-edges of each
-    edge, 3 · triangle + k for the one from corner k to the next, one of each direction if possible, −1 for none. part:
-    (F,) part of each triangle. closed: (P,) bool, as in `Casters`; open: (P,) bool, parts with a half-edge that has no
-    opposite; a part wound inwards is neither. boxes: (P, 2, 3) bounding boxes.
+    faces, edges, boxes: as in `Surface`; edges are sorted by their corners a and b. half_edges: (E, 2) of each edge,
+    3 · triangle + k for the one from corner k to the next, one of each direction if possible, −1 for none. part: (F,)
+    of each triangle. closed: (P,) bool, as in `Casters`; open: (P,) bool, parts with a half-edge that has no opposite.
     """
 
     faces: Indices
@@ -92,12 +90,11 @@ def topology_of(scene: Scene) -> Topology:
     first, second = sides = _paired_half_edges(faces, rising)
 
     two = second >= 0
-    a, b = first[two] // 3, second[two] // 3
-    links = coo_matrix((np.ones(len(a)), (a, b)), shape=(len(faces), len(faces)))
+    pairs = first[two] // 3, second[two] // 3
+    links = coo_matrix((np.ones(len(pairs[0])), pairs), shape=(len(faces), len(faces)))
     parts, labels = connected_components(links, directed=False)
     part: Indices = labels.astype(np.int64)
-    opposed = np.zeros(len(first), dtype=bool)
-    opposed[two] = rising[first[two]] != rising[second[two]]
+    opposed = two & (rising[first] != rising[second])
     loose = np.bincount(part[first[~opposed] // 3], minlength=parts)
     # Only if wound outwards: inside a part wound inwards, no triangle between a receiver and the light need face the
     # light.
@@ -136,7 +133,7 @@ def _welded(vertices: NDArray[np.float32], mesh: Indices) -> Indices:
 
 
 def _paired_half_edges(faces: Indices, rising: NDArray[np.bool_]) -> tuple[Indices, Indices]:
-    """Half-edges (3 · triangle + k) in pairs by edge, of opposite directions if possible; −1 for an unpaired one.
+    """Half-edges in pairs by edge, of opposite directions if possible; −1 for an unpaired one.
 
     rising: (3F,) whether a half-edge goes from the lower vertex index to the higher.
     """

@@ -24,10 +24,10 @@ _WALK_COST = 2.0  # of a node, in tests of a triangle
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Nodes of a hierarchy, and its triangles in the order of the leaves.
+    """Nodes of a hierarchy, and `order`, its triangles (F,) in the order of the leaves.
 
-    words: (N, 4) uint32, a node's box along x, y and z as lowest | highest << 16, in steps (3,) from `low` (3,); then
-    the index of the node after its subtree, or for a leaf LEAF | first triangle << 3 | their number. order: (F,) faces.
+    words: (N, 4), a node's box along x, y and z as lowest | highest << 16, in steps (3,) from `low` (3,); then the
+    index of the node after its subtree, or for a leaf LEAF | first triangle << 3 | their number.
     """
 
     words: NDArray[np.uint32]

@@ -6,23 +6,10 @@ afterwards; at a dead end with the last vertex seen that has triangles left, els
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shadowbench.compiled import compiled
 
 CACHE = 16  # vertices: the fewest that devices keep; a larger cache still gains more from this order than from others
-
-
-def in_reuse_order(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(F,) int32 order of (F, 3) faces. Parts of other vertices stay in the order of their lowest vertices."""
-    order: NDArray[np.int32] = _tipsify(faces, int(faces.max(initial=-1)) + 1)
-    return order
-
-
-def by_first_use(faces: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """(F, 3) faces whose vertices are numbered by their first use, and (N,) the former numbers of these vertices."""
-    renumbered: tuple[NDArray[np.int32], NDArray[np.int32]] = _renumber(faces, int(faces.max(initial=-1)) + 1)
-    return renumbered
 
 
 @compiled()
@@ -43,7 +30,9 @@ def _triangles_around(faces, vertices):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _tipsify(faces, vertices):  # type: ignore[no-untyped-def]
+def in_reuse_order(faces):  # type: ignore[no-untyped-def]
+    """(F,) int32 order of (F, 3) faces. Parts of other vertices stay in the order of their lowest vertices."""
+    vertices = faces.max() + 1 if len(faces) else 0
     first, around = _triangles_around(faces, vertices)
     left = first[1:] - first[:-1]  # triangles of each vertex that are not emitted
     entered, now = np.zeros(vertices, np.int32), CACHE + 1  # times of entry into the cache
@@ -83,7 +72,9 @@ def _tipsify(faces, vertices):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _renumber(faces, vertices):  # type: ignore[no-untyped-def]
+def by_first_use(faces):  # type: ignore[no-untyped-def]
+    """(F, 3) faces whose vertices are numbered by their first use, and (N,) the former numbers of these vertices."""
+    vertices = faces.max() + 1 if len(faces) else 0
     numbers, former, count = np.full(vertices, -1, np.int32), np.empty(vertices, np.int32), 0
     renumbered = np.empty_like(faces)
     for i in range(len(faces)):

@@ -96,9 +96,9 @@ def kept_ranges(kept: NDArray[np.bool_], ends: NDArray[np.int64], others: NDArra
 
     kept: (C,) bool; ends: (C,) index after the last of each chunk; others: (C,) bool, chunks that no gap may have.
     """
-    starts, stops = np.concatenate([[0], ends])[:-1][kept], ends[kept]
-    if not len(starts):
+    if not kept.any():
         return ()
+    starts, stops = np.concatenate([[0], ends])[:-1][kept], ends[kept]
     wide = starts[1:] - stops[:-1] > _GAP
     if others is not None:
         wide |= np.diff(np.cumsum(others)[kept]) > 0

@@ -28,7 +28,10 @@ class Contents:
 
 
 class Filter(Component):
-    """Base class of the filters. `maps`: the supported kinds of shadow map."""
+    """Base class of the filters. A subclass has a `name`, a `shader`, a `radius` and `reads`; the rest has defaults.
+
+    maps: the supported kinds of shadow map.
+    """
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
     radius_shader: ClassVar[str] = "filter/radius.glsl"  # defines `radius`, for the bias

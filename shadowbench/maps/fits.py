@@ -10,9 +10,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from shadowbench.geometry.convex import SceneHull, box_planes, corners, frustum_planes, view_planes
+from shadowbench.geometry.convex import (
+    PRACTICAL_WEIGHT,
+    SceneHull,
+    box_planes,
+    corners,
+    frustum_planes,
+    practical_depths,
+    view_planes,
+)
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
-from shadowbench.geometry.slices import PRACTICAL_WEIGHT, practical_depths
 from shadowbench.gl.clock import Changes
 from shadowbench.maps.reduction import VisibleBounds
 from shadowbench.plugin.base import Frame, Stage

@@ -142,11 +142,9 @@ class Technique(ABC):
     @classmethod
     def declines(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
         """Why the technique cannot draw this view, by `unsupported` or `lights`; None if it can."""
-        reason = cls.unsupported(params, view, device)
         kind = view.light.hard_kind
-        if reason is None and kind not in cls.lights:
-            return f"a {kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
-        return reason
+        answers = f"a {kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
+        return cls.unsupported(params, view, device) or (None if kind in cls.lights else answers)
 
     @classmethod
     def view_slices(cls, params: TechniqueParams) -> int:

@@ -12,25 +12,13 @@ from pydantic.fields import FieldInfo
 
 from shadowbench.errors import Unsupported
 from shadowbench.files import data_folder
+from shadowbench.gl import targets
 from shadowbench.gl.device import Device, Releasable
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Program, link
 from shadowbench.gl.shaders import compose
-from shadowbench.gl.targets import (
-    FACES,
-    Color,
-    DepthFormat,
-    DepthTarget,
-    DepthTexture,
-    Kind,
-    StencilTarget,
-    color_framebuffer,
-    depth_target,
-    framebuffer_of,
-    map_bytes,
-    stencil_target,
-)
+from shadowbench.gl.targets import FACES, Color, DepthFormat, DepthTarget, DepthTexture, Kind, StencilTarget
 from shadowbench.plugin.params import Component, TechniqueParams, components_of, in_metres
 from shadowbench.scenes.model import Placement, Scene
 
@@ -135,9 +123,9 @@ class Stage:
         layer: of a map with several, the one that is drawn into; all by default, by `gl_Layer`.
         """
         if isinstance(depth, DepthTexture):
-            framebuffer = framebuffer_of(depth, textures, layer)
+            framebuffer = targets.framebuffer_of(depth, textures, layer)
         elif layer is not None:
-            framebuffer = color_framebuffer(self.device, textures[0], layer)
+            framebuffer = targets.color_framebuffer(self.device, textures[0], layer)
         else:
             framebuffer = self.device.context.framebuffer(list(textures), depth)
         self._resources.append(framebuffer)
@@ -145,12 +133,12 @@ class Stage:
 
     def depth_target(self, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> DepthTarget:
         """A square depth map to draw into and read: one, an array of `layers`, or the six faces of a cube."""
-        needed = map_bytes(size, depth, kind, layers)
-        return self._allocated(needed, lambda: depth_target(self.device, size, depth, kind, layers))
+        needed = targets.map_bytes(size, depth, kind, layers)
+        return self._allocated(needed, lambda: targets.depth_target(self.device, size, depth, kind, layers))
 
     def stencil_target(self, *textures: moderngl.Texture) -> StencilTarget:
         """A framebuffer of the image's size with colour textures and a depth-stencil buffer."""
-        target = stencil_target(self.device, self.size, *textures)
+        target = targets.stencil_target(self.device, self.size, *textures)
         self._resources.append(target)
         self.bytes += target.bytes
         return target

@@ -1,7 +1,6 @@
 """Charts of a section, for the interactive page and for PNG figures."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from shadowbench.reports.vega import (
     COLORS,
@@ -18,11 +17,9 @@ from shadowbench.reports.vega import (
     looks,
     mark,
     quantity,
-    told_of,
 )
 from shadowbench.reports.words import digits
 from shadowbench.results.configurations import Section
-from shadowbench.results.curves import Curve, curves
 
 _BAR = 36  # height in pixels
 _PASS_TIMES = [
@@ -44,14 +41,12 @@ _ZOOM = {
 }
 # A label at the right edge goes below its point and to the left, where a Pareto front has no other.
 _NO_ROOM = "scale('x', datum.ms) + 8 + 6.5 * length(datum.label) > width"
-_TICKS = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
-_LINEAR_BELOW = 1e-3  # a scale of shares is linear below this and logarithmic above, so that it includes 0
 
 
 def front_chart(section: Section, styles: Styles | None) -> Chart | None:
     """Error against frame time of all configurations, with the Pareto front emphasised; None without times."""
-    best = section.front
-    points = [{**chart_point(section, one), "front": one in best} for one in section.timed]
+    front = section.front
+    points = [{**chart_point(section, one), "front": one in front} for one in section.timed]
     if not points:
         return None
     _label(sorted((point for point in points if point["front"]), key=lambda point: point["ms"]))
@@ -60,9 +55,8 @@ def front_chart(section: Section, styles: Styles | None) -> Chart | None:
     at = {"x": x, "y": _error_axis(section, [point["drawn"] for point in points])}
     on_front, hidden = {"filter": "datum.front"}, {"filter": "datum.front && datum.shown === false"}
     look = looks(styles, (one.spec for one in section.timed)) | {
-        "size": _where("front", 140, 60),
-        "stroke": _where("front", INK, None),
-        "opacity": _where("front", 1, 0.55),
+        channel: {"condition": {"test": "datum.front", "value": best}, "value": other}
+        for channel, best, other in (("size", 140, 60), ("stroke", INK, None), ("opacity", 1, 0.55))
     }
     label = {
         channel: {"expr": f"{_NO_ROOM} ? {left} : {right}"}
@@ -79,11 +73,6 @@ def front_chart(section: Section, styles: Styles | None) -> Chart | None:
         mark("text", named, on_front, SHOWN_ONLY, **label, fontSize=11, color=INK, clip=True),
     ]
     return chart_of(f"Error against frame time in {section.title}; the line is the Pareto front", points, layer, 430)
-
-
-def _where(field: str, value: Any, other: Any) -> Chart:
-    """A channel that has one value where a field of the data is true, and another elsewhere."""
-    return {"condition": {"test": f"datum.{field}", "value": value}, "value": other}
 
 
 def _label(front: Sequence[Chart]) -> None:
@@ -196,55 +185,3 @@ def default_size(section: Section) -> int | None:
     """The map size of charts that show one: the median size, rounded down; None without maps."""
     sizes = sorted({one.map_size for one in section.timed if one.map_size})
     return sizes[(len(sizes) - 1) // 2] if sizes else None
-
-
-def bias_charts(section: Section) -> list[tuple[str, Chart]]:
-    """Pairs of a swept spec and its chart of acne against contact; empty for soft shadows, and without values."""
-    found: dict[str, list[Curve]] = {}
-    for curve in curves(section.scored, section.run.sweep_positions):
-        found.setdefault(curve.base, []).append(curve)
-    points = {base: [point for curve in group for point in _bias_points(curve)] for base, group in found.items()}
-    return [(base, _bias_chart(section, base, drawn)) for base, drawn in points.items() if drawn]
-
-
-def _bias_points(curve: Curve) -> list[Chart]:
-    return [
-        {
-            "spec": one.spec,
-            "map": told_of(one)["map"],
-            "told": told_of(one) | {"× bias": f"×{factor:g}"},
-            "label": f"×{factor:g}",
-            "factor": factor,
-            "best": factor == curve.best,
-            "x": one.value("contact"),
-            "y": one.value("acne"),
-        }
-        for factor, one in curve.points
-        if not one.soft and None not in (one.value("contact"), one.value("acne"))
-    ]
-
-
-def _bias_chart(section: Section, base: str, points: Sequence[Chart]) -> Chart:
-    maps = list(dict.fromkeys(point["map"] for point in points))
-    color = {
-        "field": "map",
-        "title": "map size",
-        "scale": {"domain": maps, "range": [COLORS[at % len(COLORS)] for at in range(len(maps))]},
-        "legend": {"orient": "top"} if len(maps) > 1 else None,
-    }
-    at = {"x": _share(points, "x", "contact shadow lost (peter-panning)"), "y": _share(points, "y", "acne")}
-    colored = {**at, "color": color}
-    layer: list[Chart] = [
-        mark("line", {**colored, "order": {"field": "factor"}}, strokeWidth=1.5),
-        mark("point", {**colored, "stroke": _where("best", INK, None)} | TOLD, filled=True, size=70, strokeWidth=2),
-        mark("text", {**at, "text": {"field": "label"}}, align="left", dx=7, dy=-7, fontSize=11, color=INK),
-    ]
-    return chart_of(f"Acne against contact of {base} in {section.title}", points, layer, 320)
-
-
-def _share(points: Sequence[Chart], field: str, title: str) -> Chart:
-    most = max(point[field] for point in points)
-    top = next((tick for tick in _TICKS if tick >= most and tick > _LINEAR_BELOW), 1.0)
-    scale = {"type": "symlog", "constant": _LINEAR_BELOW, "domain": [0, top], "nice": False}
-    axis = {"values": [tick for tick in _TICKS if tick <= top], "format": "~g", "grid": True}
-    return quantity(field, title, scale=scale, axis=axis)

@@ -42,8 +42,8 @@ def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
         beside = old is not None and old.shape == picture.shape
         if old is not None and beside:
             picture = np.hstack([old, np.full((len(picture), _GAP, 3), 255, np.uint8), picture])
-        named = [str(len(written) + 1), *(str(score[part]) for part in ("scene", "spec", "map_size") if score[part])]
-        file = folder / f"{_UNSAFE.sub('_', '.'.join(named)):.120}.png"
+        named = f"{len(written) + 1}.{score['scene']}.{score['spec']}.{score['map_size'] or ''}".removesuffix(".")
+        file = folder / f"{_UNSAFE.sub('_', named):.120}.png"
         folder.mkdir(exist_ok=True)
         write_picture(file, with_legend(picture) if is_soft(score["metrics"]) else picture)
         written.append((file, beside))

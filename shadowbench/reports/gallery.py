@@ -28,8 +28,6 @@ from shadowbench.scores.difference import difference_over, weight
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS, is_soft
 
-MAX_PIXELS = 160 * 1024 * 1024  # of all masks in a report, 28 MB if they are noise; larger masks are scaled down
-_MIN_SIZE = 128  # pixels along a side
 _SHOWN_FAULTS = 2  # below a small picture
 _STEPS = 16  # quantisation of a difference's colour, for compression
 
@@ -111,60 +109,56 @@ def _iou(metrics: Mapping[str, float | None]) -> str:
     return "no IoU" if value is None else f"IoU {value:.5f}"
 
 
-def size_limit(count: int) -> int:
-    """Side in pixels to which larger ones of so many pictures are scaled down: all have at most MAX_PIXELS then."""
-    return max(_MIN_SIZE, int((MAX_PIXELS / max(count, 1)) ** 0.5))
-
-
-def gallery(folder: Path, pictures: Sequence[Picture], max_size: int, place: Place) -> dict[str, Any] | None:
-    """The pictures from a folder as JSON data, scaled down to at most `max_size` pixels a side; None if it has none.
+def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str, Any] | None:
+    """The pictures from a folder as JSON data; None if it has none.
 
     cells: what the page says of each, with its command (that shows it in the window), its mask, whether the truth is
     soft, and a picture, which is used if the view has no shading images; views: by view, images of the truth, the
     undecided pixels, and the view without shadow (lit) and in full shadow (ambient), None for missing files; notes: on
-    missing files and on scaling.
+    missing files.
 
     Raises InputError for a file that is not a valid mask or picture.
     """
-
-    def image(kind: str, name: str, size: int | None = None) -> Any:
-        """A mask of a view of so many pixels, or a picture."""
-        file = folder / kind / f"{name}.png"
-        return place(str(file), _encoded(file, size, max_size)) if file.exists() else None
-
-    def view_of(row: Record) -> dict[str, Any]:
-        name = ".".join(str(row[part]) for part in ("scene", "view", "light", "view_size"))
-        masks = {"truth": name, "undecided": f"{name}.undecided"}
-        return {kind: image("truth", file, row["view_size"]) for kind, file in masks.items()} | {
-            kind: image("truth", f"{name}.{kind}") for kind in ("lit", "ambient")
-        }
+    rows = {about["view"]: row for row, about in pictures}
+    views = {name: _view(folder / "truth", row, place) for name, row in rows.items()}
 
     def cell_of(one: Picture) -> dict[str, Any]:
         row, about = one
-        mask = image("masks", row["key"], row["view_size"])
-        shaded = mask is not None and views[about["view"]]["lit"] is not None
-        command = shlex.join(["shadowbench", "view", os.path.relpath(folder), "--cell", row["key"]])
-        return about | {
-            "command": "" if "content" in row else command,  # not of a mask of another renderer
-            "soft": is_soft(row["metrics"]),
-            "mask": mask,
-            "picture": None if shaded else image("pictures", row["key"]),
-        }
+        return _cell(folder, row, about, views[about["view"]]["lit"] is not None, place)
 
-    views = {view: view_of(row) for view, row in {about["view"]: row for row, about in pictures}.items()}
     with ThreadPoolExecutor() as threads:
         cells = list(threads.map(cell_of, pictures))
     if not any(cell["picture"] or cell["mask"] for cell in cells):
         return None
-    absent = {
-        "mask": any(cell["mask"] is None for cell in cells),
-        "truth": any(view["truth"] is None for view in views.values()),
-        "shading": any(views[cell["view"]]["lit"] is None and cell["picture"] is None for cell in cells),
+    images = {
+        "mask": [cell["mask"] for cell in cells],
+        "truth": [view["truth"] for view in views.values()],
+        "shading": [cell["picture"] or views[cell["view"]]["lit"] for cell in cells],
     }
-    missing, size = [name for name, some in absent.items() if some], max(row["view_size"] for row, _ in pictures)
+    missing = [name for name, found in images.items() if None in found]
     notes = [f"{folder.name} has no {' and no '.join(missing)} for some of these cells."] if missing else []
-    notes += [f"Scaled down from {size}² to {max_size}² pixels."] if max_size < size else []
     return {"cells": cells, "views": views, "notes": notes}
+
+
+def _view(folder: Path, row: Record, place: Place) -> dict[str, Any]:
+    name, size = ".".join(str(row[part]) for part in ("scene", "view", "light", "view_size")), row["view_size"]
+    return {
+        "truth": _image(folder / f"{name}.png", size, place),
+        "undecided": _image(folder / f"{name}.undecided.png", size, place),
+        "lit": _image(folder / f"{name}.lit.png", None, place),
+        "ambient": _image(folder / f"{name}.ambient.png", None, place),
+    }
+
+
+def _cell(folder: Path, row: Record, about: dict[str, Any], shaded: bool, place: Place) -> dict[str, Any]:
+    mask = _image(folder / "masks" / f"{row['key']}.png", row["view_size"], place)
+    command = shlex.join(["shadowbench", "view", os.path.relpath(folder), "--cell", row["key"]])
+    return about | {
+        "command": "" if "content" in row else command,  # not of a mask of another renderer
+        "soft": is_soft(row["metrics"]),
+        "mask": mask,
+        "picture": None if mask and shaded else _image(folder / "pictures" / f"{row['key']}.png", None, place),
+    }
 
 
 def no_pictures(folder: Folder) -> str:
@@ -195,8 +189,10 @@ def read_view(file: Path, size: int) -> NDArray[np.float32]:
     return visibility
 
 
-def _encoded(file: Path, size: int | None, max_size: int) -> str:
-    """Data URI of a mask of a view of `size` pixels, lossless, or of a picture for None; scaled down to `max_size`."""
+def _image(file: Path, size: int | None, place: Place) -> Any:
+    """A mask of a view of `size` pixels, lossless, or a picture for None, as data URI; None without a file."""
+    if not file.exists():
+        return None
     if size is not None:
         image = Image.fromarray(np.rint(read_view(file, size) * 255).astype(np.uint8))
     else:
@@ -205,8 +201,6 @@ def _encoded(file: Path, size: int | None, max_size: int) -> str:
                 image = opened.convert("RGB")
         except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
             raise InputError(f"{file}: cannot be read as an image; allowed: a PNG") from None
-    if image.width > max_size:
-        image = image.resize((max_size, max_size), Image.Resampling.BOX)
     encoded = io.BytesIO()
     image.save(encoded, format="WEBP", lossless=size is not None, quality=80 if size is None else 60, method=3)
-    return "data:image/webp;base64," + base64.b64encode(encoded.getvalue()).decode()
+    return place(str(file), "data:image/webp;base64," + base64.b64encode(encoded.getvalue()).decode())

@@ -14,7 +14,7 @@ from shadowbench.extremes.model import NAMES
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports import stability, sweep_charts, verdict, words
-from shadowbench.reports.gallery import Place, breaking_cells, gallery, no_pictures, scored_cells, size_limit
+from shadowbench.reports.gallery import Place, breaking_cells, gallery, no_pictures
 from shadowbench.reports.panels import panel_data, panels_of
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.vega import COLORS, MAX_SHOWN, OUTLINES, SHAPES, styles_of
@@ -35,15 +35,12 @@ def html_report(
     place: puts each part of the data into the page, or into a file of the folder of the name `beside`.
     """
     every = [section for parts in scenes.values() for section in parts]
-    scored = {section: scored_cells(section) for section in every}
-    breaking = [breaking_cells(found) for found in swept]
-    max_size = size_limit(sum(map(len, [*scored.values(), *breaking])))
     panels = [panel for index, run in enumerate(runs) for panel in panels_of(run, index, every)]
-    data = {panel.id: panel_data(panel, scored[panel.sections[0]], max_size, place) for panel in panels}
-    for index, (found, pictures) in enumerate(zip(swept, breaking, strict=True)):
+    data = {panel.id: panel_data(panel, place) for panel in panels}
+    for index, found in enumerate(swept):
         charts = {axis.name: sweep_charts.axis_chart(found, axis) for axis in found.axes}
-        shown = gallery(found.sweep.folder, pictures, max_size, place)
-        data[f"stability-{index}"] = {"charts": charts, "gallery": shown}
+        shown = gallery(found.sweep.folder, breaking_cells(found), place)
+        data[f"stability-{index}"] = {"charts": charts, "gallery": shown, "specs": found.specs}
     specs = list(styles_of([*specs_of(every), *(spec for found in swept for spec in found.specs)]))
     page = {
         "panels": [
@@ -57,42 +54,32 @@ def html_report(
         "outlines": OUTLINES,
         "data": {name: place(f"data {name}", value) for name, value in data.items()},
     }
-    return (
-        _environment()
-        .get_template("report.html.j2")
-        .render(
-            runs=runs,
-            panels=panels,
-            page=page,
-            split=beside,
-            stabilities=swept,
-            galleries=[data[f"stability-{index}"]["gallery"] for index in range(len(swept))],
-            presets=words.presets_of(specs),
-            command=shlex.join(["shadowbench", *sys.argv[1:]]),
-            version=VERSION,
-            style=(_PAGE / "report.css").read_text(encoding="utf-8"),
-            scripts=[(_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS],
-            bundle=_bundle(),
-        )
-    )
-
-
-def _environment() -> Environment:
-    made = Environment(
+    environment = Environment(
         loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    made.policies["json.dumps_kwargs"] = {"sort_keys": False}  # views stay in order
-    made.filters |= {"breakable": _breakable, "code_spans": _code_spans}
-    made.globals |= {
-        "verdict": verdict,
-        "words": words,
-        "stability": stability,
-        "sweep_charts": sweep_charts,
-        "metrics": ROW_METRICS.values(),
-        "light_names": NAMES,
-        "no_pictures": no_pictures,
-    }
-    return made
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # views stay in order
+    environment.filters |= {"breakable": _breakable, "code_spans": _code_spans}
+    return environment.get_template("report.html.j2").render(
+        stability=stability,
+        sweep_charts=sweep_charts,
+        verdict=verdict,
+        words=words,
+        runs=runs,
+        panels=panels,
+        page=page,
+        split=beside,
+        stabilities=swept,
+        galleries=[data[f"stability-{index}"]["gallery"] for index in range(len(swept))],
+        no_pictures=no_pictures,
+        light_names=NAMES,
+        metrics=ROW_METRICS.values(),
+        presets=words.presets_of(specs),
+        command=shlex.join(["shadowbench", *sys.argv[1:]]),
+        version=VERSION,
+        style=(_PAGE / "report.css").read_text(encoding="utf-8"),
+        scripts=[(_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS],
+        bundle=_bundle(),
+    )
 
 
 @cache

@@ -1,12 +1,14 @@
 """The report as Markdown tables, for READMEs and papers."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from shadowbench.extremes.model import NAMES
+from shadowbench.reports.html import Scenes
 from shadowbench.reports.panels import Panel, panels_of
 from shadowbench.reports.stability import Stability, range_text, tolerances
 from shadowbench.reports.verdict import target_name, verdict
 from shadowbench.reports.words import (
+    COLUMNS,
     digits,
     fault_lines,
     mask_warnings,
@@ -23,40 +25,34 @@ from shadowbench.results.ranking import targets_of
 from shadowbench.scores.metrics import METRICS
 
 _TIMES = {"ms": "frame_ms", "camera moves, ms": "camera_ms", "× ref": "ratio"}
-_COLUMNS = {"SSIM": "ssim", "edge px": "edge_px", "acne": "acne", "leak": "leak"}
-_SOFT_COLUMNS = {"RMSE pen": "rmse_pen", "IoU": "iou", "SSIM": "ssim"} | {
-    name: name for name in ("bleed", "noise", "width", "hardening")
-}
 
 
-def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
+def markdown_report(runs: Sequence[Run], scenes: Scenes, swept: Sequence[Stability]) -> str:
     """The Markdown text of a report: verdicts, configurations and costs, over all scenes and by scene; then ranges."""
     every = [section for parts in scenes.values() for section in parts]
     panels = [panel for index, run in enumerate(runs) for panel in panels_of(run, index, every)]
     alone = {panel.sections[0]: panel for panel in panels if len(panel.sections) == 1}
-    blocks = []
-    for panel in panels:
-        if len(panel.sections) > 1:
-            label = f": {_cell(runs[panel.run].label)}" if len(runs) > 1 else ""
-            blocks += [f"## {panel.title.capitalize()}{label}", *verdict(panel.sections), *_costs(panel)]
+    blocks = [block for panel in panels if len(panel.sections) > 1 for block in _over_scenes(panel, runs)]
     for title, parts in scenes.items():
         blocks.append(f"## {title}")
         for section in parts:
             if len(runs) > 1:
                 blocks.append(f"### {_cell(section.run.label)}: {_cell(section.run.renderer)}")
-            blocks += [*_section(section), *_costs(alone[section])]
-            blocks += _items(unscored(section))
+            blocks += [*_section(section), *_costs(alone[section]), *_items(unscored(section))]
             blocks += [f"- {_cell(line)}" for line in mask_warnings(section)]
     for found in swept:
-        blocks.append("## Stability" + (f": {_cell(found.sweep.label)}" if len(swept) > 1 else ""))
-        blocks += _stability(found)
+        blocks += _stability(found, f": {_cell(found.sweep.label)}" if len(swept) > 1 else "")
     blocks.append("## How the results were measured")
     for one in (*runs, *(found.sweep for found in swept)):
         blocks += [f"### {_cell(one.label)}", _measured(one)]
     presets = presets_of([*specs_of(every), *(spec for found in swept for spec in found.specs)])
-    if presets:
-        blocks += ["### Presets", "\n".join(f"- `{name}`: `{spec}`" for name, spec in presets)]
+    blocks += ["### Presets", "\n".join(f"- `{name}`: `{spec}`" for name, spec in presets)] if presets else []
     return "\n\n".join(blocks) + "\n"
+
+
+def _over_scenes(panel: Panel, runs: Sequence[Run]) -> list[str]:
+    label = f": {_cell(runs[panel.run].label)}" if len(runs) > 1 else ""
+    return [f"## {panel.title.capitalize()}{label}", *verdict(panel.sections), *_costs(panel)]
 
 
 def _section(section: Section) -> list[str]:
@@ -64,7 +60,7 @@ def _section(section: Section) -> list[str]:
     if section.timed:
         blocks.append(f"*{sentence(time_source(section.run))}* Bold: on the Pareto front of error and time.")
     blocks += [_cell(sentence(line)) for line in section_notes(section)]
-    columns = (_SOFT_COLUMNS if section.soft else _COLUMNS) | _TIMES
+    columns = COLUMNS[section.soft] | _TIMES
     best, rows = section.front, []
     for one in section.scored:
         name = f"**`{one.name}`**" if one in best else f"`{one.name}`"
@@ -88,8 +84,9 @@ def _costs(panel: Panel) -> list[str]:
     return _table(["cost of accuracy", *map(target_name, targets)], rows)
 
 
-def _stability(found: Stability) -> list[str]:
-    blocks = [*found.headline, f"Tolerance: {tolerances()}. In brackets: the number of values in tolerance."]
+def _stability(found: Stability, label: str) -> list[str]:
+    tolerance = f"Tolerance: {tolerances()}. In brackets: the number of values in tolerance."
+    blocks = [f"## Stability{label}", *found.headline, tolerance]
     for spec in found.specs:
         series = [one for one in found.series if one[0] == spec]
         rows = [[axis.name, *map(range_text, ranges)] for axis, ranges in found.table(series)]

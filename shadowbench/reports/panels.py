@@ -6,10 +6,10 @@ from functools import cached_property
 from typing import Any
 
 from shadowbench.measure.flips import ROW_METRICS
-from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
-from shadowbench.reports.gallery import Picture, Place, gallery, no_pictures
+from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.gallery import Place, gallery, no_pictures, scored_cells
 from shadowbench.reports.verdict import accuracy_text, cell_texts, real_time, verdict_candidate
-from shadowbench.reports.words import digits
+from shadowbench.reports.words import COLUMNS, digits
 from shadowbench.results.configurations import Configuration, Section, by_kind
 from shadowbench.results.folder import Run
 from shadowbench.results.ranking import (
@@ -32,9 +32,6 @@ _TIMES = {
     "light moves, ms": "light_ms",
     "× reference": "ratio",
 }
-# The columns of the table that are visible at first, after those of cost and error.
-_SHOWN = ["edge_px", "ssim", "acne", "leak"]
-_SOFT_SHOWN = ["rmse_pen", "iou", "ssim", "bleed", "noise", "width", "hardening"]
 
 Matrix = list[tuple[str, list[dict[str, Any]]]]
 """Rows of a cost matrix: a technique or scene, and the texts and data of its cells."""
@@ -62,11 +59,6 @@ class Panel:
     def targets(self) -> tuple[Target, ...]:
         """The targets of its cost matrix."""
         return targets_of(self.sections[0].ranked_by)
-
-    @property
-    def max_cells(self) -> int:
-        """Largest number of cells of a configuration in one scene."""
-        return max(section.max_cells for section in self.sections)
 
     @cached_property
     def candidates(self) -> list[Candidate]:
@@ -127,8 +119,8 @@ def panels_of(run: Run, index: int, every: Sequence[Section]) -> list[Panel]:
     return [*overall, *(Panel(ids[one.title], index, one.title, (one,), ids) for one in ours)]
 
 
-def panel_data(panel: Panel, pictures: Sequence[Picture], max_size: int, place: Place) -> dict[str, Any]:
-    """The JSON data of a panel: charts, table, and for a single scene pictures; max_size, place: see `gallery`."""
+def panel_data(panel: Panel, place: Place) -> dict[str, Any]:
+    """The JSON data of a panel: charts, table, and for a single scene pictures."""
     several = len(panel.sections) > 1
     section = mean_section(panel.sections, panel.title) if several else panel.sections[0]
     sizes: list[int | None] = [*sorted({one.map_size for one in section.timed if one.map_size})]
@@ -140,12 +132,11 @@ def panel_data(panel: Panel, pictures: Sequence[Picture], max_size: int, place: 
             "sizes": size_chart(section, None),
             "passes": [(size, chart) for size in sizes or [None] if (chart := pass_chart(section, size)) is not None],
             "pass_size": default_size(section),
-            "biases": [] if several else bias_charts(section),
         },
         "columns": [_COST, "map", error, *(over_scenes if several else []), *_values(panel), "cells"],
-        "shown": [_COST, "map", error, *over_scenes, *(_SOFT_SHOWN if panel.soft else _SHOWN)],
+        "shown": [_COST, "map", error, *over_scenes, *COLUMNS[panel.soft].values()],
         "rows": [_row(panel, one, (one.mean.spec, one.mean.map_size) in on_front) for one in panel.candidates],
-        "gallery": None if several else gallery(section.run.folder, pictures, max_size, place),
+        "gallery": None if several else gallery(section.run.folder, scored_cells(section), place),
         "no_gallery": no_pictures(section.run),
     }
 
@@ -153,18 +144,18 @@ def panel_data(panel: Panel, pictures: Sequence[Picture], max_size: int, place: 
 def _row(panel: Panel, one: Candidate, on_front: bool) -> dict[str, Any]:
     """A row of the table; values: by column, (sort key, text)."""
     mean, worst = one.mean, one.by_scene[one.worst_scene]
+    error, worst_error = (found.error.median if found.error else None for found in (mean, worst))
     worst_scene = next(section.scene for section in panel.sections if section.title == one.worst_scene)
     values: dict[str, tuple[float | None, str]] = {
         _COST: _value(mean, "frame_ms"),
         "map": (mean.map_size, str(mean.map_size or "")),
-        mean.ranked_by.error_label: (_median(mean), mean.error_text(digits)),
-        "worst scene": (_median(worst), f"{worst.error_text(digits, bounds=False)} in {worst_scene}"),
+        mean.ranked_by.error_label: (error, mean.error_text(digits)),
+        "worst scene": (worst_error, f"{worst.error_text(digits, bounds=False)} in {worst_scene}"),
         "scenes": (len(one.by_scene), f"{len(one.by_scene)} of {len(panel.sections)}"),
         **{title: _value(mean, name) for title, name in _values(panel).items()},
         "cells": (mean.cells, str(mean.cells)),
     }
     return {
-        "technique": mean.technique,
         "spec": mean.spec,
         "label": mean.name,
         "map": mean.map_size,
@@ -177,13 +168,9 @@ def _row(panel: Panel, one: Candidate, on_front: bool) -> dict[str, Any]:
 
 def _values(panel: Panel) -> dict[str, str]:
     """Values of the table by heading, besides the error by which it is ranked."""
-    names = dict.fromkeys([*(_SOFT_SHOWN if panel.soft else []), *ROW_METRICS])
+    names = dict.fromkeys([*(COLUMNS[True].values() if panel.soft else ()), *ROW_METRICS])
     ranked_by = panel.sections[0].ranked_by.name
     return {name: name for name in names if name != ranked_by} | _TIMES | {"GPU bytes": "gpu_bytes"}
-
-
-def _median(one: Configuration) -> float | None:
-    return None if one.error is None else one.error.median
 
 
 def _value(one: Configuration, name: str) -> tuple[float | None, str]:

@@ -6,7 +6,7 @@ import json
 import re
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
@@ -15,23 +15,22 @@ import pandas as pd
 from PIL import Image
 
 from shadowbench.errors import InputError
-from shadowbench.files import check_outputs, replace_file
-from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
+from shadowbench.files import check_outputs, make_folder, replace_file
+from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.gallery import Place
-from shadowbench.reports.html import html_report
+from shadowbench.reports.html import Scenes, html_report
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.stability import Stability, analyse, tolerances
 from shadowbench.reports.sweep_charts import CELL, axis_figure, heat_map
 from shadowbench.reports.vega import Chart, styles_of, titled
 from shadowbench.reports.words import section_notes, time_source
-from shadowbench.results.configurations import Section, specs_of
+from shadowbench.results.configurations import specs_of
 from shadowbench.results.folder import Run, Sweep
 from shadowbench.results.ranges import points_frame
 
 FORMATS = ("html", "md", "csv", "png")
+_COLORS = "colour: the share of an axis' values in tolerance"
 _SCALE = 2.5  # 760 units of width become 1900 pixels: 16 cm at 300 dots an inch
-
-Scenes = Mapping[str, Sequence[Section]]
 
 
 def report_target(output: Path | None, form: str, split: bool = False) -> Path:
@@ -127,10 +126,7 @@ def _all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> str:
 def _write_figures(folder: Path, scenes: Scenes, swept: Sequence[Stability]) -> int:
     import vl_convert  # not on every platform
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from error
+    make_folder(folder)
     count = 0
     for name, chart in figures(scenes, swept):
         file = re.sub(r"[^\w.-]+", "_", name).strip("_") + ".png"
@@ -145,8 +141,8 @@ def _write_figures(folder: Path, scenes: Scenes, swept: Sequence[Stability]) -> 
 def figures(scenes: Scenes, swept: Sequence[Stability]) -> Iterator[tuple[str, Chart]]:
     """Generate (name, chart) of every figure.
 
-    Per section: SCENE.VIEW-SIZE.KIND, where KIND is front, sizes, passes, or bias-1, … for bias sweeps; per sweep:
-    stability and stability.AXIS. With several runs or sweeps, their label comes before the last part.
+    Per section: SCENE.VIEW-SIZE.KIND, where KIND is front, sizes or passes; per sweep: stability and stability.AXIS.
+    With several runs or sweeps, their label comes before the last part.
     """
     every = [section for parts in scenes.values() for section in parts]
     several = len({section.run.label for section in every}) > 1
@@ -161,14 +157,17 @@ def figures(scenes: Scenes, swept: Sequence[Stability]) -> Iterator[tuple[str, C
         ):
             if chart is not None:
                 yield f"{stem}.{kind}", titled(chart, section.title, *about)
-        for number, (base, chart) in enumerate(bias_charts(section), start=1):
-            yield f"{stem}.bias-{number}", titled(chart, section.title, f"bias of {base}, multiplied")
     for found in swept:
         stem = "stability" + (f".{found.sweep.label}" if len(swept) > 1 else "")
         styles = styles_of(found.specs)
         about = found.sweep.renderer, f"tolerance: {tolerances()}"
         if found.ranges:
-            yield stem, titled(heat_map(found), "Operating range along each axis", *about, width=CELL * len(found.axes))
+            yield (
+                stem,
+                titled(
+                    heat_map(found), "Operating range along each axis", *about, _COLORS, width=CELL * len(found.axes)
+                ),
+            )
         for axis in found.axes:
             chart = axis_figure(found, axis, styles)
             yield f"{stem}.{axis.name}", titled(chart, f"{axis.name}: {axis.invariant}", *about, width=None)

@@ -44,11 +44,11 @@ _ALL_LIGHTS = "all"
 _DASHES = {"sun": [1, 0], "spot": [7, 4], "lamp": [2, 3]}
 
 
-def share_style(one: OperatingRange | None) -> str:
-    """The CSS of a range's cell: the colour of its share, and white text on a dark one."""
-    if one is None or one.share is None:
-        return "" if one is None else f"background: {UNSUPPORTED_COLOR}"
-    return f"background: {share_color(one.share)}{'; color: #fff' if one.share < _DARK else ''}"
+def share_colors(one: OperatingRange) -> tuple[str, str]:
+    """The colours of a range's cell and of its text, by the share of values in tolerance."""
+    if one.share is None:
+        return UNSUPPORTED_COLOR, "black"
+    return share_color(one.share), "white" if one.share < _DARK else "black"
 
 
 def share_color(share: float) -> str:
@@ -59,13 +59,13 @@ def share_color(share: float) -> str:
 
 
 def heat_map(found: Stability) -> Chart:
-    """The share of values in tolerance, as a colour: rows are specs by kind of light, columns are axes."""
-    names = {series: f"{series[0]}, {NAMES[series[1]]}" for series in found.series}
+    """The range of each spec, by kind of light, along each axis; its share of the values is its colour."""
+    names = {(spec, kind): f"{spec}, {NAMES[kind]}" for spec, kind in found.series}
     cells: list[Chart] = [
-        {"row": names[spec, kind], "axis": axis.name, "share": one.share, "text": textwrap.wrap(one.plain, 12)}
-        for spec, kind in found.series
-        for axis in found.axes
-        if (one := found.range_at.get((spec, axis.name, kind))) is not None
+        {"row": name, "axis": axis.name, "text": textwrap.wrap(one.plain, 12), "look": share_colors(one)}
+        for axis, ranges in found.table(found.series)
+        for name, one in zip(names.values(), ranges, strict=True)
+        if one is not None
     ]
     rows: list[Chart] = [
         {"row": name, "text": textwrap.wrap(re.sub("([,:])", r"\1 ", name), 32)} for name in names.values()
@@ -74,26 +74,17 @@ def heat_map(found: Stability) -> Chart:
     bands = {"type": "ordinal", "axis": None, "scale": {"paddingInner": 0.05, "paddingOuter": 0.02}}
     x = {"field": "axis", "sort": [axis.name for axis in found.axes], **bands}
     y = {"field": "row", "sort": list(names.values()), **bands}
-    scale = {"domain": [0, 0.5, 1], "range": list(SHADES), "interpolate": "rgb"}
-    legend: Chart = {"orient": "bottom", "direction": "horizontal", "format": "%", "values": [0, 0.5, 1]}
-    legend |= {"gradientLength": 220, "titleLimit": 330, "titleFontWeight": "normal"}
-    shades = quantity("share", "share of the axis' values in tolerance", scale=scale, legend=legend)
-    at, text, unsupported = {"x": x, "y": y}, {"text": {"field": "text"}}, {"filter": "datum.share === null"}
-    diagonal = {"x": {**x, "bandPosition": 0}, "x2": {"field": "axis", "bandPosition": 1}}
-    diagonal |= {"y": {**y, "bandPosition": 1}, "y2": {"field": "row", "bandPosition": 0}}
-    dark = {"condition": {"test": f"datum.share !== null && datum.share < {_DARK}", "value": "white"}, "value": "black"}
-    lines = {"fontSize": 9.5, "lineHeight": _LINE, "baseline": "middle"}
+    ground, ink = ({"field": f"look[{at}]", "type": "nominal", "scale": None} for at in range(2))
+    text: Chart = {"text": {"field": "text"}}
+    style: Chart = {"fontSize": 9.5, "lineHeight": _LINE, "baseline": "middle"}
     middle = {"expr": f"-{_LINE / 2} * (length(datum.text) - 1)"}
-    beside = mark("text", text | {"x": {"value": -6}, "y": y}, **lines, dy=middle, align="right")
-    higher = {"expr": f"-6 - {_LINE} * (length(datum.text) - 1)"}
-    above = mark("text", text | {"x": x, "y": {"value": 0}}, **lines, dy=higher)
+    above = {"expr": f"-6 - {_LINE} * (length(datum.text) - 1)"}
+    beside = mark("text", text | {"x": {"value": -6}, "y": y}, **style, dy=middle, align="right")
     layer: list[Chart] = [
-        mark("rect", {**at, "color": shades}, {"filter": "datum.share !== null"}),
-        mark("rect", at, unsupported, color=UNSUPPORTED_COLOR),
-        mark("rule", diagonal, unsupported, color="#8c8c8c"),
-        mark("text", at | text | {"color": dark}, **lines, dy=middle),
+        mark("rect", {"x": x, "y": y, "color": ground}),
+        mark("text", {"x": x, "y": y, "color": ink} | text, **style, dy=middle),
         {"data": {"values": rows}, **beside},
-        {"data": {"values": heads}, **above},
+        {"data": {"values": heads}, **mark("text", text | {"x": x, "y": {"value": 0}}, **style, dy=above)},
     ]
     most = max(len(one["text"]) for one in (*cells, *rows))
     about = f"Operating range of every technique along every axis, {found.sweep.label}"

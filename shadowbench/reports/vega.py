@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from shadowbench.reports.words import digits
+from shadowbench.reports.words import COLUMNS, digits
 from shadowbench.results.configurations import Configuration, Section
 from shadowbench.techniques.unshadowed import Unshadowed
 
@@ -49,10 +49,6 @@ BASE_CHART: Chart = {
     },
 }
 _LEGEND = {"orient": "bottom", "columns": 2, "labelLimit": 340, "symbolOpacity": 1, "symbolSize": 80}
-_SCORES = {"edge px": "edge_px", "SSIM": "ssim", "acne": "acne", "leak": "leak", "contact": "contact"}
-_SOFT_SCORES = {"RMSE pen": "rmse_pen", "SSIM": "ssim"} | {
-    name: name for name in ("bleed", "noise", "width", "hardening")
-}
 
 
 def chart_of(about: str, values: Iterable[Chart], layer: Iterable[Chart], height: int | Chart) -> Chart:
@@ -95,43 +91,27 @@ def log_axis(channel: str, values: Sequence[float]) -> Chart:
     }
 
 
-def told_of(one: Configuration) -> dict[str, str]:
-    """What all charts tell of a scored configuration, by name."""
-    iou = one.value("iou")
-    return {
-        "spec": one.spec,
-        "map": str(one.map_size) if one.map_size else one.technique,
-        one.ranked_by.error_label: one.error_text(digits),
-        "IoU": "–" if iou is None else f"{iou:.6g}",
-        **{title: one.text(name, digits) for title, name in (_SOFT_SCORES if one.soft else _SCORES).items()},
-    }
-
-
 def chart_point(section: Section, one: Configuration) -> Chart:
     """The chart data of a scored configuration: coordinates, and the texts of its tooltip."""
     error = one.error
     assert error is not None  # only scored configurations are drawn
-    ms, iqr, ratio = (one.value(name) for name in ("frame_ms", "frame_iqr_ms", "ratio"))
+    iou, ms, iqr, ratio = (one.value(name) for name in ("iou", "frame_ms", "frame_iqr_ms", "ratio"))
     spread = f"IQR {'unknown' if iqr is None else f'{digits(iqr)} ms'}{'; rough' if one.rough else ''}"
-    ends = (error.median, error.low, error.high)
-    drawn, low, high = (max(error.median if end is None else end, section.least_error) for end in ends)
-    return {
+    ends = {"drawn": error.median, "low": error.low, "high": error.high}
+    told = {
         "spec": one.spec,
-        "size": one.map_size,
-        "error": error.median,
-        "drawn": drawn,
-        "low": low,
-        "high": high,
-        "ms": ms,
-        "told": told_of(one)
-        | {
-            "full spec": one.full_spec,
-            "time": "not timed" if ms is None else f"{digits(ms)} ms, {spread}",
-            "× reference": "–" if ratio is None else digits(ratio),
-            "cells": one.cells,
-            "phases": one.phases,
-        },
+        "full spec": one.full_spec,
+        "map": str(one.map_size) if one.map_size else one.technique,
+        one.ranked_by.error_label: one.error_text(digits),
+        "IoU": "–" if iou is None else f"{iou:.6g}",
+        **{title: one.text(name, digits) for title, name in COLUMNS[one.soft].items() if name != "iou"},
+        "time": "not timed" if ms is None else f"{digits(ms)} ms, {spread}",
+        "× reference": "–" if ratio is None else digits(ratio),
+        "cells": one.cells,
+        "phases": one.phases,
     }
+    place = {"spec": one.spec, "size": one.map_size, "error": error.median, "ms": ms, "told": told}
+    return place | {name: max(error.median if end is None else end, section.least_error) for name, end in ends.items()}
 
 
 def styles_of(specs: Iterable[str]) -> Styles:

@@ -28,19 +28,23 @@ def verdict(sections: Sequence[Section]) -> list[str]:
         return [f"{_NONE} {what}.", *_ray_traced(everything)]
     where = "" if len(sections) == 1 else f" in all {len(sections)} scenes"
     target, best = _answer(found)
-    if best is None:
-        near = closest(found, target)
-        label, median = METRICS[target.metric].label, median_text(near.mean, target.metric, target.limit)
-        how = f"{label} {median}" if len(sections) == 1 else f"in {near.scenes_met(target)} of them"
-        lines = [f"{_NONE} {_reaches(target, ' of the shadow right')}{where}.", f"Closest: `{near.mean.label}`, {how}."]
-    else:
-        complete = [one for one in found if one.in_all_scenes]
-        tied = [one for one in ties(complete, best, target) if one.mean.technique != best.mean.technique][:2]
-        line = f"{_accuracy(target, ' of the shadow right')}{where}: {_cost_phrase(best)}"
-        if tied:
-            line += f"; as cheap within the noise: {', '.join(f'`{one.mean.label}`' for one in tied)}"
-        lines = [f"{line}.", *_next_target(complete, target, best, where)]
+    lines = _closest(found, target, where) if best is None else _cheapest(found, target, best, where)
     return [*lines, *_where_supported(found, target, best), *_ray_traced(everything)]
+
+
+def _closest(found: Sequence[Candidate], target: Target, where: str) -> list[str]:
+    near = closest(found, target)
+    label, median = METRICS[target.metric].label, median_text(near.mean, target.metric, target.limit)
+    how = f"in {near.scenes_met(target)} of them" if where else f"{label} {median}"
+    return [f"{_NONE} {_reaches(target, ' of the shadow right')}{where}.", f"Closest: `{near.mean.label}`, {how}."]
+
+
+def _cheapest(found: Sequence[Candidate], target: Target, best: Candidate, where: str) -> list[str]:
+    complete = [one for one in found if one.in_all_scenes]
+    tied = [one for one in ties(complete, best, target) if one.mean.technique != best.mean.technique][:2]
+    also = f"; as cheap within the noise: {', '.join(f'`{one.mean.label}`' for one in tied)}" if tied else ""
+    line = f"{_accuracy(target, ' of the shadow right')}{where}: {_cost_phrase(best)}{also}."
+    return [line, *_next_target(complete, target, best, where)]
 
 
 def verdict_candidate(found: Sequence[Candidate]) -> Candidate | None:

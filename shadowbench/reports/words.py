@@ -16,6 +16,12 @@ SOFTWARE = "times of a software renderer: for trends only, not representative of
 NO_HARDENING = (
     "no hardening: it needs 30 true penumbrae wider than 4 px on planes, whose widths differ by a factor of 3"
 )
+COLUMNS = {
+    False: {"SSIM": "ssim", "edge px": "edge_px", "acne": "acne", "leak": "leak"},
+    True: {"RMSE pen": "rmse_pen", "IoU": "iou", "SSIM": "ssim"}
+    | {name: name for name in ("bleed", "noise", "width", "hardening")},
+}
+"""Metrics that tables and charts show besides the error, of hard and of soft shadows (True): heading and name."""
 _BRACKETS = "( ): range over the cells; [ ], and bars of charts: 95% confidence interval of the median, by bootstrap"
 
 

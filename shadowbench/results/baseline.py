@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from shadowbench.errors import InputError, counted
-from shadowbench.files import replace_file
+from shadowbench.files import make_folder, replace_file
 from shadowbench.measure.flips import FLIPS, ROW_METRICS, row_metrics
 from shadowbench.measure.rows import SCHEMA, Record, Result, driver_of
 from shadowbench.results.folder import IDENTITY, Run, identity, read_runs
@@ -121,8 +121,8 @@ def check(
         notes.append(f"{older} of earlier commands in {folder} left out; run.json lists those of the last")
     notes += [
         f"{one.folder / 'rows.jsonl'}: the last line is cut off and was ignored; its writer was stopped"
-        for one in (whole, before)
-        if one is not None and one.cut_off
+        for one in filter(None, (whole, before))
+        if one.cut_off
     ]
     return CheckResult(run, before, replace(findings, notes=tuple(notes)))
 
@@ -144,23 +144,28 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     left_out, notes = _not_compared(found, baseline)
     allowed = {name: tolerances.get(name, one.tolerance) for name, one in ROW_METRICS.items() if name not in left_out}
     pairs = [(old, now[key]) for key, old in then.items() if key in now]
-    drawn = [(old, new) for old, new in pairs if old.score["status"] == new.score["status"] == "ok"]
     changes = [
         Change(old.score, "status", old.status, MISSING, "regressed") for key, old in then.items() if key not in now
     ]
-    for old, new in pairs:
-        before, after = old.score["status"], new.score["status"]
-        if (before == "ok") != (after == "ok"):  # another reason of failure is no change
-            verdict: Verdict = "regressed" if before == "ok" else "improved"
-            changes.append(Change(new.score, "status", before, after, verdict))
-    for old, new in drawn:
-        changes += [*_metrics(old.score, new.score, allowed), *_work(old, new), *_time(old, new)]
-    changes.sort(key=lambda change: -change.excess)
+    changes += [change for old, new in pairs for change in _changes(old, new, allowed)]
+    changes.sort(key=lambda change: (-change.excess, change.what != "status"))
     if extra := len(now.keys() - then.keys()):
         notes.append(f"{counted(extra, 'cell')} {'is' if extra == 1 else 'are'} not in the baseline")
+    drawn = [(old, new) for old, new in pairs if old.score["status"] == new.score["status"] == "ok"]
     equal = sum(_same_mask(old.score, new.score, allowed) for old, new in drawn)
     timed = sum(comparable(old, new) for old, new in drawn)
     return Findings(tuple(changes), len(pairs), equal, timed, tuple(notes))
+
+
+def _changes(old: Result, new: Result, allowed: Mapping[str, float]) -> Iterator[Change]:
+    """Changes of a cell. A different reason of failure is none."""
+    before, after = old.score["status"], new.score["status"]
+    if before == after == "ok":
+        yield from _metrics(old.score, new.score, allowed)
+        yield from _work(old, new)
+        yield from _time(old, new)
+    elif "ok" in (before, after):
+        yield Change(new.score, "status", before, after, "regressed" if before == "ok" else "improved")
 
 
 def _not_compared(*sides: Sequence[Result]) -> tuple[set[str], list[str]]:
@@ -252,10 +257,7 @@ def _standard_error(time: Record) -> float:
 
 
 def write_baseline(results: Sequence[Result], folder: Path) -> None:
-    """Write a baseline's `rows.jsonl` atomically: score records, then time records.
-
-    Raises InputError if there is no cell, if a cell failed, and if the folder cannot be written.
-    """
+    """Write a baseline's `rows.jsonl` atomically. Raises InputError without a cell, and if one failed."""
     if not results:
         raise InputError("--update: found no cell; allowed: a run whose last command measured one or more")
     failed = [result for result in results if result.status.startswith("failed")]
@@ -267,10 +269,7 @@ def write_baseline(results: Sequence[Result], folder: Path) -> None:
     # The command line is left out: it may name local paths, and comparisons do not use it.
     scores = [{name: value for name, value in result.score.items() if name != "command"} for result in results]
     records = [*scores, *(result.time for result in results if result.time)]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from None
+    make_folder(folder)
     with replace_file(folder / "rows.jsonl") as temporary:
         lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
         temporary.write_text("".join(lines), encoding="utf-8")

@@ -157,7 +157,7 @@ class Configuration:
 class Section:
     """Results of one run in one scene, under one light where there are several; configurations: best first.
 
-    frame: the run's cells, with times normalised to `reference`, which is None if no cell has a time ratio.
+    frame: the run's cells, with times normalised to `reference`, None if no cell has a time ratio.
     """
 
     run: Run
@@ -238,10 +238,7 @@ def _scenes(frame: pd.DataFrame) -> pd.Series:
 
 
 def by_kind(sections: Sequence[Section]) -> list[list[Section]]:
-    """The sections with hard shadows and those with soft ones, whose errors are not comparable; without empty lists.
-
-    A section without any score is of neither kind.
-    """
+    """The sections with hard shadows, and those with soft ones, whose errors are not comparable; no empty lists."""
     kinds = [[section for section in sections if section.scored and section.soft == soft] for soft in (False, True)]
     return [kind for kind in kinds if kind]
 

@@ -21,13 +21,11 @@ class Slope:
 
 
 def slopes(section: Section) -> list[Slope]:
-    """Convergence slope of every spec with two or more map sizes, fitted per view, light and phase.
-
-    Cells without any error are left out, as log 0 is undefined.
-    """
+    """Convergence slope of every spec with two or more map sizes, fitted per view, light and phase."""
     metric, frame = section.ranked_by, section.frame
     value = frame[metric.name].astype(float)
     errors = 1 - value if metric.better == "higher" else value
+    # log 0 is undefined
     sized = frame[(frame["status"] == "ok") & frame["map_size"].notna() & (errors > 0)]
     logs = sized.assign(log_size=np.log(sized["map_size"].astype(float)), log_error=np.log(errors[sized.index]))
     found = []

@@ -38,10 +38,7 @@ _COMMA = re.compile(r",(?![^()]*\))")  # outside parentheses
 
 
 def identity(record: Record) -> tuple[Any, ...]:
-    """Identity of a cell, by which cells of two runs are matched, independent of source code.
-
-    The order of a spec's parameters, which follows the code, does not matter.
-    """
+    """Identity of a cell, by which cells of two runs are matched whatever the code and its order of parameters."""
     return _parts_of(record["full_spec"]), *_identity_of(record)
 
 
@@ -157,10 +154,7 @@ def read_runs(folders: Sequence[Path], fields: Set[str] | None = None) -> list[R
 
 
 def write_cells(folder: Path, positions: SweepPositions) -> Run:
-    """Write `table.csv`, one line per cell of the folder, and return the folder.
-
-    positions: of specs in the bias sweeps of the command that has just written `run.json`.
-    """
+    """Write `table.csv`, a line per cell of the folder, which is returned; positions: of specs in new bias sweeps."""
     (run,) = read_runs([folder])
     names = ["spec", "map_size"]
     cells = pd.DataFrame([[row[name] for name in names] for row in run.rows], columns=names)

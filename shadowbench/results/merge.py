@@ -16,7 +16,7 @@ from shadowbench.errors import InputError, counted
 from shadowbench.extremes.axes import AXES
 from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.row_store import command_line, read_run_file, stream_rows
-from shadowbench.measure.rows import SCHEMA, Record, RunFile
+from shadowbench.measure.rows import SCHEMA, Record, RunFile, StudyFacts
 from shadowbench.results.folder import read_folders, rows_file, write_cells
 from shadowbench.results.ranges import operating_ranges, points_frame, ranges_frame
 from shadowbench.results.tables import read_sweep_positions, write_table
@@ -36,26 +36,15 @@ class _Score(NamedTuple):
     cell: str
     values: dict[str, Any]  # of `status`, `mask` and each metric
 
-    @property
-    def failed(self) -> bool:
-        return bool(self.values["status"] == "failed")
-
-
-class _Time(NamedTuple):
-    """A time row: its folder, line and machine."""
-
-    folder: Path
-    line: int
-    machine: str | None
-
 
 @dataclass(eq=False)
 class _Rows:
-    """The last score row of each key in each folder, time rows by hash, and folders whose last line is incomplete."""
+    """Contents of folders: the last score row of each key in each, folder, line and machine of time rows by hash."""
 
     cells: dict[str, list[_Score]] = field(default_factory=dict)
-    times: dict[int, _Time] = field(default_factory=dict)
-    cut_off: list[Path] = field(default_factory=list)
+    times: dict[int, tuple[Path, int, str | None]] = field(default_factory=dict)
+    abouts: dict[Path, RunFile] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -95,18 +84,11 @@ def merge(folders: Sequence[Path], output: Path) -> MergeResult:
     if output.exists() and not output.is_dir():
         raise InputError(f"-o {output}: is a file; {_NEW}")
     rows = _read(sources)
-    abouts = {folder: read_run_file(folder / "run.json") for folder in sources}
-    notes = [f"{folder}: the last row is cut off: its command was stopped; {_AGAIN}" for folder in rows.cut_off]
-    notes += [
-        f"{folder}: found no run.json; if its command was stopped, {_AGAIN}"
-        for folder, about in abouts.items()
-        if not about and folder not in rows.cut_off
-    ]
     conflicts = [conflict for scores in rows.cells.values() for conflict in _conflicts(scores)]
-    if not conflicts:
-        notes += _write(rows, abouts, output)
-    machines = {time.machine for time in rows.times.values()}
-    return MergeResult(len(rows.cells), len(rows.times), len(machines), tuple(notes), tuple(conflicts))
+    written = [] if conflicts else _write(rows, output)
+    machines = {machine for _, _, machine in rows.times.values()}
+    counts = len(rows.cells), len(rows.times), len(machines)
+    return MergeResult(*counts, (*rows.notes, *written), tuple(conflicts))
 
 
 def _read(sources: Sequence[Path]) -> _Rows:
@@ -125,9 +107,12 @@ def _read(sources: Sequence[Path]) -> _Rows:
                 renderers |= set() if "content" in row else {row["renderer"]}  # a folder of `score` has none
             else:
                 told = hash(json.dumps(row, sort_keys=True))
-                rows.times.setdefault(told, _Time(folder, number, row.get("machine")))
+                rows.times.setdefault(told, (folder, number, row.get("machine")))
+        rows.abouts[folder] = read_run_file(folder / "run.json")
         if complete < file.stat().st_size:
-            rows.cut_off.append(folder)
+            rows.notes.append(f"{folder}: the last row is cut off: its command was stopped; {_AGAIN}")
+        elif not rows.abouts[folder]:
+            rows.notes.append(f"{folder}: found no run.json; if its command was stopped, {_AGAIN}")
         if len(commands) != 1:
             found = "cells of `run` and of `stress`" if commands else "no cell"
             raise InputError(f"{folder}: found {found}; allowed: cells of one command")
@@ -158,14 +143,15 @@ def _values(row: Record) -> dict[str, Any]:
 
 
 def _chosen(scores: Sequence[_Score]) -> _Score:
-    return next((one for one in scores if not one.failed), scores[0])
+    """The first row that did not fail, else the last one."""
+    return next((one for one in scores if one.values["status"] != "failed"), scores[-1])
 
 
 def _conflicts(scores: Sequence[_Score]) -> Iterator[Conflict]:
     """What differs between the chosen row of a key and the other ones that did not fail."""
     first = _chosen(scores)
     for other in scores:
-        if other is first or other.failed:
+        if other is first or other.values["status"] == "failed":
             continue
         unequal = [name for name in first.values | other.values if _differ(first, other, name)]
         for name in ["status"] if "status" in unequal else unequal:
@@ -180,11 +166,10 @@ def _differ(first: _Score, other: _Score, name: str) -> bool:
     return bool(one != two)
 
 
-def _write(rows: _Rows, abouts: Mapping[Path, RunFile], output: Path) -> list[str]:
+def _write(rows: _Rows, output: Path) -> list[str]:
     """Write all files beside the output, and rename the folder; what a killed merge left there is replaced.
 
-    Returns notes: on images that were left out or taken from another folder, and on cells of the last commands that the
-    result does not show, as another row represents them.
+    Returns notes on images, and on cells of the last commands that another row represents.
     """
     target = output.resolve()
     beside = target.with_name(f".{target.name}.merging")
@@ -193,16 +178,16 @@ def _write(rows: _Rows, abouts: Mapping[Path, RunFile], output: Path) -> list[st
         shutil.rmtree(beside, ignore_errors=True)
         beside.mkdir(parents=True)
         with (beside / "rows.jsonl").open("wb") as merged:
-            for source in abouts:
+            for source in rows.abouts:
                 kept = {score.line for score in cells.values() if score.folder == source}
-                kept |= {time.line for time in rows.times.values() if time.folder == source}
+                kept |= {line for folder, line, _ in rows.times.values() if folder == source}
                 with (source / "rows.jsonl").open("rb") as stream:
                     merged.writelines(line for number, line in enumerate(stream, start=1) if number in kept)
-        about = _run_file(rows, cells, abouts)
+        about = _run_file(rows, cells)
         text = json.dumps(about, indent=2, ensure_ascii=False)
         (beside / "run.json").write_text(text + "\n", encoding="utf-8", errors="replace")
-        notes = _link_images(list(abouts), cells, beside)
-        hidden = set(about["keys"]) - {row["key"] for row in _write_tables(list(abouts), beside)}
+        notes = _link_images(list(rows.abouts), cells, beside)
+        hidden = set(about["keys"]) - {row["key"] for row in _write_tables(list(rows.abouts), beside)}
         with suppress(FileNotFoundError):
             target.rmdir()  # an empty one
         beside.rename(target)
@@ -280,31 +265,33 @@ def _link(files: Iterable[Path], folder: Path, hashes: Mapping[str, str | None] 
     return refused
 
 
-def _run_file(rows: _Rows, cells: Mapping[str, _Score], abouts: Mapping[Path, RunFile]) -> dict[str, Any]:
-    """Contents of `run.json`: machine and versions of the folder with the most times, cells and notes of all.
-
-    Of the studies, scenes and specs of all, and the values in which they agree.
-    """
-    times = Counter(time.machine for time in rows.times.values())
-    main = max(abouts.values(), key=lambda about: (times[about.get("machine_key")], len(about)))
-    own = (
-        about.get("keys") or [key for key, one in cells.items() if one.folder == folder]
-        for folder, about in abouts.items()
-    )
-    studies: list[Mapping[str, Any]] = [about["study"] for about in abouts.values() if "study" in about]
-    merged: dict[str, Any] = {}
-    for name in dict.fromkeys(name for study in studies for name in study):
-        values = [study[name] for study in studies if name in study]
-        if name in ("scenes", "specs"):
-            merged[name] = list(dict.fromkeys(value for several in values for value in several))
-        elif all(value == values[0] for value in values):
-            merged[name] = values[0]
+def _run_file(rows: _Rows, cells: Mapping[str, _Score]) -> dict[str, Any]:
+    """Contents of `run.json`: facts of the folder with the most times, cells and notes of all, what studies share."""
+    times = Counter(machine for _, _, machine in rows.times.values())
+    main = max(rows.abouts.values(), key=lambda about: (times[about.get("machine_key")], len(about)))
+    notes: dict[str, None] = {}
+    keys: dict[str, None] = {}
+    for folder, about in rows.abouts.items():
+        notes |= dict.fromkeys(about.get("assumptions", ()))
+        keys |= dict.fromkeys(about.get("keys") or [key for key, one in cells.items() if one.folder == folder])
     return {
         **main,
         "schema": SCHEMA,
         "command": command_line(),
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "assumptions": list(dict.fromkeys(note for about in abouts.values() for note in about.get("assumptions", ()))),
-        "study": merged,
-        "keys": list(dict.fromkeys(key for keys in own for key in keys if key in cells)),
+        "assumptions": list(notes),
+        "study": _shared([about["study"] for about in rows.abouts.values() if "study" in about]),
+        "keys": [key for key in keys if key in cells],
     }
+
+
+def _shared(studies: Sequence[StudyFacts]) -> dict[str, Any]:
+    """Scenes and specs of all studies, and the values in which they agree."""
+    found: dict[str, Any] = {}
+    for name in dict.fromkeys(name for study in studies for name in study):
+        values = [study[name] for study in studies if name in study]  # type: ignore[literal-required]
+        if name in ("scenes", "specs"):
+            found[name] = list(dict.fromkeys(value for several in values for value in several))
+        elif all(value == values[0] for value in values):
+            found[name] = values[0]
+    return found

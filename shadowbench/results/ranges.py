@@ -55,10 +55,7 @@ def tolerances_of(metrics: Mapping[str, float | None]) -> dict[str, float]:
 
 
 def failure(row: Record) -> Failure | None:
-    """Why a row's cell is out of tolerance, by its worst metric; None if it is in tolerance or unsupported.
-
-    IoU or RMSE is given only if the others are in tolerance, as is a metric without a value.
-    """
+    """Why a row's cell is out of tolerance, by its worst metric, IoU and RMSE last; None if it is not."""
     status = str(row["status"])
     if status.startswith("failed: "):
         reason = status.removeprefix("failed: ")
@@ -160,17 +157,14 @@ def operating_range(axis: Axis, rows: Sequence[Record]) -> OperatingRange:
     failures = {value: reason for value in values if (reason := failure(by_value[value])) is not None}
     refused = [value for value in values if str(by_value[value]["status"]).startswith("unsupported")]
     held = [value for value in values if value not in failures and value not in refused]
-    broken = list(failures)
-    if axis.ordered:
-        held, ends = _around(values, axis.default, held)
-        broken = [value for value in ends if value in failures]
+    held, ends = _around(values, axis.default, held) if axis.ordered else (held, list(failures))
     return OperatingRange(
         technique=rows[0]["technique"],
         spec=rows[0]["home_spec"],
         axis=axis,
         light=str(rows[0]["light_kind"]),
         in_tolerance=tuple(held),
-        breaks=tuple(Break(value, failures[value]) for value in broken),
+        breaks=tuple(Break(value, failures[value]) for value in ends if value in failures),
         unsupported=tuple(refused),
         worst=tuple(dict.fromkeys(reason.kind for reason in failures.values())),
         swept=tuple(values),
@@ -188,10 +182,7 @@ def _around(values: list[Value], default: Value, held: list[Value]) -> tuple[lis
 
 
 def operating_ranges(axes: Iterable[Axis], rows: Iterable[Record]) -> list[OperatingRange]:
-    """All operating ranges, in the order of the axes; none on an ordered axis whose default value was not measured.
-
-    It is around the default value that an ordered axis has its range, and a part of a sweep may be without it.
-    """
+    """All operating ranges, in the order of the axes; none on an ordered axis whose default value was not measured."""
     groups: dict[tuple[str, str, str], list[Record]] = {}
     for row in rows:
         groups.setdefault((row["axis"], row["home_spec"], row["light_kind"]), []).append(row)

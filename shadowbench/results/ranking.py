@@ -77,10 +77,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class CostCell:
-    """The cheapest candidate that meets a target, None if none does, and the closest candidate.
-
-    ties: other candidates that cost as much, within the noise of the times.
-    """
+    """The cheapest candidate that meets a target, None if none does, those that tie with it, and the closest one."""
 
     target: Target
     cheapest: Candidate | None
@@ -159,10 +156,7 @@ def _cost(one: Candidate) -> tuple[int, bool, float, float, str]:
 
 
 def ties(found: Sequence[Candidate], best: Candidate, target: Target) -> tuple[Candidate, ...]:
-    """Other candidates that meet a target in as many scenes as the best, whose time may differ by noise only.
-
-    The interquartile ranges of both times overlap.
-    """
+    """Other candidates that meet a target in as many scenes as the best, at a time whose IQR overlaps with its."""
 
     def near(one: Candidate) -> bool:
         spread = sum(side.mean.value("frame_iqr_ms") or 0.0 for side in (one, best))

@@ -61,10 +61,7 @@ class RepeatResult:
 
 
 def compare_folders(first: Path, second: Path | None = None) -> RepeatResult:
-    """Compare two folders of one study on one machine, or the last two times of each cell of one folder.
-
-    Raises InputError for folders that cannot be compared, or in which no two cells differ sharply.
-    """
+    """Compare two folders of one study, or the last two times of each cell of one folder. Raises InputError."""
     found = compare_runs(*(_timed_twice(first) if second is None else _two_folders(first, second)))
     if not any(ranking.sharp for ranking in found.rankings):
         raise InputError(

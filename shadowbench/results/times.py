@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from shadowbench.errors import counted
+
 ROUGH = 1 / 3
 """IQR of a time relative to its median above which the time is marked as rough."""
 
@@ -24,9 +26,8 @@ _SCALED = ("added_ms", "wall_ms", "still_ms", "camera_ms", "light_ms")  # beside
 class ReferenceTime:
     """Reference time to which the times of a table are normalised: its name, and its median over blocks in ms.
 
-    shortest_ms, longest_ms: range over the blocks of one view and light, that with the largest spread; the reference
-    may cost more in other views. left_out: number of cells timed against another reference or without a ratio.
-    one_round: whether a cell was timed once only.
+    shortest_ms, longest_ms: range over the blocks of the view and light with the largest spread; left_out: number of
+    cells timed against another reference or without a ratio; one_round: whether a cell was timed once only.
     """
 
     name: str
@@ -96,13 +97,10 @@ def time_notes(reference: ReferenceTime | None, rough: Sequence[bool] = ()) -> l
         span = f"{reference.shortest_ms:.3g} to {reference.longest_ms:.3g} ms"
         notes.append(f"the load of the machine varied: {name} took {span}; rely on ratios rather than on ms")
     if any(rough):
-        count = f"{sum(rough)} of {len(rough)} times"
-        notes.append(
-            f"~: {count} have an interquartile range above a third of their median; more rounds would narrow it"
-        )
+        wide = f"{sum(rough)} of {len(rough)} times have an interquartile range above a third of their median"
+        notes.append(f"~: {wide}; more rounds would narrow it")
     if reference.one_round:
         notes.append("timed in one round: how far times vary is unknown, and no ~ marks a rough one")
     if reference.left_out:
-        count = f"{reference.left_out} cell{'' if reference.left_out == 1 else 's'}"
-        notes.append(f"times of {count} left out: they have no ratio to {name}")
+        notes.append(f"times of {counted(reference.left_out, 'cell')} left out: they have no ratio to {name}")
     return notes

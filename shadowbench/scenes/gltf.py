@@ -17,7 +17,7 @@ from shadowbench.scenes.geometry import Triangles, triangles_of
 from shadowbench.scenes.gltf_bytes import STRIP, TRIANGLES, read_json, read_primitives
 from shadowbench.scenes.gltf_layout import Layout, NodeTable, Primitive
 from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
-from shadowbench.scenes.tables import LONGEST_NAME, name_from
+from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, name_from
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.strict import validated
 
@@ -59,6 +59,15 @@ def read_gltf(path: Path, where: str) -> Contents:
     for number, primitive, positions, faces in read_primitives(layout, chunk, path, where):
         sources[number].append((triangles_of(positions, faces, where), _base_color(layout, primitive)))
     nodes = list(_nodes(layout))
+    instances = _instances(layout, nodes, sources, where)
+    cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
+    return Contents(instances, cameras[0], lights[0], notes + cameras[1] + lights[1])
+
+
+def _instances(
+    layout: Layout, nodes: list[Node], sources: list[list[tuple[Triangles, Vec3]]], where: str
+) -> list[tuple[Mesh, Floats]]:
+    """The primitives of visible nodes, each with its matrix. sources: triangles and colours by mesh."""
     instances: list[tuple[Mesh, Floats]] = []
     hidden = 0
     for node in nodes:
@@ -73,8 +82,7 @@ def read_gltf(path: Path, where: str) -> Contents:
             instances.append((Mesh(name if len(rows) == 1 else f"{name} {k}", *triangles, color), node.matrix))
     if hidden and not any(len(mesh.faces) for mesh, _ in instances):
         raise InputError(f"{where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
-    cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
-    return Contents(instances, cameras[0], lights[0], notes + cameras[1] + lights[1])
+    return instances
 
 
 def _base_color(layout: Layout, primitive: Primitive) -> Vec3:
@@ -128,16 +136,17 @@ def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera
         if data.type == "orthographic":
             orthographic += 1
             continue
-        if data.perspective is None:
-            raise InputError(f"{where}: camera: perspective: found none; it must be given")
-        fov, near, far = data.perspective.yfov, data.perspective.znear, data.perspective.zfar
-        if far is not None and near >= far:
-            raise InputError(f"{where}: camera: znear is {near:g} and zfar {far:g}; allowed: znear < zfar")
+        if data.yfov < (least := math.radians(NARROWEST)):
+            raise InputError(f"{where}: camera: perspective: yfov is {data.yfov:g} rad; allowed: from {least:.3g}")
+        if not 0.0 < data.znear < (math.inf if data.zfar is None else data.zfar):
+            found = f"znear is {data.znear:g} and zfar {data.zfar}"
+            raise InputError(f"{where}: camera: perspective: {found}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
         name = _unique(node.data.name or data.name, "camera", {camera.name for camera in cameras})
         # The distance of the target scales with the position's coordinates, so that rounding keeps the direction.
+        up = vec3(unit(node.matrix[:3, 1]))
         target = vec3(position + forward * max(1.0, float(np.linalg.norm(position))))
-        cameras.append(Camera(name, vec3(position), target, fov, vec3(unit(node.matrix[:3, 1])), near, far))
+        cameras.append(Camera(name, vec3(position), target, data.yfov, up, data.znear, data.zfar))
     left_out = f"{where}: {orthographic} orthographic camera(s) left out: cameras here are perspective"
     return cameras, [left_out] if orthographic else []
 
@@ -189,27 +198,34 @@ def _unique(name: str | None, default: str, taken: set[str]) -> str:
 
 def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
     """A note for each kind of feature that is ignored or simplified."""
-    primitives = [primitive for mesh in layout.meshes for primitive in mesh.primitives]
-    materials = [layout.materials[index] for index in {p.material for p in primitives if p.material is not None}]
-    see_through = [m for m in materials if m.alphaMode != "OPAQUE" or "KHR_materials_transmission" in m.extensions]
-    invisible = [node.data for node in nodes if not node.visible]
-    names = {*layout.extensionsUsed, *layout.extensions}.union(*(node.extensions for node in layout.nodes))
-    others = sorted(name for name in names if not HONOURED.fullmatch(name) and name != INSTANCING)
+    hidden = [node.data for node in nodes if not node.visible]
+    materials, primitives = _materials(layout), [primitive for mesh in layout.meshes for primitive in mesh.primitives]
     found = [
-        (sum(node.mesh is not None for node in invisible), "mesh(es) of hidden nodes left out"),
-        (sum(node.light is not None for node in invisible), "light(s) of hidden nodes left out"),
-        (len(see_through), "see-through material(s) drawn opaque"),
-        (len(layout.animations), "animation(s) drawn still, as the nodes stand"),
-        (sum(node.skin is not None for node in layout.nodes), "skinned mesh(es) drawn still, undeformed"),
-        (sum(p.targets is not None for p in primitives), "morphed primitive(s) drawn still, in their base shape"),
+        ([node.mesh is not None for node in hidden], "mesh(es) of hidden nodes left out"),
+        ([node.light is not None for node in hidden], "light(s) of hidden nodes left out"),
+        (materials, "see-through material(s) drawn opaque"),
+        ([True] * len(layout.animations), "animation(s) drawn still, as the nodes stand"),
+        ([node.skin is not None for node in layout.nodes], "skinned mesh(es) drawn still, undeformed"),
+        ([each.targets is not None for each in primitives], "morphed primitive(s) drawn still, in their base shape"),
         (
-            sum(p.mode not in (TRIANGLES, STRIP) for p in primitives),
+            [each.mode not in (TRIANGLES, STRIP) for each in primitives],
             "primitive(s) of points or lines left out: they have no surface",
         ),
-        (sum(INSTANCING in node.extensions for node in layout.nodes), "GPU-instanced node(s) drawn once"),
+        ([INSTANCING in node.extensions for node in layout.nodes], "GPU-instanced node(s) drawn once"),
     ]
-    notes = [f"{where}: {count} {line}" for count, line in found if count]
-    if others:
-        shown = ", ".join(f"{name:.40}" for name in others[:5]) + ", ..." * (len(others) > 5)
-        notes.append(f"{where}: drawn as if the file did not use {shown}")
-    return notes
+    return [f"{where}: {sum(which)} {line}" for which, line in found if any(which)] + _ignored(layout, where)
+
+
+def _materials(layout: Layout) -> list[bool]:
+    """Whether each used material is see-through."""
+    used = {primitive.material for mesh in layout.meshes for primitive in mesh.primitives} - {None}
+    materials = [layout.materials[index] for index in used if index is not None]
+    return [one.alphaMode != "OPAQUE" or "KHR_materials_transmission" in one.extensions for one in materials]
+
+
+def _ignored(layout: Layout, where: str) -> list[str]:
+    """A note on the extensions that change what is seen and are not read, if there are any."""
+    names = {*layout.extensionsUsed, *layout.extensions}.union(*(node.extensions for node in layout.nodes))
+    found = sorted(name for name in names if not HONOURED.fullmatch(name) and name != INSTANCING)
+    shown = ", ".join(f"{name:.40}" for name in found[:5]) + ", ..." * (len(found) > 5)
+    return [f"{where}: drawn as if the file did not use {shown}"] if found else []

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.draco import Blob, decode
+from shadowbench.scenes.draco import Blob, Decoded, decode
 from shadowbench.scenes.gltf_layout import Accessor, Layout, Primitive
 
 TRIANGLES, STRIP = 4, 5
@@ -63,27 +63,33 @@ def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str)
         for number in range(len(layout.buffers))
     ]
     primitives = [(number, each) for number, mesh in enumerate(layout.meshes) for each in mesh.primitives]
-    blobs = {}  # many primitives may share one
-    for _, primitive in primitives:
-        if (draco := primitive.draco) is not None and "POSITION" in draco.attributes:
-            view = layout.bufferViews[draco.bufferView]
-            data = buffers[view.buffer][view.byteOffset : view.end]
-            blobs[draco.bufferView, draco.attributes["POSITION"]] = Blob(data, draco.attributes["POSITION"])
-    decoded = dict(zip(blobs, decode([*blobs.values()], where), strict=True)) if blobs else {}
-    for number, primitive in primitives:
-        if primitive.mode not in (TRIANGLES, STRIP):
+    decoded = _decompressed(layout, buffers, [primitive for _, primitive in primitives], where)
+    for number, each in primitives:
+        if each.mode not in (TRIANGLES, STRIP):
             continue
         mesh_where = f"{where}: mesh {layout.meshes[number].name or number + 1!r:.60}"
-        draco = primitive.draco
-        if "POSITION" not in primitive.attributes or (draco is not None and "POSITION" not in draco.attributes):
+        position = each.attributes.get("POSITION")
+        if position is None or (each.draco is not None and each.draco_position is None):
             raise InputError(f"{mesh_where}: a primitive has no POSITION")
-        position = primitive.attributes["POSITION"]
-        if draco is not None:
-            positions, faces = decoded[draco.bufferView, draco.attributes["POSITION"]]
+        if each.draco is not None:
+            positions, faces = decoded[each.draco, each.draco_position]
         else:
             positions = _array(layout, buffers, position, "VEC3", where)
-            faces = _faces(layout, buffers, primitive, len(positions), mesh_where)
-        yield TrianglePrimitive(number, primitive, _dequantized(positions, layout.accessors[position]), faces)
+            faces = _faces(layout, buffers, each, len(positions), mesh_where)
+        yield TrianglePrimitive(number, each, _dequantized(positions, layout.accessors[position]), faces)
+
+
+def _decompressed(
+    layout: Layout, buffers: list[bytes], primitives: list[Primitive], where: str
+) -> dict[tuple[int, int | None], Decoded]:
+    """All primitives of KHR_draco_mesh_compression, decoded once each, by bufferView and id of the positions."""
+    blobs = {}
+    for each in primitives:
+        if each.draco is not None and each.draco_position is not None:
+            view = layout.bufferViews[each.draco]
+            data = buffers[view.buffer][view.byteOffset : view.end]
+            blobs[each.draco, each.draco_position] = Blob(data, each.draco_position)
+    return dict(zip(blobs, decode([*blobs.values()], where), strict=True)) if blobs else {}
 
 
 def _faces(layout: Layout, buffers: list[bytes], primitive: Primitive, count: int, where: str) -> NDArray[Any]:

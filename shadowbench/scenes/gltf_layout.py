@@ -15,11 +15,12 @@ from pydantic import (
 )
 
 from shadowbench.scenes.geometry import MOST_TRIANGLES
-from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED, NARROWEST
+from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
 
 DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by componentType
 NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # of components, by type
 LIGHTS = AliasPath("extensions", "KHR_lights_punctual", "lights")
+DRACO = ("extensions", "KHR_draco_mesh_compression")
 
 Count = Annotated[int, Field(ge=0, le=2**53, strict=True)]
 Number = Annotated[float, Field(strict=True)]
@@ -85,22 +86,19 @@ class NodeTable(_JsonObject):
     extensions: dict[str, Any] = {}
 
 
-class Draco(_JsonObject):
-    """KHR_draco_mesh_compression of a primitive: its compressed bytes, and the Draco ids of its attributes."""
-
-    bufferView: ViewIndex
-    attributes: dict[str, Count]
-
-
 class Primitive(_JsonObject):
-    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip of triangles; no fan."""
+    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip of triangles; no fan.
+
+    draco, draco_position: bufferView of KHR_draco_mesh_compression, and the Draco id of the positions.
+    """
 
     attributes: dict[str, AccessorIndex]
     indices: AccessorIndex | None = None
     mode: Literal[0, 1, 2, 3, 4, 5] = 4
     material: Annotated[Count, _index_into("materials")] | None = None
     targets: list[Any] | None = None
-    draco: Draco | None = Field(None, validation_alias=AliasPath("extensions", "KHR_draco_mesh_compression"))
+    draco: ViewIndex | None = Field(None, validation_alias=AliasPath(*DRACO, "bufferView"))
+    draco_position: Count | None = Field(None, validation_alias=AliasPath(*DRACO, "attributes", "POSITION"))
 
 
 class _Mesh(_JsonObject):
@@ -149,16 +147,12 @@ class _Material(_JsonObject):
     extensions: dict[str, Any] = {}
 
 
-class _Perspective(_JsonObject):
-    yfov: Annotated[Number, Field(ge=math.radians(NARROWEST), lt=math.pi)]
-    znear: Annotated[Number, Field(gt=0.0)]
-    zfar: Number | None = None
-
-
 class _Camera(_JsonObject):
     name: str | None = None
     type: Literal["perspective", "orthographic"]
-    perspective: _Perspective | None = None
+    yfov: Number = Field(0.0, lt=math.pi, validation_alias=AliasPath("perspective", "yfov"))
+    znear: Number = Field(0.0, validation_alias=AliasPath("perspective", "znear"))
+    zfar: Number | None = Field(None, validation_alias=AliasPath("perspective", "zfar"))
 
 
 class _Light(_JsonObject):

@@ -39,7 +39,7 @@ def load_scene(source: str | Path, assets: Path | None = None, up: str | None = 
     if suffix == ".toml":
         return read_scene_file(path, assets)
     if suffix in MESH_SUFFIXES:
-        return read_mesh_scene(path, up)
+        return _read_mesh_scene(path, up)
     if isinstance(source, Path) or path.name != text or os.path.lexists(path):
         kinds = " ".join((".toml", *MESH_SUFFIXES))
         raise InputError(f"{text:.200}: unknown kind of file; allowed: a built-in scene's name, or {kinds}")
@@ -57,7 +57,7 @@ def _check_up(up: str, source: str) -> None:
         )
 
 
-def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
+def _read_mesh_scene(path: Path, up: str | None) -> Scene:
     """The scene of a mesh file: a glTF's own cameras and lights, and defaults, with notes, for those it has not."""
     name = name_from(path.stem)
     if not NAME.fullmatch(name):

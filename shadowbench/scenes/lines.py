@@ -70,8 +70,7 @@ class Rows(NamedTuple):
     @property
     def vectors(self) -> NDArray[Any]:
         """(L, 3) the first three numbers of each line."""
-        vectors: NDArray[Any] = self.values[self.starts[:, None] + np.arange(3)]
-        return vectors
+        return np.asarray(self.values[self.starts[:, None] + np.arange(3)])
 
 
 def with_newlines(data: bytes) -> bytes:

@@ -20,10 +20,9 @@ from shadowbench.scenes.geometry import (
 )
 from shadowbench.scenes.gltf import Contents, read_gltf
 from shadowbench.scenes.model import Mesh, Scene
-from shadowbench.scenes.obj import read_obj, read_off
+from shadowbench.scenes.obj_off_stl import read_obj, read_off, read_stl
 from shadowbench.scenes.ply import read_ply
 from shadowbench.scenes.polygons import Polygons, triangulated
-from shadowbench.scenes.stl import read_stl
 from shadowbench.scenes.vectors import Floats
 from shadowbench.strict import short
 

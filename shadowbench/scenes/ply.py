@@ -23,6 +23,7 @@ TYPES = {
     "double": "f8", "float64": "f8",
 }  # fmt: skip
 Order = Literal["=", "<", ">"]
+Row = tuple[list[int], list[int], int]
 ORDERS: dict[str, Order] = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 INDICES = ("vertex_indices", "vertex_index")
 END = re.compile(rb"end_header[ \t]*(\r\n|\n|\r)")
@@ -59,15 +60,14 @@ def read_ply(data: bytes, where: str) -> Polygons:
     if not data.startswith(b"ply") or end is None:
         raise InputError(f"{where}: is not a PLY: its header must begin with 'ply' and end with 'end_header'")
     order, elements = _header(data[: end.start()].decode("utf-8", errors="replace"), where)
-    columns: dict[tuple[str, str], Column] = {}
+    columns: dict[str, dict[str, Column]] = {}
     body, at = data[end.end() :], 0
     lines = lines_of(with_newlines(body), f"{where}: after the header") if order == "=" else None
     for element in elements:
         if lines is not None:
-            rows, at = _text_rows(element, lines, at)
+            columns[element.name], at = _text_rows(element, lines, at)
         else:
-            rows, at = _binary_rows(element, body, at, order, where)
-        columns |= {(element.name, name): column for name, column in rows.items()}
+            columns[element.name], at = _binary_rows(element, body, at, order, where)
     beyond = (len(body) if lines is None else len(lines.starts)) - at
     notes = [f"{where}: {beyond} {'bytes' if lines is None else 'lines'} after its last row left out"] if beyond else []
     others = [f"{e.rows} {e.name:.20}" for e in elements if e.name not in ("vertex", "face") and e.rows]
@@ -76,22 +76,21 @@ def read_ply(data: bytes, where: str) -> Polygons:
     return _polygons(elements, columns, notes, where)
 
 
-def _polygons(
-    elements: list[Element], columns: dict[tuple[str, str], Column], notes: list[str], where: str
-) -> Polygons:
+def _polygons(elements: list[Element], columns: dict[str, dict[str, Column]], notes: list[str], where: str) -> Polygons:
     rows = {element.name: element.rows for element in elements}
     if rows.get("tristrips"):
         raise InputError(f"{where}: triangle strips in a PLY cannot be read; save it with faces")
-    axes = [column for axis in "xyz" if (column := columns.get(("vertex", axis))) is not None and column.counts is None]
-    if len(axes) < 3:
+    vertex, face = columns.get("vertex", {}), columns.get("face", {})
+    if any(axis not in vertex or vertex[axis].counts is not None for axis in "xyz"):
         raise InputError(f"{where}: element vertex: the properties x, y and z are needed, a number each")
-    vertices = np.stack([axis.values.astype(np.float64) for axis in axes], axis=1)
-    lists = {name: c for (of, name), c in columns.items() if of == "face" and c.counts is not None}
-    faces = next((lists[name] for name in (*INDICES, *lists) if name in lists), Column(np.zeros(0), None))
-    if faces.counts is None and rows.get("face"):
+    vertices = np.stack([vertex[axis].values for axis in "xyz"], axis=1, dtype=np.float64)
+    lists = [face[name] for name in (*INDICES, *face) if name in face and face[name].counts is not None]
+    if not lists and rows.get("face"):
         raise InputError(f"{where}: element face: found no list; {INDICES[0]} is needed")
-    counts = np.zeros(0, dtype=np.int64) if faces.counts is None else faces.counts
-    corners = check_indices(faces.values, len(vertices), where)
+    none = np.zeros(0, dtype=np.int64)
+    values, counts = lists[0] if lists else Column(none, none)
+    assert counts is not None
+    corners = check_indices(values, len(vertices), where)
     return Polygons(vertices, corners, counts, np.zeros(len(counts), dtype=np.int64), (None,), notes)
 
 
@@ -105,23 +104,27 @@ def _header(text: str, where: str) -> tuple[Order, list[Element]]:
                 continue
             case ["format", kind, "1.0"] if kind in ORDERS and order is None:
                 order = ORDERS[kind]
-            case ["element", name, count] if count.isdecimal() and name not in [e.name for e in elements]:
+            case ["element", name, count] if order and count.isdecimal() and name not in [e.name for e in elements]:
                 elements.append(Element(name, int(count[:30]), []))
-            case ["property", kind, name] if kind in TYPES and elements:
-                elements[-1].properties.append(Property(name, np.dtype(TYPES[kind]), None))
-            case ["property", "list", length, kind, name] if (
-                kind in TYPES and TYPES.get(length, "f")[0] != "f" and elements
-            ):
-                elements[-1].properties.append(Property(name, np.dtype(TYPES[kind]), np.dtype(TYPES[length])))
+            case ["property", *words] if elements and (found := _property(words, order)) is not None:
+                if found.name in [each.name for each in elements[-1].properties]:
+                    raise InputError(f"{where}: line {number}: two properties have one name")
+                elements[-1].properties.append(found)
             case _:
                 raise InputError(f"{where}: line {number}: {line!r:.60} is not valid in the header of a PLY")
     if order is None:
         raise InputError(f"{where}: found no format; allowed: {', '.join(ORDERS)}")
-    for element in elements:
-        names = [p.name for p in element.properties]
-        if len(set(names)) < len(names):
-            raise InputError(f"{where}: element {element.name:.20}: two properties have one name")
     return order, elements
+
+
+def _property(words: list[str], order: Order | None) -> Property | None:
+    """The property of a line of the header; None if it is not valid."""
+    match words:
+        case [kind, name] if kind in TYPES:
+            return Property(name, np.dtype(f"{order}{TYPES[kind]}"), None)
+        case ["list", length, kind, name] if kind in TYPES and TYPES.get(length, "f")[0] != "f":
+            return Property(name, np.dtype(f"{order}{TYPES[kind]}"), np.dtype(f"{order}{TYPES[length]}"))
+    return None
 
 
 def _text_rows(element: Element, lines: Lines, at: int) -> tuple[dict[str, Column], int]:
@@ -158,53 +161,61 @@ def _text_rows(element: Element, lines: Lines, at: int) -> tuple[dict[str, Colum
 
 def _binary_rows(element: Element, body: bytes, at: int, order: Order, where: str) -> tuple[dict[str, Column], int]:
     """The columns of a binary element whose first row begins at byte `at`, and the byte after its last row."""
-    rows, name = element.rows, f"{element.name:.20} rows"
-    types = [each.type.newbyteorder(order) for each in element.properties]
-    lengths = [None if each.length is None else each.length.newbyteorder(order) for each in element.properties]
-    smallest = sum((own if length is None else length).itemsize for own, length in zip(types, lengths, strict=True))
+    rows, where = element.rows, f"{where}: cut short: {element.rows} {element.name:.20} rows announced"
+    properties = element.properties
+    smallest = sum((own if length is None else length).itemsize for _, own, length in properties)
     if rows * smallest > len(body) - at:
-        raise InputError(f"{where}: cut short: {rows} {name} announced, room for {(len(body) - at) // smallest}")
-    if not types:
-        return {}, at
+        raise InputError(f"{where}, room for {(len(body) - at) // smallest}")
+    if not rows or not properties:
+        none = np.zeros(0, dtype=np.int64)
+        return {name: Column(none, None if length is None else none) for name, _, length in properties}, at
     steps = [
-        (k, own.itemsize, None if length is None else struct.Struct(order + length.char))
-        for k, (own, length) in enumerate(zip(types, lengths, strict=True))
+        (own.itemsize, None if length is None else struct.Struct(order + length.char)) for _, own, length in properties
     ]
-    starts = np.empty((rows, len(types)), dtype=np.int64)
-    counts = np.ones((rows, len(types)), dtype=np.int64)
-    columns, first = {}, at
-    for row in range(rows):
-        for k, size, length in steps:
-            count = 1
-            if length is not None:
-                count = length.unpack_from(body, at)[0] if at + length.size <= len(body) else -1
-                at += length.size
-                counts[row, k] = count
-            starts[row, k] = at
-            at += count * size
-            if count < 0 or at > len(body):
-                raise InputError(f"{where}: cut short in row {row + 1} of {rows} {name}")
-        step = at - first
-        fits = row == 0 and first + rows * step <= len(body)
-        if fits and _alike(rows, step, lengths, counts[0], starts[0], body):  # usual, and far faster
-            for k, (each, own) in enumerate(zip(element.properties, types, strict=True)):
-                shape, strides = (rows, int(counts[0, k])), (step, own.itemsize)
-                values = np.ndarray(shape, own, body, int(starts[0, k]), strides).ravel()
-                columns[each.name] = Column(values, None if each.length is None else np.full(*shape))
-            return columns, first + rows * step
-    letters = np.frombuffer(body, dtype=np.uint8)
-    for k, (each, own) in enumerate(zip(element.properties, types, strict=True)):
-        values = gather(letters, starts[:, k], counts[:, k] * own.itemsize).view(own)
-        columns[each.name] = Column(values, None if each.length is None else counts[:, k])
+    first = _row(steps, body, at, where)
+    end = at + rows * (first[2] - at)
+    if end <= len(body) and (columns := _alike(element, first, first[2] - at, body)) is not None:
+        return columns, end  # usual, and far faster
+    starts, counts = [], []
+    for _ in range(rows):
+        row, found, at = _row(steps, body, at, where)
+        starts += row
+        counts += found
+    letters, columns = np.frombuffer(body, dtype=np.uint8), {}
+    table = np.array([starts, counts]).reshape(2, rows, -1).transpose(0, 2, 1)
+    for (name, own, length), start, count in zip(properties, *table, strict=True):
+        values = gather(letters, start, count * own.itemsize).view(own)
+        columns[name] = Column(values, None if length is None else count)
     return columns, at
 
 
-def _alike(
-    rows: int, step: int, lengths: list[np.dtype[Any] | None], counts: Integers, starts: Integers, body: bytes
-) -> bool:
-    """Whether each list has the same length in all rows, `step` bytes apart, as in the first."""
-    return all(
-        bool((np.ndarray((rows,), length, body, int(start) - length.itemsize, (step,)) == count).all())
-        for length, start, count in zip(lengths, starts, counts, strict=True)
-        if length is not None
-    )
+def _row(steps: list[tuple[int, struct.Struct | None]], body: bytes, at: int, where: str) -> Row:
+    """The byte at which each property's values begin in a row, their number, and the byte after the row.
+
+    steps: size of a value, and the format of a list's length.
+    """
+    starts, counts = [], []
+    for size, length in steps:
+        count = 1
+        if length is not None:
+            count = length.unpack_from(body, at)[0] if at + length.size <= len(body) else -1
+            at += length.size
+        starts.append(at)
+        counts.append(count)
+        at += count * size
+        if count < 0 or at > len(body):
+            raise InputError(f"{where}, and a list that the file has no room for")
+    return starts, counts, at
+
+
+def _alike(element: Element, first: Row, step: int, body: bytes) -> dict[str, Column] | None:
+    """The columns of rows of `step` bytes, if each list has the same length in all rows as in the first; else None."""
+    columns, rows = {}, element.rows
+    for (name, own, length), start, count in zip(element.properties, *first[:2], strict=True):
+        if length is not None:
+            lengths = np.ndarray((rows,), length, body, start - length.itemsize, (step,))
+            if (lengths != count).any():
+                return None
+        values = np.ndarray((rows, count), own, body, start, (step, own.itemsize)).ravel()
+        columns[name] = Column(values, None if length is None else np.full(rows, count))
+    return columns

@@ -1,8 +1,7 @@
 """Triangulation of polygons, including concave ones and ones with bridged holes.
 
-A polygon is triangulated as a fan from its first corner if that is valid, a quad also from its second corner. Others
-are projected along their Newell normal, the sum of the cross products of successive corners, and triangulated by
-earcut.
+A polygon becomes a fan from its first corner if that is valid, a quad also from its second corner. Others are projected
+along their Newell normal, the sum of the cross products of successive corners, and triangulated by earcut.
 """
 
 from collections import Counter, defaultdict
@@ -49,15 +48,13 @@ def gather(values: NDArray[Number], starts: Integers, counts: Integers) -> NDArr
     """The concatenated ranges of `values` that begin at `starts` and have `counts` elements."""
     ends = np.cumsum(counts)
     index = np.repeat(starts - (ends - counts), counts) + np.arange(int(counts.sum()))
-    gathered: NDArray[Number] = values[index]
-    return gathered
+    return values[index]
 
 
 def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, list[str]]:
     """(F, 3) int64 triangles in the order of their polygons, (F,) their polygons, and notes on malformed polygons.
 
-    The vertices must be finite and the corners valid indices. Raises InputError for too many triangles, or too large
-    polygons.
+    Raises InputError for too many triangles, or too large polygons.
     """
     vertices, corners, counts = polygons.vertices, polygons.corners, polygons.counts
     sizes = np.maximum(counts - 2, 0)
@@ -84,15 +81,11 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
         waiting = np.flatnonzero(~valid)
         work += int((counts[chosen[waiting]] ** 2).sum())
         if work > MOST_CORNERS**2:
-            raise InputError(
-                f"{where}: concave polygons of up to {counts[chosen[waiting]].max()} corners take too long to "
-                f"triangulate; allowed is one of {MOST_CORNERS} corners, or several whose squared counts add up to "
-                f"{MOST_CORNERS**2}"
-            )
+            largest = f"concave polygons of up to {counts[chosen[waiting]].max()} corners take too long to triangulate"
+            raise InputError(f"{where}: {largest}; allowed is one of {MOST_CORNERS} corners, or several as costly")
         for k in waiting:
-            polygon = chosen[k]
-            size, row = int(counts[polygon]), int(rows[polygon])
-            ring = corners[starts[polygon] : starts[polygon] + size]
+            size, row, start = (int(of[chosen[k]]) for of in (counts, rows, starts))
+            ring = corners[start : start + size]
             triangulation = _earcut(vertices[ring], fans.normals[k])
             if triangulation is None:
                 crossing += int(fans.has_area[k])
@@ -171,8 +164,7 @@ def _earcut(ring: Floats, normal: Floats) -> Integers | None:
 def _area(flat: Floats) -> Floats:
     """(…,) twice the signed area of (…, N, 2) polygons."""
     following = np.roll(flat, -1, axis=-2)
-    area: Floats = (flat[..., 0] * following[..., 1] - flat[..., 1] * following[..., 0]).sum(axis=-1)
-    return area
+    return np.asarray((flat[..., 0] * following[..., 1] - flat[..., 1] * following[..., 0]).sum(axis=-1))
 
 
 def _with_collinear_corners(triangulation: Integers, corners: Floats, flat: Floats) -> Integers:
@@ -252,5 +244,4 @@ def _on_segment(points: Floats, edge: Floats) -> NDArray[np.bool_]:
     """(N,) bool: whether (N, 2) points are on the segment from the origin to `edge`, up to rounding."""
     along, across = points @ edge, points @ np.array([-edge[1], edge[0]])
     square = edge @ edge
-    between: NDArray[np.bool_] = (np.abs(across) <= 10 * FLATTEST * square) & (along > 0.0) & (along < square)
-    return between
+    return np.asarray((np.abs(across) <= 10 * FLATTEST * square) & (along > 0.0) & (along < square))

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shadowbench.scores.masks import ThresholdedMask, squared_distance
+from shadowbench.scores.penumbrae import FEWEST
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.scores.sums import mean
-from shadowbench.scores.widths import FEWEST
 
 # The window, constants and border of scikit-image's `structural_similarity(gaussian_weights=True, sigma=1.5,
 # use_sample_covariance=False, data_range=1)`, to which SSIM is equal if every pixel is valid.

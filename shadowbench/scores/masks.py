@@ -33,9 +33,9 @@ def quantise(visibility: ArrayLike) -> NDArray[np.float32]:
 
 
 def write_mask(path: str | Path, visibility: ArrayLike) -> None:
-    """Write visibility (H, W) in [0, 1] as a linear 16-bit grey PNG, row 0 at the top.
+    """Write visibility (H, W) in [0, 1] as a linear 16-bit grey PNG, row 0 at the top, atomically.
 
-    The file is replaced atomically. Raises as `quantise` does, and InputError if the folder cannot be written.
+    Raises as `quantise` does, and InputError if the folder cannot be written.
     """
     image = Image.fromarray(_levels(visibility))
     with replace_file(path) as temporary:
@@ -45,8 +45,8 @@ def write_mask(path: str | Path, visibility: ArrayLike) -> None:
 def read_mask(path: str | Path) -> NDArray[np.float32]:
     """Read visibility (H, W) float32 in [0, 1] from a linear grey PNG of 8 or 16 bits, full = lit, row 0 at the top.
 
-    An 8-bit colour PNG is accepted if its channels are equal everywhere. A mask written by `write_mask` is restored
-    bit for bit. Raises InputError for any other file.
+    Or from one of 8 bits in colour whose channels are equal. A mask of `write_mask` is restored bit for bit. Raises
+    InputError for any other file.
     """
     allowed = "allowed: a grey PNG of 8 or 16 bits, or one of 8 in colour whose channels are equal"
     with open_png(path, allowed) as image:
@@ -58,11 +58,7 @@ def read_mask(path: str | Path) -> NDArray[np.float32]:
 
 @contextmanager
 def open_png(path: str | Path, allowed: str) -> Iterator[ImageFile.ImageFile]:
-    """Open a PNG; pixels are decoded on access.
-
-    Raises InputError, its message ending with `allowed`, for a path that is no regular file or no PNG, also if decoding
-    fails inside the block.
-    """
+    """Open a PNG. Raises InputError, ending with `allowed`, for any other file, also while it is decoded inside."""
     if not Path(path).is_file():  # reading a named pipe would block
         raise InputError(f"{path}: {'is not a file' if Path(path).exists() else 'no such file'}; {allowed}")
     try:
@@ -78,9 +74,9 @@ def open_png(path: str | Path, allowed: str) -> Iterator[ImageFile.ImageFile]:
 
 
 def _grey(image: ImageFile.ImageFile) -> Image.Image:
-    """One channel of an RGB image with equal channels, or of an opaque RGBA one; any other image unchanged.
+    """One channel of an RGB image of 8 bits with equal channels, or of an opaque RGBA one; any other image unchanged.
 
-    16-bit colour images are unchanged too: Pillow would read their high bytes only.
+    Of 16 bits in colour Pillow would read the high bytes only.
     """
     if image.mode not in ("RGB", "RGBA") or "16" in str(image.tile[0][3]):
         return image

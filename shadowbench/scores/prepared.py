@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scores.isolines import Isolines, smooth_gradient
 from shadowbench.scores.masks import ThresholdedMask, quantise, squared_distance
+from shadowbench.scores.penumbrae import Crossings, Isolines, crossings, smooth_gradient
 from shadowbench.scores.sums import Mask, Single, mean, total
-from shadowbench.scores.widths import Crossings, crossings
 
 INTERIOR_PX = 4.0  # distance from the edge beyond which errors count as acne or leak
 EDGE_ZONE_PX = 8.0
@@ -25,22 +24,18 @@ KERNEL_PX = 8  # how far a filter may reach into umbra and full light
 
 
 class PreparedTruth(ThresholdedMask):
-    """The truth of one view, prepared for metrics.
+    """The truth of one view, prepared for metrics. Only `valid` pixels, decided receivers, are in any of the sets.
 
-    Derived arrays are computed on first use and kept, about 30 MB at 1024², 45 MB if there is a penumbra. Only `valid`
-    pixels, decided receivers, are in any of the sets.
+    Derived arrays are computed on first use and kept, about 30 MB at 1024², 45 MB if there is a penumbra.
     """
 
     def __init__(self, arrays: Mapping[str, Any], positions: Callable[[], NDArray[np.float64]] | None = None) -> None:
         """The truth of (H, W) arrays by name; others than these are ignored.
 
-        visibility: in [0, 1], 1 lit and 0 in shadow. receivers, undecided: bool. area: visibility averaged over the
-        pixel, in [0, 1]. blocker: distance towards the light to the nearest occluder, inf if none. cosine: N·L, not
-        negative on valid pixels. diagonal: a number, of the scene, in the unit of `blocker`. standard_error: of
-        visibility. positions: returns (H, W, 3) points of the surfaces in metres, finite everywhere; called once, for a
-        truth with penumbrae; None if unknown, so that no width of a penumbra is.
-        Visibility and area are quantised, so that a stored mask of the truth has no error. Raises ValueError for arrays
-        of different shapes and values out of range.
+        visibility, standard_error, receivers, undecided, area, blocker, cosine, diagonal: as of a `Truth`. positions:
+        returns (H, W, 3) points of the surfaces in metres, finite everywhere; called once, for a truth with penumbrae;
+        None if unknown, so that no width of a penumbra is. Visibility and area are quantised, so that a stored mask of
+        the truth has no error. Raises ValueError for arrays of different shapes and values out of range.
         """
         self.undecided: Mask = np.asarray(arrays["undecided"], np.bool_)
         super().__init__(arrays["visibility"], np.asarray(arrays["receivers"], np.bool_) & ~self.undecided)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Single = NDArray[np.float32]
+Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _BAND = 16 * 8192  # pixels; NumPy adds up float32 values in float64 by 8192

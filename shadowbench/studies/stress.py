@@ -72,10 +72,7 @@ def select_axes(names: Sequence[str]) -> list[Axis]:
 
 @dataclass(frozen=True, eq=False)
 class StressResult:
-    """Rows of a sweep, and the operating range of each spec on each axis under each kind of light.
-
-    failures: what was left out, with `keep_going`.
-    """
+    """Rows of a sweep, its operating ranges, and what was left out, with `keep_going`."""
 
     rows: tuple[Record, ...]
     ranges: tuple[OperatingRange, ...]

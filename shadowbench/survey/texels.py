@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shadowbench.geometry.convex import caster_and_receiver_vertices
+from shadowbench.geometry.convex import caster_and_receiver_vertices, practical_depths, slices
 from shadowbench.geometry.lights import LightSpace
-from shadowbench.geometry.slices import practical_depths, slices
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats

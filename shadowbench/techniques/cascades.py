@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from shadowbench.geometry.convex import SceneHull
-from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
-from shadowbench.geometry.slices import Slice, slices, snapped, stretched
+from shadowbench.geometry.convex import SceneHull, Slice, slices
+from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, snapped, stretched, window
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Value

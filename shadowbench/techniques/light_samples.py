@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -92,11 +92,11 @@ class LightSamples(Technique):
         if self.params.n == 1 or not frame.light.soft:
             return self._draw_point(frame, hard_light(frame.light, frame.light.position))
         self.target.clear()
-        for point in points_of(frame.light, self.params.n):
-            visibility = self._draw_point(frame, point.light)
+        for point, normal in light_points(frame.light, self.params.n):
+            visibility = self._draw_point(frame, point)
             with frame.timed("add", changes="view"):
-                xyz, w = point.light.homogeneous
-                self.add.program.set(light=(*xyz, w), light_normal=point.normal)
+                xyz, w = point.homogeneous
+                self.add.program.set(light=(*xyz, w), light_normal=normal)
                 inputs = {**frame.surface.inputs, "visibility": (visibility, Sampling())}
                 self.add.draw(self.target, inputs, State(blend="add"))
         with frame.timed("average", changes="view"):
@@ -113,16 +113,11 @@ class LightSamples(Technique):
         return visibility
 
 
-@dataclass(frozen=True)
-class LightPoint:
-    """A point of a light: a light without a size, and the unit normal of the light's surface there."""
+def light_points(light: Light, count: int) -> Iterator[tuple[Light, Vec3]]:
+    """Points uniform in a sun's cone or on a sphere's, disc's or rectangle's surface, by a lattice of golden ratios.
 
-    light: Light
-    normal: Vec3
-
-
-def points_of(light: Light, count: int) -> Iterator[LightPoint]:
-    """Points uniform in a sun's cone or on a sphere's, disc's or rectangle's surface, by a lattice of golden ratios."""
+    Each is a light without a size, and the unit normal of the light's surface there.
+    """
     right, up, back = perpendicular_basis(-unit(light.direction), light.up)
     center = np.array(light.position)
     for index in range(count):
@@ -130,18 +125,18 @@ def points_of(light: Light, count: int) -> Iterator[LightPoint]:
         if light.kind == "rectangle":
             width, height = light.size
             point = center + right * width * (u - 0.5) + up * height * (v - 0.5)
-            yield LightPoint(hard_light(light, vec3(point)), vec3(-back))
+            yield hard_light(light, vec3(point)), vec3(-back)
             continue
         around = right * math.cos(2 * math.pi * v) + up * math.sin(2 * math.pi * v)
         if light.kind == "directional":
             direction = _on_sphere(around, back, 1.0 - u * 2.0 * math.sin(light.radius / 2) ** 2)
-            yield LightPoint(replace(light, direction=vec3(-direction), radius=0.0), vec3(-back))
+            yield replace(light, direction=vec3(-direction), radius=0.0), vec3(-back)
         elif light.kind == "disc":
             point = center + around * light.radius * math.sqrt(u)
-            yield LightPoint(hard_light(light, vec3(point)), vec3(-back))
+            yield hard_light(light, vec3(point)), vec3(-back)
         else:
             normal = _on_sphere(around, back, 1.0 - 2.0 * u)
-            yield LightPoint(hard_light(light, vec3(center + normal * light.radius)), vec3(normal))
+            yield hard_light(light, vec3(center + normal * light.radius)), vec3(normal)
 
 
 def _on_sphere(around: Floats, back: Floats, cosine: float) -> Floats:

@@ -12,7 +12,7 @@ from shadowbench.gl.program import Sampling, State
 from shadowbench.maps.resolve import ResolvePass
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import Light
-from shadowbench.techniques.light_samples import LightSamples, hard_light, points_of
+from shadowbench.techniques.light_samples import LightSamples, hard_light, light_points
 from shadowbench.techniques.shadow_volume import ShadowVolume
 
 POINTS = 16  # of the light in a pass: a target of four floats holds as many counters
@@ -76,12 +76,12 @@ class SoftVolume(Technique):
         radius, (position, w) = _radius(light), light.homogeneous
         # As the shadow volume of the centre counts.
         both_facings = bool(w) and self.center.casters.may_contain(position)
-        chosen = list(points_of(light, self.params.n))
+        chosen = list(light_points(light, self.params.n))
         for start in range(0, len(chosen), POINTS):
             batch = chosen[start : start + POINTS]
             points, normals = np.zeros((POINTS, 3)), np.zeros((POINTS, 3))
-            points[: len(batch)] = [point.light.homogeneous[0] for point in batch]
-            normals[: len(batch)] = [point.normal for point in batch]
+            points[: len(batch)] = [point.homogeneous[0] for point, _ in batch]
+            normals[: len(batch)] = [normal for _, normal in batch]
             with frame.timed("wedges", changes="view"):
                 self.counting.clear()
                 self.wedges.set(

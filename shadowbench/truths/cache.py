@@ -19,12 +19,8 @@ from shadowbench.truths.trace import STANDARD_ERROR, Truth, trace
 from shadowbench.versions import of_truths
 
 _RANGES: dict[str, tuple[type[np.generic], float, float]] = {
-    "visibility": (np.float32, 0, 1),
-    "standard_error": (np.float32, 0, 1),
-    "irradiance": (np.float32, 0, 1),
-    "receivers": (np.bool_, 0, 1),
-    "undecided": (np.bool_, 0, 1),
-    "area": (np.float32, 0, 1),
+    **dict.fromkeys(("visibility", "standard_error", "irradiance", "area"), (np.float32, 0, 1)),
+    **dict.fromkeys(("receivers", "undecided"), (np.bool_, 0, 1)),
     "blocker": (np.float32, 0, np.inf),
     "cosine": (np.float32, 0, 1 + 1e-6),  # the vectors are rounded
     "diagonal": (np.float64, np.finfo(np.float64).tiny, np.finfo(np.float64).max),
@@ -33,9 +29,7 @@ _RANGES: dict[str, tuple[type[np.generic], float, float]] = {
 
 _log = logging.getLogger(__name__)
 
-PIXEL_SAMPLES = 4
-"""Square root of the number of rays per pixel of a truth that masks are scored against."""
-
+PIXEL_SAMPLES = 4  # squared, the rays per pixel of a truth that masks are scored against
 KEPT_BYTES = 4 << 30  # size of the cache; beyond it, the oldest truths are deleted
 
 
@@ -63,7 +57,8 @@ def cached_truth(view: View, pixel_samples: int = PIXEL_SAMPLES, standard_error:
 
 def truth_file(view: View, pixel_samples: int = PIXEL_SAMPLES, standard_error: float = STANDARD_ERROR) -> Path:
     """File of a view's truth in the cache, whether or not it exists."""
-    return cache_folder() / f"{_key(view, pixel_samples, standard_error)}.npz"
+    parts = (view_digest(view), pixel_samples, standard_error, of_truths(), answers_digest())
+    return cache_folder() / f"{hashlib.sha256(repr(parts).encode()).hexdigest()[:32]}.npz"
 
 
 def cache_folder() -> Path:
@@ -108,11 +103,6 @@ def truth_of(arrays: dict[str, Any], size: int, triangles: int) -> Truth | None:
         if array.dtype != kind or array.shape != shape or not ((array >= low) & (array <= high)).all():  # NaN neither
             return None
     return Truth(**{**arrays, "diagonal": float(arrays["diagonal"])})
-
-
-def _key(view: View, pixel_samples: int, standard_error: float) -> str:
-    parts = (view_digest(view), pixel_samples, standard_error, of_truths(), answers_digest())
-    return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
 def _delete_oldest(folder: Path) -> None:

@@ -1,8 +1,8 @@
 """Points on a light, one stratified set for each receiver, and the shadow rays towards them.
 
 Each replication of each receiver draws one of TABLES scrambled Sobol sets (Matoušek 1998) and shifts it by random bits,
-so that replications are unbiased and errors of neighbouring pixels independent. The shift alone would leave the set's
-structure, with which straight edges interfere: errors then have heavier tails than their replications show.
+so that replications are unbiased and errors of neighbouring pixels independent. With the shift alone, straight edges
+would interfere with the set's structure: errors would have heavier tails than their replications show.
 
 Suns and spheres are sampled uniformly in their cone of directions. A rectangle is sampled uniformly in its solid angle
 (Ureña, Fajardo, King 2013, "An area-preserving parametrization for spherical rectangles"), or, if it is small as seen
@@ -22,11 +22,9 @@ from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 
 Single = NDArray[np.float32]
 
-MOST_SAMPLES = 1 << 12
-"""Longest replication."""
+MOST_SAMPLES = 1 << 12  # of a replication
 TABLES = 64
-LONGEST_OFFSET = 100.0
-"""Largest distance in δ between the receiver and the start of a ray, which is δ above it unless light grazes it."""
+LONGEST_OFFSET = 100.0  # δ; a ray starts δ above the receiver unless light grazes it
 _CONE_OF_SUN, _CONE_OF_SPHERE, _RECTANGLE, _DISC = range(4)
 _SMALL = 0.05  # half diagonal of a rectangle over its distance, below which it is sampled by area
 _INFINITE = 1e30
@@ -36,9 +34,8 @@ class LightSampler:
     """Sampler of the points of a light that has a size, in local coordinates."""
 
     def __init__(self, light: Light) -> None:
-        self._kind = {"directional": _CONE_OF_SUN, "disc": _DISC, "rectangle": _RECTANGLE}.get(
-            light.kind, _CONE_OF_SPHERE
-        )
+        kinds = {"directional": _CONE_OF_SUN, "disc": _DISC, "rectangle": _RECTANGLE}
+        self._kind = kinds.get(light.kind, _CONE_OF_SPHERE)
         half_width, half_height = light.size[0] / 2, light.size[1] / 2
         if light.kind == "disc":
             half_width = half_height = light.radius
@@ -56,20 +53,19 @@ class LightSampler:
         delta: float,
         along_normal: bool = False,
     ) -> tuple[Single, Single, Single, Single, Single]:
-        """Rays to `samples` points of the light from each receiver, in each replication.
+        """Rays to `samples` points of the light, best a power of 2, from each receiver, in each replication.
 
-        points, normals: (3, R); scrambles: (3, R, replications), see `scrambles_of`; samples: up to MOST_SAMPLES,
-        best a power of 2. Rays start at the height `delta` above the receiver, along the ray or `along_normal`, and
-        end as far before a disc or rectangle.
-        Returns float32 origins and directions (3, M), reach (M,), weight (M,) and N·ω (M,), M = R · replications ·
-        samples in this order. The weight is 0 for points of the light below the receiver's plane.
+        points, normals: (3, R); scrambles: (3, R, replications). Rays start at the height `delta` above the receiver,
+        along the ray or `along_normal`, and end as far before a disc or rectangle. Returns origins and directions
+        (3, M), reach (M,), weight (M,), 0 for points below the receiver's plane, and N·ω (M,), M = R · replications ·
+        samples in this order.
         """
         count = scrambles.shape[1] * scrambles.shape[2] * samples
         origins, directions = np.empty((3, count), np.float32), np.empty((3, count), np.float32)
         reach, weight, cosine = (np.empty(count, np.float32) for _ in range(3))
         arrays = (origins, directions, reach, weight, cosine)
-        lift = 1.0 if along_normal else 0.0
-        _fill_rays(self._kind, self._light, points, normals, scrambles, _tables(), samples, delta, lift, *arrays)
+        given = (points, normals, scrambles, _tables(), samples, delta, 1.0 if along_normal else 0.0)
+        _fill_rays(self._kind, self._light, *given, *arrays)
         return arrays
 
 

@@ -27,24 +27,18 @@ class NearCasters:
         self._geometry, self._building = geometry, Lock()
         self._tree: Tree | None = None
 
-    def _built(self) -> Tree:
-        """The tree, built by the first thread that needs it: few views have grazing light."""
-        with self._building:
-            if self._tree is None:
-                self._tree = build_tree(self._geometry.vertices, self._geometry.caster_faces)
-            return self._tree
-
     def nearest_blockers(self, receivers: Receivers, height: float, eye: Floats) -> tuple[Floats, Mask]:
         """(N,) distance along L to the nearest caster within `height` above each receiver, inf if none; (N,) covered.
 
-        Neither a receiver's own triangle nor any in its plane blocks it. Covered are receivers whose only blocker lies
-        on them so closely that, from `eye` (3, 1), float32 may show the blocker instead.
+        Nothing in a receiver's own plane blocks it. Covered are those whose only blocker lies on them so closely that,
+        from `eye` (3, 1), float32 may show the blocker instead.
         """
         count, geometry = len(receivers.triangle), self._geometry
         distance, covered = np.full(count, np.inf), np.zeros(count, dtype=bool)
         if not count:
             return distance, covered
-        tree = self._built()
+        with self._building:  # by the first thread that needs it: few views have grazing light
+            tree = self._tree = self._tree or build_tree(geometry.vertices, geometry.caster_faces)
         casters = geometry.vertices, geometry.faces, geometry.normals, np.flatnonzero(geometry.casts)[tree.order]
         length = np.minimum(height / receivers.cosine, receivers.distance)
         vectors = (receivers.point, np.broadcast_to(receivers.to_light, (3, count)), eye[:, 0])
@@ -77,22 +71,39 @@ def _find_nearest(  # type: ignore[no-untyped-def]
                 caster = casters[place]
                 if caster == own[i]:
                     continue
-                for j in range(3):
-                    for k in range(3):
-                        corners[j, k] = vertices[faces[caster, j], k] - point[k]
-                for j in range(3):
-                    _cross(corners[j - 2], corners[j - 1], through[j])  # of the plane through the point and an edge
-                    sides[j] = _dot(through[j], way)
-                t = _dot(corners[0], through[0]) / (sides[0] + sides[1] + sides[2])
-                if not (_same_sign(sides) and AT_SURFACE < t < length[i]):
+                t = _hit(vertices, faces[caster], point, way, corners, through, sides)
+                if not AT_SURFACE < t < length[i]:
                     continue
                 if _rises(vertices, faces[caster], normals[own[i]], way, vertices[faces[own[i], 0]]):
-                    for j in range(3):
-                        sides[j] = _dot(through[j], point - eye)
-                    if _same_sign(sides) and abs(_dot(normals[caster], corners[0])) < COVERING:
+                    if _covers(through, point - eye, normals[caster], corners[0]):
                         covered[i] = True
                     else:
                         distance[i] = min(distance[i], t)
+
+
+@compiled()
+def _covers(through, seen, normal, corner):  # type: ignore[no-untyped-def]
+    """Whether a triangle also meets the camera's ray to the point, `seen` from the eye, and lies on the point."""
+    sides = np.empty(3)
+    for j in range(3):
+        sides[j] = _dot(through[j], seen)
+    return _same_sign(sides) and abs(_dot(normal, corner)) < COVERING
+
+
+@compiled(error_model="numpy")
+def _hit(vertices, face, point, way, corners, through, sides):  # type: ignore[no-untyped-def]
+    """How far along a line from a point a triangle is met, −1 if it is not.
+
+    Fills its corners as seen from the point, the planes through the point and its edges, and the line's side of them.
+    """
+    for j in range(3):
+        for k in range(3):
+            corners[j, k] = vertices[face[j], k] - point[k]
+    for j in range(3):
+        _cross(corners[j - 2], corners[j - 1], through[j])
+        sides[j] = _dot(through[j], way)
+    t = _dot(corners[0], through[0]) / (sides[0] + sides[1] + sides[2])
+    return t if _same_sign(sides) else -1.0
 
 
 @compiled()

@@ -1,7 +1,6 @@
 """Packets of 16, 8 or 4 rays, traced by the Embree library inside the embreex wheel, which itself traces single rays.
 
-The same library gives the same answers at several times the rate (`benchmarks/test_truth.py` measures both). The calls
-are made from code that Numba compiles and caches.
+The same answers come at several times the rate (`benchmarks/test_truth.py` measures both).
 """
 
 import ctypes
@@ -64,10 +63,7 @@ def load_library() -> ctypes.CDLL | None:
 
 
 class Device(NamedTuple):
-    """An Embree device, kept while the process lives.
-
-    width: rays of the widest packet that it traces natively.
-    """
+    """An Embree device, kept while the process lives; width: rays of the widest packet that it traces natively."""
 
     library: ctypes.CDLL
     handle: ctypes.c_void_p
@@ -112,9 +108,13 @@ class PacketScene:
         self._vertices[: len(vertices)] = vertices
         self._faces = np.ascontiguousarray(faces, dtype=np.int32)
         if len(faces):
-            geometry = handle(library.rtcNewGeometry(device.handle, _TRIANGLES))
-            _share(library, geometry, _VERTICES, _FLOAT3, self._vertices, len(vertices))
-            _share(library, geometry, _INDICES, _UINT3, self._faces, len(faces))
+            geometry, size = handle(library.rtcNewGeometry(device.handle, _TRIANGLES)), ctypes.c_size_t
+            for kind, layout, array, count in (
+                (_VERTICES, _FLOAT3, self._vertices, len(vertices)),
+                (_INDICES, _UINT3, self._faces, len(faces)),
+            ):
+                shared = handle(array.ctypes.data), size(0), size(12), size(count)
+                library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, *shared)
             library.rtcCommitGeometry(geometry)
             library.rtcAttachGeometry(scene, geometry)
             library.rtcReleaseGeometry(geometry)
@@ -137,20 +137,8 @@ class PacketScene:
         return triangle, distance
 
 
-def _share(
-    library: ctypes.CDLL, geometry: ctypes.c_void_p, kind: int, layout: int, array: NDArray[np.generic], count: int
-) -> None:
-    size = ctypes.c_size_t
-    library.rtcSetSharedGeometryBuffer(
-        geometry, kind, 0, layout, ctypes.c_void_p(array.ctypes.data), size(0), size(12), size(count)
-    )
-
-
 def _buffers(width: int) -> tuple[Words, Words, Words]:
-    """Zeros for a packet: RTCRayHit, valid lanes, arguments.
-
-    Embree writes back a whole RTCRayHit even if it was handed an RTCRay, where it emulates the width.
-    """
+    """Zeros for a packet: RTCRayHit, which Embree writes back whole where it emulates the width; lanes; arguments."""
     return _aligned(LANE * width), _aligned(width), _aligned(16)
 
 

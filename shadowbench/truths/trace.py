@@ -76,8 +76,8 @@ class Truth:
 def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_ERROR) -> Truth:
     """Ray-trace the truth of a view, with `pixel_samples`² samples per pixel for `area`.
 
-    standard_error: of visibility under a light with a size; 95% of a penumbra's pixels stay below it, unless they reach
-    the limit of 8 · `soft.MOST` rays. Raises InputError if no pixel shows the scene.
+    standard_error: that 95% of a penumbra's pixels stay below, unless they reach the limit of 8 · `soft.MOST` rays.
+    Raises InputError if no pixel shows the scene.
     """
     if pixel_samples < 1:
         raise InputError(f"pixel_samples {pixel_samples}: allowed are 1 and more")

@@ -2,75 +2,99 @@
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import moderngl
 
-from shadowbench.errors import ShadowbenchError
+from shadowbench.errors import InputError, ShadowbenchError
+from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
-from shadowbench.plugin.base import Technique
 from shadowbench.plugin.spec import Spec
-from shadowbench.viewer.changed_files import ChangedFiles
+from shadowbench.scenes.files import read_document
+from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer.drawing import Drawing, Drawn, Mask, moving_size, told
-from shadowbench.viewer.judge import Judge, Scores
-from shadowbench.viewer.lights import Travel
+from shadowbench.viewer.lights import circled
 from shadowbench.viewer.panes import Panes
 from shadowbench.viewer.state import History, Origin, Source, ViewerState
-from shadowbench.viewer.truth import TruthTask
+from shadowbench.viewer.truth import Judge, TruthTask
 
 REST_S = 0.15
 """Time without a change after which a motion has ended, in seconds."""
-SHOWN_FRAMES = 120
-"""Frames in the history of times."""
+FILES_S = 0.5
+"""How often files are looked at, in seconds."""
+_SHADERS = (".glsl", ".vert", ".frag", ".geom")
+Result = TypeVar("Result")
+
+
+def modified(origin: Origin | None, plugins: Sequence[Path]) -> Mapping[Path, int]:
+    """Modification times of a scene's files, of plug-ins and of shaders, theirs included."""
+    folders = [plugin.resolve().parent for plugin in plugins]
+    near = [file for folder in folders for pattern in ("*", "*/*") for file in folder.glob(pattern)]
+    shaders = [file for file in (*data_folder("shaders").rglob("*"), *near) if file.suffix in _SHADERS]
+    times = {}
+    for file in (*scene_files(origin), *plugins, *shaders):
+        with suppress(OSError):  # removed, as an editor does while it saves
+            times[file] = file.stat().st_mtime_ns
+    return times
+
+
+def scene_files(origin: Origin | None) -> list[Path]:
+    """A scene's file and the meshes that it names; of a file that cannot be read only that."""
+    if origin is None:
+        return []
+    tables = []
+    if origin.file.suffix.lower() == ".toml":
+        with suppress(InputError):
+            tables = read_document(origin.file).mesh
+    folders = [folder for folder in (origin.file.parent, origin.options.assets) if folder]
+    names = [str(table["file"]) for table in tables if isinstance(table.get("file"), str)]
+    return [origin.file, *(folder / name for folder in folders for name in names)]
 
 
 class Viewer:
-    """The window's state and everything that is drawn of it. `change` is the only way to another state."""
+    """The window's state and everything that is drawn of it. `change` is the only way to another state.
+
+    message: the last error or result of an action; broken: why nothing can be drawn; map_of, shows_map: the spec whose
+    map is shown, and whether it is; turns_a_minute: of a travelling light; names: of files to write.
+    """
 
     def __init__(
         self,
         device: Device,
         state: ViewerState,
-        techniques: Mapping[str, type[Technique]],
+        techniques: Techniques,
         task: TruthTask,
         plugins: Sequence[Path] = (),
         seconds: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.device, self.techniques = device, techniques
-        self.history = History(state)
+        self.history, self.judge = History(state), Judge(task)
         self.drawing, self.panes = Drawing(device), Panes(device)
-        self.travel = Travel()
-        self.message = ""  # the last error or result of an action
-        self.broken = ""  # why nothing can be drawn
+        self.message = self.broken = ""
+        self.turns_a_minute = 0.0
         self.drawn: Drawn | None = None
         self.pictures: dict[Source, moderngl.Texture] = {}
         self.map_picture: moderngl.Texture | None = None
-        self.map_of, self.shows_map = 0, False  # the spec whose map is shown, and whether it is
-        self.judge = Judge(device, task)
+        self.map_of, self.shows_map = 0, False
+        self.names = {"study file": "view-study.toml", "picture": "view.png", "state": "view.toml"}
         self.work: dict[Spec, Mapping[str, int]] = {}
-        self.pass_ms: deque[Mapping[str, float]] = deque(maxlen=SHOWN_FRAMES)
         self._seconds, self._changed_at, self._stepped_at = seconds, -math.inf, seconds()
         self._rested_ms = 0.0
-        # Of what the masks, the pictures and the last request are.
+        # Of what the masks, the pictures and the last question are.
         self._drawn_of: tuple[object, ...] = ()
         self._shown_of: tuple[object, ...] = ()
         self._asked_of: Drawn | None = None
-        self._plugins = plugins
-        self._files = ChangedFiles(state.origin, plugins)
+        self._plugins, self._times, self._looked_at = plugins, modified(state.origin, plugins), seconds()
 
     @property
     def state(self) -> ViewerState:
         """What is shown."""
         return self.history.state
-
-    @property
-    def scores(self) -> Scores:
-        """The last scores, which are of what is shown if they are `fresh`."""
-        return self.judge.scores
 
     @property
     def judged(self) -> bool:
@@ -80,17 +104,17 @@ class Viewer:
     @property
     def fresh(self) -> bool:
         """Whether the scores are of the masks that are shown."""
-        return self.judged and self.scores.viewed == self.state.viewed
+        return self.judged and self.judge.is_answered
 
     @property
     def moving(self) -> bool:
         """Whether something has changed a moment ago, or the light travels."""
-        return self.travel.path != "rest" or self._seconds() - self._changed_at < REST_S
+        return self.turns_a_minute > 0 or self._seconds() - self._changed_at < REST_S
 
     @property
     def waiting(self) -> bool:
         """Whether a step would change nothing: no motion, no masks to score, no answer about them."""
-        return not (self.moving or self._chore() or self.judge.task.has_answers)
+        return not (self.moving or self._is_unasked() or self._uncounted() or self.judge.task.has_answers)
 
     def change(self, state: ViewerState, gesture: str = "") -> None:
         """Show another state; changes of one gesture are undone together."""
@@ -112,30 +136,28 @@ class Viewer:
         """Do something that may fail for the user's input or a file's contents; its message stands in the window."""
         try:
             self.message = action() or ""
-        except (ShadowbenchError, OSError) as error:
-            self.message = str(error)
-        except Exception as error:  # a scene too large for the memory, whatever a file's reader raises
-            self.message = told(error)
+        except Exception as error:  # a scene too large for the memory, whatever a file's reader or a technique raises
+            self.message = str(error) if isinstance(error, ShadowbenchError | OSError) else told(error)
 
     def open_scene(self, origin: Origin) -> None:
         """Show another scene from its first camera, under its first light. Raises InputError."""
         scene = origin.load()
         shown = replace(self.state, scene=scene, camera=scene.cameras[0], light=scene.lights[0], origin=origin)
-        self.change(replace(shown, colors=(), coordinates="relative", phase=0))
+        self.change(replace(shown, coordinates="relative", phase=0))
 
     def step(self) -> None:
         """Bring everything up to date that a frame of the window shows."""
         self._read_changed_files()
         self._move_light()
-        self.message = self.judge.receive() or self.message
-        moving = self.moving
-        size = self.state.size
-        if moving:
-            size = moving_size(size, self._rested_ms, self.device.software)
-        drew = self._draw(size)
-        chore = None if moving or drew else self._chore()
-        if chore is not None:
-            chore()
+        self.judge.receive()
+        moving, size = self.moving, self.state.size
+        drew = self._draw(moving_size(size, self._rested_ms, self.device.software) if moving else size)
+        if self.drawn is not None and not (moving or drew):  # a little in each frame
+            uncounted = self._uncounted()
+            if self._is_unasked():
+                self._ask(self.drawn)
+            elif uncounted:
+                self._count(self.drawn, uncounted[0])
         self._draw_panes()
 
     def mask_failures(self) -> Sequence[str]:
@@ -147,7 +169,6 @@ class Viewer:
         self._release_drawn()
         self.drawing.reload()
         self.panes.reload()
-        self.judge.release()
         self.device.free(self.pictures.values())
 
     def _to(self, history: History) -> None:
@@ -156,12 +177,12 @@ class Viewer:
         if self._drawing_key(history.state) != self._drawing_key(self.state):
             self._changed_at = self._seconds()
         if history.state.origin != self.state.origin:
-            self._files = ChangedFiles(history.state.origin, self._plugins)
+            self._times = modified(history.state.origin, self._plugins)
         self.history = history
 
     @staticmethod
     def _drawing_key(state: ViewerState) -> tuple[object, ...]:
-        return (*state.viewed, state.specs, state.coordinates, state.phase, state.colors)
+        return (*state.viewed, state.specs, state.coordinates, state.phase)
 
     def _draw(self, size: int) -> bool:
         """Draw the masks unless they are of this state and size; whether they were drawn."""
@@ -177,13 +198,6 @@ class Viewer:
         self._release_drawn()
         self.drawn, self.broken = drawn, ""
         self.drawing.keep_only(self.state.specs, (size, self.state.size))
-        self.pass_ms.append(
-            {
-                f"{source} {name}": ms
-                for source, mask in zip("AB", drawn.masks, strict=False)
-                for name, ms in mask.passes.ms.items()
-            }
-        )
         return True
 
     def _draw_panes(self) -> None:
@@ -191,99 +205,86 @@ class Viewer:
         state, drawn = self.state, self.drawn
         if drawn is None or self.broken:
             return
-        truth = self.judge.textures(state, drawn.size)
+        truth, with_map = self.judge.traced(state), self.shows_map and not self.moving
         shading = (state.shading, state.shadows, state.overlay, state.sources)
-        key = (drawn, truth, self.shows_map and not self.moving, self.map_of, shading)
+        key = (drawn, truth, with_map, self.map_of, shading)
         if key == self._shown_of:
             return
         self._shown_of, start = key, self._seconds()
         for source in state.sources:
-            try:
-                picture = self.panes.draw(drawn, state, source, truth)
-            except Exception as error:  # the tint of a technique, a shader of the overlay
-                self.message, picture = told(error), None
+            picture = self._tried(partial(self.panes.draw, drawn, state, source, truth))
             if picture is not None or source != "truth":  # an earlier truth is shown as such
-                self._keep(source, picture)
+                self.device.free([self.pictures.pop(source)] if source in self.pictures else [])
+                self.pictures |= {} if picture is None else {source: picture}
         self.device.context.finish()
         if drawn.size == state.size:
             self._rested_ms = drawn.ms + (self._seconds() - start) * 1e3
-        if self.shows_map and not self.moving:
+        if with_map:
             self._draw_map(drawn)
-
-    def _keep(self, source: Source, picture: moderngl.Texture | None) -> None:
-        if source in self.pictures:
-            self.device.free((self.pictures.pop(source),))
-        if picture is not None:
-            self.pictures[source] = picture
 
     def _draw_map(self, drawn: Drawn) -> None:
         if self.map_picture is not None:
             self.device.free((self.map_picture,))
-            self.map_picture = None
         technique = drawn.masks[min(self.map_of, len(drawn.masks) - 1)].technique
-        if technique is not None:
-            try:
-                self.map_picture = self.panes.map_picture(technique)
-            except Exception as error:  # a technique may raise anything
-                self.message = told(error)
+        self.map_picture = self._tried(partial(self.panes.map_picture, technique)) if technique else None
 
-    def _chore(self) -> Callable[[], None] | None:
-        """What is to be done next about the masks at rest, a little in each frame; None if nothing is left."""
-        drawn = self.drawn
-        if drawn is None or self.broken:
+    def _tried(self, action: Callable[[], Result | None]) -> Result | None:
+        """The result of what may fail for a technique or a shader; None with a message if it did."""
+        try:
+            return action()
+        except Exception as error:  # NaN in a mask, or anything that a technique or the driver raises
+            self.message = told(error)
             return None
-        if drawn is not self._asked_of:
-            return partial(self._ask, drawn)
-        uncounted = [mask for mask in drawn.masks if mask.visibility is not None and mask.spec not in self.work]
-        return partial(self._count, drawn, uncounted[0]) if uncounted else None
+
+    def _is_unasked(self) -> bool:
+        return self.drawn is not None and not self.broken and self.drawn is not self._asked_of
+
+    def _uncounted(self) -> list[Mask]:
+        """Masks whose work is not counted yet."""
+        masks = self.drawn.masks if self.drawn and not self.broken else ()
+        return [mask for mask in masks if mask.visibility is not None and mask.spec not in self.work]
 
     def _ask(self, drawn: Drawn) -> None:
         """Ask for the truth and the scores of what is shown."""
-        self._asked_of, self.work, visibility = drawn, {}, {}
-        for mask in drawn.masks:
-            if mask.visibility is not None:
-                try:
-                    visibility[mask.spec.full_text] = self.drawing.visibility(drawn, mask)
-                except Exception as error:  # NaN, or whatever the driver says
-                    self.message = told(error)
-        self.judge.ask(self.state, visibility)
+        self._asked_of, self.work = drawn, {}
+        drew = [mask for mask in drawn.masks if mask.visibility is not None]
+        read = {mask.spec.full_text: self._tried(partial(self.drawing.visibility, drawn, mask)) for mask in drew}
+        self.judge.ask(self.state, {text: mask for text, mask in read.items() if mask is not None})
 
     def _count(self, drawn: Drawn, mask: Mask) -> None:
         """Count the work of a technique."""
-        self.work[mask.spec] = {}
-        try:
-            self.work[mask.spec] = self.drawing.work(drawn, mask)
-        except Exception as error:  # a technique may raise anything
-            self.message = told(error)
+        self.work[mask.spec] = self._tried(partial(self.drawing.work, drawn, mask)) or {}
 
     def _move_light(self) -> None:
         """Move a travelling light by the time since the last frame."""
         now = self._seconds()
-        passed, self._stepped_at = now - self._stepped_at, now
-        if self.travel.path != "rest":
-            light = self.travel.moved(self.state.light, self.state.scene, passed)
+        turns, self._stepped_at = (now - self._stepped_at) * self.turns_a_minute / 60, now
+        if turns > 0:
+            light = circled(self.state.light, self.state.scene, turns)
             self.change(replace(self.state, light=light), "travel")
 
     def _read_changed_files(self) -> None:
-        changed = self._files.changed()
-        if changed.scene:
-            self.attempt(self._reload_scene)
-        for file in changed.plugins:
+        now, origin = self._seconds(), self.state.origin
+        if now - self._looked_at < FILES_S:
+            return
+        before, self._times, self._looked_at = self._times, modified(origin, self._plugins), now
+        changed = {file for file, _ in before.items() ^ self._times.items()}
+        if origin is not None and changed.intersection(scene_files(origin)):
+            self.attempt(lambda: self._reload_scene(origin))
+        for file in changed.intersection(self._plugins):
             self.message = f"{file} has changed: its shader files are read again, its Python when the window is opened"
-        if changed.shaders:
+        if any(file.suffix in _SHADERS for file in changed):
             self.panes.reload()
             self._release_drawn()
             self.drawing.reload()
             self._drawn_of = ()
             self._changed_at = self._seconds()
 
-    def _reload_scene(self) -> str:
+    def _reload_scene(self, origin: Origin) -> str:
         """Load the scene's file again, for undo too; a camera or a light that was moved stays where it is."""
-        old, origin = self.state.scene, self.state.origin
-        assert origin is not None
-        scene = origin.load()
+        old, scene = self.state.scene, origin.load()
         self._to(self.history.mapped(lambda state: state.with_scene(scene) if state.scene is old else state))
-        self._files = ChangedFiles(origin, self._plugins)  # it may name other meshes
+        self._times = modified(origin, self._plugins)  # it may name other meshes
         return f"{origin.source} was loaded again"
 
     def _release_drawn(self) -> None:

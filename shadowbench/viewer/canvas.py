@@ -1,7 +1,6 @@
 """The panes of the window, the light's handles over them, and what the mouse does there."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -10,12 +9,11 @@ from imgui_bundle import imgui
 
 from shadowbench.plugin.spec import Spec
 from shadowbench.viewer.app import Viewer
-from shadowbench.viewer.lights import Dome, Handle, dragged, handles, is_far
+from shadowbench.viewer.lights import Handle, dome_radius, dragged, handles, is_far
 from shadowbench.viewer.navigation import looked, orbited, panned, projected, zoomed
 from shadowbench.viewer.panes import NEEDS_TRUTH, NUMBERS
 from shadowbench.viewer.state import Source
-from shadowbench.viewer.technique_panel import tooltip
-from shadowbench.viewer.widgets import CUSTOM, DEFAULT, preset_of
+from shadowbench.viewer.technique_panel import CUSTOM, DEFAULT, preset_of
 
 REACH = 12.0  # pixels, from a handle or the wipe's line, that count as on it
 GAP = 6.0  # pixels between panes
@@ -24,8 +22,6 @@ ZOOM = 1.12  # by a step of the wheel
 _YELLOW, _DARK, _WHITE = 0xFF33DDFF, 0xFF202020, 0xFFFFFFFF  # ABGR
 _DIMMED = (0.45, 0.45, 0.45, 1.0)
 _CORNERS = 48  # of the horizon's circle
-
-HANDLE_HELP: Mapping[Handle, str] = {"light": "drag: move the light", "aim": "drag: aim the light"}
 
 Gesture = Literal["", "orbit", "pan", "look", "wipe", "light", "aim"]
 
@@ -82,8 +78,6 @@ class Canvas:
             imgui.invisible_button(f"pane {index}", (pane.side, pane.side), _ALL_BUTTONS)
             if imgui.is_item_hovered():
                 self._wheel()
-                if not self.gesture:
-                    self._explain(pane)
             if imgui.is_item_activated():
                 self._begin(pane)
             if imgui.is_item_active():
@@ -107,7 +101,7 @@ class Canvas:
         picture = viewer.pictures.get(source)
         failures = viewer.mask_failures()
         failure = viewer.broken or (failures["AB".index(source)] if source in "AB"[: len(failures)] else "")
-        dimmed = bool(failure) or (source == "truth" and not viewer.judge.has_traced(viewer.state))
+        dimmed = bool(failure) or (source == "truth" and viewer.judge.traced(viewer.state) is None)
         if picture is not None:
             color = imgui.color_convert_float4_to_u32(_DIMMED if dimmed else (1, 1, 1, 1))
             draw_list.add_image(
@@ -138,13 +132,10 @@ class Canvas:
         state, draw_list = self.viewer.state, imgui.get_window_draw_list()
         places = {handle: pane.point(place) for handle, place in self._places().items()}
         if state.light.kind == "directional":
-            dome = Dome.of(state.camera)
-            circle = []
-            for corner in range(_CORNERS):
-                angle = 2 * math.pi * corner / _CORNERS
-                point = np.multiply(dome.radius, (math.cos(angle), 0.0, math.sin(angle)))
-                x, y, _ = projected(state.camera, np.add(dome.center, point))
-                circle.append(imgui.ImVec2(*pane.point((x, y))))
+            angles = np.linspace(0, 2 * math.pi, _CORNERS, endpoint=False)
+            around = np.column_stack([np.cos(angles), np.zeros(_CORNERS), np.sin(angles)])
+            corners = state.camera.target + dome_radius(state.camera) * around
+            circle = [imgui.ImVec2(*pane.point(projected(state.camera, corner)[:2])) for corner in corners]
             draw_list.add_polyline(circle, 0x50FFFFFF, imgui.ImDrawFlags_.closed, 1.0)
         if "aim" in places:
             draw_list.add_line(places["light"], places["aim"], _YELLOW, 1.5)
@@ -164,18 +155,17 @@ class Canvas:
         """What a press begins, by what lies under it and by the button."""
         mouse, state = imgui.get_mouse_pos(), self.viewer.state
         self._last = (mouse.x, mouse.y)
+        handle = self._handle_at(pane, self._last)
         if imgui.is_mouse_down(imgui.MouseButton_.right):
             self.gesture = "look"
         elif imgui.is_mouse_down(imgui.MouseButton_.middle) or imgui.get_io().key_shift:
             self.gesture = "pan"
+        elif handle is not None:
+            self.gesture, self._far = handle, is_far(state.light, state.camera)
+        elif state.layout == "wipe" and abs(mouse.x - pane.x - state.wipe * pane.side) <= REACH:
+            self.gesture = "wipe"
         else:
             self.gesture = "orbit"
-            line = pane.x + state.wipe * pane.side
-            if state.layout == "wipe" and abs(mouse.x - line) <= REACH:
-                self.gesture = "wipe"
-            handle = self._handle_at(pane, self._last)
-            if handle is not None:
-                self.gesture, self._far = handle, is_far(state.light, state.camera)
 
     def _handle_at(self, pane: Pane, mouse: tuple[float, float]) -> Handle | None:
         """The nearest handle of the light within reach; of several in one place, such as a corner, the light's own."""
@@ -183,23 +173,12 @@ class Canvas:
         nearest = min(away, key=lambda handle: away[handle])
         return nearest if away[nearest] <= REACH else None
 
-    def _explain(self, pane: Pane) -> None:
-        """What a drag would do where the pointer rests, if it is not to orbit."""
-        mouse, state = imgui.get_mouse_pos(), self.viewer.state
-        handle = self._handle_at(pane, (mouse.x, mouse.y))
-        if handle is not None:
-            tooltip(HANDLE_HELP[handle])
-        elif state.layout == "wipe" and abs(mouse.x - pane.x - state.wipe * pane.side) <= REACH:
-            tooltip("drag the line between the two pictures")
-
     def _drag(self, pane: Pane) -> None:
         mouse, state = imgui.get_mouse_pos(), self.viewer.state
-        right, down = mouse.x - self._last[0], mouse.y - self._last[1]
-        if (right, down) == (0, 0):
+        x, y = (mouse.x - self._last[0]) / pane.side, (mouse.y - self._last[1]) / pane.side
+        if (x, y) == (0, 0):
             return
         self._last = (mouse.x, mouse.y)
-        x, y = right / pane.side, down / pane.side
-        changed = state
         match self.gesture:
             case "orbit":
                 changed = replace(state, camera=orbited(state.camera, -x * TURN, y * TURN))
@@ -212,6 +191,8 @@ class Canvas:
             case "light" | "aim":
                 place = pane.place(mouse.x, mouse.y)
                 changed = replace(state, light=dragged(state.light, state.camera, self.gesture, place, self._far))
+            case _:
+                return
         self.viewer.change(changed, f"drag {self.gesture}")
 
     def _wheel(self) -> None:
@@ -222,7 +203,7 @@ class Canvas:
 
 def label(viewer: Viewer, source: Source) -> str:
     """What a pane shows; of which truth, if it shows one that is not the full one of this view."""
-    state, judge = viewer.state, viewer.judge
+    state, traced = viewer.state, viewer.judge.traced(viewer.state)
     if source == "truth":
         text, missing = "truth", "of an earlier view" if source in viewer.pictures else "tracing"
     else:
@@ -231,9 +212,9 @@ def label(viewer: Viewer, source: Source) -> str:
         if state.overlay not in NEEDS_TRUTH:
             return text
         missing = f"{state.overlay} follows the truth"
-    if not judge.has_traced(state):
+    if traced is None:
         return f"{text} ({missing})"
-    return text if judge.is_final else f"{text} (coarse truth)"
+    return text if traced.final else f"{text} (coarse truth)"
 
 
 def _caption(spec: Spec) -> str:

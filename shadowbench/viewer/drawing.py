@@ -1,7 +1,6 @@
 """Drawing of a state with the passes, techniques and shaders of `run`: the G-buffer, and the masks of the specs."""
 
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -16,7 +15,7 @@ from shadowbench.measure.rendering import LoadedScene, checked_texture, declared
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
-from shadowbench.viewer.state import ViewerState, recolored
+from shadowbench.viewer.state import ViewerState
 
 SHRINKS = (1, 2, 4)
 SMOOTH_MS = 50.0
@@ -76,22 +75,16 @@ class Drawn:
 
 
 class Drawing:
-    """Draws states on one device. Techniques stay built while shown, at the sizes of a rested and a moving image.
-
-    tell: called with the text of a spec before its technique is, and with an empty one afterwards.
-    """
+    """Draws states on one device. Techniques stay built while shown, at the sizes of a rested and a moving image."""
 
     def __init__(self, device: Device) -> None:
         self.device, self.clock = device, Clock(device)
-        self.tell: Callable[[str], object] = lambda spec: None
         self._loaded: LoadedScene | None = None
-        self._colors: object = None
-        self._built: dict[tuple[Spec, int], tuple[Technique, Stage] | str] = {}
+        self._built: dict[tuple[Spec, int], tuple[Technique, Stage]] = {}
 
     def draw(self, state: ViewerState, size: int) -> Drawn:
         """Draw a state's G-buffer and masks, of size × size pixels. Raises InputError if the camera shows nothing."""
-        file_view = state.view(size)
-        loaded = self._load(state)
+        file_view, loaded = state.view(size), self._load(state)
         view = loaded.to_drawing_coordinates(file_view)
         built = [self._build(loaded, spec, view) for spec in state.specs]
         start = time.perf_counter()
@@ -101,25 +94,22 @@ class Drawing:
             # Index 0 always: each image is the one that is scored, without history of earlier frames.
             frame = Frame(view, Phase(state.phase), 0, surface, self.clock)
             masks = tuple(self._mask(spec, one, frame) for spec, one in zip(state.specs, built, strict=True))
-            lit = self.device.context.texture(
-                (size, size), 1, np.ones((size, size), dtype=np.float32).tobytes(), dtype="f4"
-            )
+            white = np.ones((size, size), dtype=np.float32)
+            lit = self.device.context.texture((size, size), 1, white.tobytes(), dtype="f4")
         except BaseException:
             surface.release()
             raise
         self.device.context.finish()
-        self.tell("")
         return Drawn(loaded, frame, masks, lit, (time.perf_counter() - start) * 1e3)
 
     def keep_only(self, specs: tuple[Spec, ...], sizes: tuple[int, ...]) -> None:
         """Free the techniques that are built for other specs or sizes."""
         for key in [(spec, size) for spec, size in self._built if spec not in specs or size not in sizes]:
-            self._free(key)
+            self._built.pop(key)[1].release()
 
     def reload(self) -> None:
         """Free everything, so that changed shaders are read again."""
-        for key in list(self._built):
-            self._free(key)
+        self.keep_only((), ())
         if self._loaded is not None:
             self._loaded.release()
             self._loaded = None
@@ -127,7 +117,7 @@ class Drawing:
     @property
     def bytes(self) -> int:
         """Device memory of the techniques' textures and buffers."""
-        return sum(built[1].bytes for built in self._built.values() if not isinstance(built, str))
+        return sum(stage.bytes for _, stage in self._built.values())
 
     def visibility(self, drawn: Drawn, mask: Mask) -> NDArray[np.float32]:
         """A mask read back as `render` reads it: quantised, row 0 at the top. Raises ValueError for NaN or infinity."""
@@ -137,31 +127,33 @@ class Drawing:
         """Counts of work of a mask that was drawn, which is drawn once more for that."""
         technique = mask.technique
         assert technique is not None
-        self.tell(mask.spec.text)
         facts = finite_facts(mask.spec.text, technique.facts())
         self.device.reset()
         work = work_of(self.device, lambda: technique.draw(drawn.frame))
-        self.tell("")
         return with_cost(work | declared_work(technique, drawn.size**2, facts))
 
     def _load(self, state: ViewerState) -> LoadedScene:
-        if self._loaded is None or not (
-            self._loaded.file_scene is state.scene and self._loaded.coordinates == state.coordinates
-        ):
+        if self._loaded is None or not self._loaded.matches(state.scene, state.coordinates):
             self.reload()
-            self._loaded, self._colors = LoadedScene(self.device, state.scene, state.coordinates), ()
-        if self._colors != state.colors:
-            self._loaded.geometry.recolor(recolored(state.scene, dict(state.colors)).geometry.colors)
-            self._colors = state.colors
+            self._loaded = LoadedScene(self.device, state.scene, state.coordinates)
         return self._loaded
 
-    def _mask(self, spec: Spec, built: tuple[Technique, Stage] | str, frame: Frame) -> Mask:
-        """A spec's mask. A technique may raise anything; what it raises is shown in place of its picture."""
-        if isinstance(built, str):
-            return Mask(spec, failure=built)
-        technique, _ = built
+    def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> Technique | str:
+        """A built technique; or why there is none. It may raise anything, which is shown in place of its picture."""
+        key = (spec, view.size)
+        try:
+            reason = spec.technique.declines(spec.params, view, self.device)
+            if reason is None and key not in self._built:
+                self._recover()
+                self._built[key] = loaded.build(spec, view.size)
+        except RAISED as error:
+            return told(error)
+        return self._built[key][0] if reason is None else f"unsupported: {reason}"
+
+    def _mask(self, spec: Spec, technique: Technique | str, frame: Frame) -> Mask:
+        if isinstance(technique, str):
+            return Mask(spec, failure=technique)
         self._recover()
-        self.tell(spec.text)
         try:
             visibility: list[moderngl.Texture] = []
             on_cpu = technique.draws_on_cpu(spec.params)
@@ -172,31 +164,8 @@ class Drawing:
         except RAISED as error:
             return Mask(spec, failure=told(error))
 
-    def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> tuple[Technique, Stage] | str:
-        """A built technique; or why there is none: one that failed is not built again until something changes."""
-        key = (spec, view.size)
-        self.tell(spec.text)
-        try:
-            reason = spec.technique.declines(spec.params, view, self.device)
-        except Exception as error:  # a technique may raise anything
-            return told(error)
-        if reason is not None:
-            return f"unsupported: {reason}"
-        if key not in self._built:
-            self._recover()
-            try:
-                self._built[key] = loaded.build(spec, view.size)
-            except RAISED as error:
-                self._built[key] = told(error)
-        return self._built[key]
-
     def _recover(self) -> None:
         """Default state, and no recorded error for which the next technique would be blamed."""
         self.device.reset()
         with suppress(RuntimeError):
             self.device.check("what was drawn before")
-
-    def _free(self, key: tuple[Spec, int]) -> None:
-        built = self._built.pop(key)
-        if not isinstance(built, str):
-            built[1].release()

@@ -5,56 +5,35 @@ where they are, and those that have a direction a second one on their axis, to a
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from shadowbench.scenes.model import Camera, Light, LightShape, Scene
-from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
+from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.viewer.navigation import distance, projected, ray
 
 Handle = Literal["light", "aim"]
-Path = Literal["rest", "day", "circle"]
-DAY_TILT = math.radians(35.0)
-"""Angle between the plane of a day's arc and the vertical."""
+LOWEST = math.radians(1.0)
+"""Least elevation to which a sun is dragged, in radians."""
 _CONE = math.radians(60.0)
 _SHARE = 0.8  # of the picture that the dome takes
 
 
-@dataclass(frozen=True)
-class Dome:
-    """The sphere on which a sun's handle lies."""
-
-    center: Vec3
-    radius: float
-
-    @staticmethod
-    def of(camera: Camera) -> "Dome":
-        """The dome around a camera's target."""
-        return Dome(camera.target, _SHARE * distance(camera) * math.sin(camera.fov_y / 2))
-
-    def hit(self, camera: Camera, x: float, y: float, far: bool) -> Floats:
-        """(3,) unit vector from the centre to where a pixel's ray meets the sphere, or comes closest to it.
-
-        far: of two such places the one behind the centre.
-        """
-        along = unit(ray(camera, x, y))
-        away = np.subtract(camera.position, self.center)
-        middle = -float(along @ away)
-        closest = away + middle * along
-        half = math.sqrt(max(self.radius**2 - float(closest @ closest), 0.0))
-        return unit(closest + (half if far else -half) * along)
+def dome_radius(camera: Camera) -> float:
+    """Radius of the dome around a camera's target."""
+    return _SHARE * distance(camera) * math.sin(camera.fov_y / 2)
 
 
 def handles(light: Light, camera: Camera) -> dict[Handle, Vec3]:
     """The places of a light's handles in space."""
     if light.kind == "directional":
-        dome = Dome.of(camera)
-        return {"light": vec3(np.subtract(dome.center, unit(light.direction) * dome.radius))}
+        return {"light": vec3(np.subtract(camera.target, unit(light.direction) * dome_radius(camera)))}
     found: dict[Handle, Vec3] = {"light": light.position}
     if light.kind != "point":
-        found["aim"] = vec3(np.add(light.position, unit(light.direction) * _reach(light, camera)))
+        reach = max(math.dist(light.position, camera.target), 0.5 * distance(camera))
+        found["aim"] = vec3(np.add(light.position, unit(light.direction) * reach))
     return found
 
 
@@ -65,10 +44,10 @@ def dragged(light: Light, camera: Camera, handle: Handle, to: tuple[float, float
     parallel to the picture, and come to the depth of the camera's target if they were behind the camera.
     """
     if light.kind == "directional":
-        toward = Dome.of(camera).hit(camera, *to, far)
-        return replace(light, direction=vec3(-_above_horizon(toward)))
-    point = np.asarray(handles(light, camera)[handle])
-    depth = projected(camera, vec3(point))[2]
+        sun = replace(light, direction=vec3(-_on_dome(camera, *to, far)))
+        azimuth, elevation = azimuth_elevation(sun)
+        return sun if elevation >= LOWEST else replace(sun, direction=sun_at(azimuth, LOWEST))
+    depth = projected(camera, handles(light, camera)[handle])[2]
     if depth < 1e-3 * distance(camera):
         depth = distance(camera)
     moved = np.add(camera.position, ray(camera, *to) * depth)
@@ -76,6 +55,18 @@ def dragged(light: Light, camera: Camera, handle: Handle, to: tuple[float, float
         return replace(light, position=vec3(moved))
     axis = moved - light.position
     return replace(light, direction=vec3(unit(axis))) if np.linalg.norm(axis) > 0 else light
+
+
+def _on_dome(camera: Camera, x: float, y: float, far: bool) -> Floats:
+    """(3,) unit vector from the dome's centre to where a pixel's ray meets it, or comes closest to it.
+
+    far: of two such places the one behind the centre.
+    """
+    along = unit(ray(camera, x, y))
+    away = np.subtract(camera.position, camera.target)
+    closest = away - float(along @ away) * along
+    half = math.sqrt(max(dome_radius(camera) ** 2 - float(closest @ closest), 0.0))
+    return unit(closest + (half if far else -half) * along)
 
 
 def is_far(light: Light, camera: Camera) -> bool:
@@ -95,42 +86,13 @@ def azimuth_elevation(light: Light) -> tuple[float, float]:
     return math.atan2(-z, x), math.asin(float(np.clip(y, -1.0, 1.0)))
 
 
-def travelled(light: Light, path: Path, center: Vec3, turns: float) -> Light:
-    """The light after `turns` of its path around the scene's centre.
-
-    circle: about the vertical axis, `turns` from where it is; day: on an arc from the east (+x) over the south to the
-    west in one turn, then anew, a lamp at the distance that it has.
-    """
-    if path == "rest":
-        return light
-    if path == "day":
-        hour = math.pi * (turns % 1.0)
-        high = math.sin(hour)
-        toward = np.array([math.cos(hour), high * math.cos(DAY_TILT), high * math.sin(DAY_TILT)])
-        return _seen_from(light, center, _above_horizon(toward))
+def circled(light: Light, scene: Scene, turns: float) -> Light:
+    """The light turned about the vertical axis through the scene's centre."""
+    center = scene.geometry.bounds.mean(axis=0)
     cosine, sine = math.cos(2 * math.pi * turns), math.sin(2 * math.pi * turns)
     about_y = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-    return replace(
-        light,
-        direction=vec3(about_y @ light.direction),
-        position=vec3(np.add(center, about_y @ np.subtract(light.position, center))),
-    )
-
-
-@dataclass
-class Travel:
-    """The motion of a light: its path and speed, and how far it is on it."""
-
-    path: Path = "rest"
-    per_minute: float = 2.0
-    turns: float = 0.0
-
-    def moved(self, light: Light, scene: Scene, seconds: float) -> Light:
-        """The light after so many more seconds."""
-        turn = seconds * self.per_minute / 60
-        self.turns += turn
-        center = vec3(scene.geometry.bounds.mean(axis=0))
-        return travelled(light, self.path, center, turn if self.path == "circle" else self.turns)
+    position = center + about_y @ (light.position - center)
+    return replace(light, direction=vec3(about_y @ light.direction), position=vec3(position))
 
 
 def with_kind(light: Light, kind: LightShape, scene: Scene) -> Light:
@@ -150,24 +112,3 @@ def with_kind(light: Light, kind: LightShape, scene: Scene) -> Light:
         away = center - light.position
         return replace(changed, direction=vec3(unit(away) if away.any() else (0.0, -1.0, 0.0)))
     return changed
-
-
-def _seen_from(light: Light, center: Vec3, toward: Floats) -> Light:
-    """The light in a direction from the centre, at its distance, shining to the centre."""
-    radius = float(np.linalg.norm(np.subtract(light.position, center)))
-    return replace(light, direction=vec3(-toward), position=vec3(np.add(center, toward * radius)))
-
-
-def _above_horizon(toward: Floats) -> Floats:
-    """A direction to a sun, at least one degree above the horizon."""
-    least = math.sin(math.radians(1.0))
-    if toward[1] >= least:
-        return toward
-    level = np.array([toward[0], 0.0, toward[2]])
-    back = unit(level) if level.any() else perpendicular_basis(np.array([0.0, 1.0, 0.0]), (0, 0, 1))[0]
-    return unit(back * math.cos(math.radians(1.0)) + np.array([0.0, least, 0.0]))
-
-
-def _reach(light: Light, camera: Camera) -> float:
-    """Distance of the handle that aims from its light: as far as the camera's target, or half the camera's distance."""
-    return max(math.dist(light.position, camera.target), 0.5 * distance(camera))

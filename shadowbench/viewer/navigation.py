@@ -38,7 +38,7 @@ def projected(camera: Camera, point: Vec3 | Floats) -> tuple[float, float, float
 
 def distance(camera: Camera) -> float:
     """From the camera to its target."""
-    return float(np.linalg.norm(np.subtract(camera.target, camera.position)))
+    return math.dist(camera.target, camera.position)
 
 
 def orbited(camera: Camera, yaw: float, pitch: float) -> Camera:
@@ -46,14 +46,12 @@ def orbited(camera: Camera, yaw: float, pitch: float) -> Camera:
 
     It stops short of the poles.
     """
-    offset = _turned(np.subtract(camera.position, camera.target), camera, yaw, pitch)
-    return _at(camera, np.add(camera.target, offset), camera.target)
+    return _at(camera, np.add(camera.target, _turned(camera, yaw, pitch)), camera.target)
 
 
 def looked(camera: Camera, yaw: float, pitch: float) -> Camera:
     """The camera turned about its own position, to the left by `yaw` and up by `pitch`, in radians."""
-    offset = _turned(np.subtract(camera.position, camera.target), camera, yaw, -pitch)
-    return _at(camera, camera.position, np.subtract(camera.position, offset))
+    return _at(camera, camera.position, np.subtract(camera.position, _turned(camera, yaw, -pitch)))
 
 
 def panned(camera: Camera, x: float, y: float) -> Camera:
@@ -80,16 +78,14 @@ def walked(camera: Camera, right: float, up: float, forward: float) -> Camera:
     return _shifted(camera, right * side + up * vertical + forward * ahead)
 
 
-def _turned(offset: Floats, camera: Camera, yaw: float, pitch: float) -> Floats:
-    """An offset from a target in spherical coordinates about the camera's up vector, turned."""
-    vertical, length = unit(camera.up), float(np.linalg.norm(offset))
-    right = camera.basis()[0]
-    level = np.cross(right, vertical)  # horizontal, from the target to the camera
-    tilt = math.atan2(float(offset @ vertical), float(offset @ level)) + pitch
+def _turned(camera: Camera, yaw: float, pitch: float) -> Floats:
+    """The camera's offset from its target in spherical coordinates about its up vector, turned."""
+    vertical, offset = unit(camera.up), np.subtract(camera.position, camera.target)
+    level = np.cross(camera.basis()[0], vertical)  # horizontal, from the target to the camera
     most = math.pi / 2 - LEAST_TILT
-    tilt = min(max(tilt, -most), most)
+    tilt = float(np.clip(math.atan2(offset @ vertical, offset @ level) + pitch, -most, most))
     horizontal = math.cos(yaw) * level + math.sin(yaw) * np.cross(vertical, level)
-    turned: Floats = length * (math.cos(tilt) * horizontal + math.sin(tilt) * vertical)
+    turned: Floats = distance(camera) * (math.cos(tilt) * horizontal + math.sin(tilt) * vertical)
     return turned
 
 

@@ -1,59 +1,35 @@
 """The pictures of the window: each pane's, with what explains it, and that of the shadow map."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import get_args
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Sampling, link
-from shadowbench.gl.shaders import compose
+from shadowbench.gl.shaders import SHADERS, compose
 from shadowbench.plugin.base import Technique
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.viewer.drawing import Drawn
 from shadowbench.viewer.state import Overlay, Source, ViewerState
 from shadowbench.viewer.truth import Traced
 
-_DEFINES: dict[Overlay, str] = {
-    "error": "ERROR",
-    "mask": "MASK",
-    "normals": "NORMALS",
-    "N·L": "COSINE",
-    "texels": "TEXELS",
-    "blockers": "BLOCKERS",
+# The shader's define for each overlay, and the texture that it cannot do without.
+_DEFINES: dict[Overlay, tuple[str, str]] = {
+    "error": ("ERROR", "truth"),
+    "mask": ("MASK", "visibility"),
+    "normals": ("NORMALS", "picture"),
+    "N·L": ("COSINE", "picture"),
+    "texels": ("TEXELS", "texels"),
+    "blockers": ("BLOCKERS", "blocker"),
 }
 NEEDS_TRUTH: tuple[Overlay, ...] = ("error", "blockers")
-NUMBERS = {"A": 1_000_001, "B": 1_000_002, "truth": 1_000_003, "map": 1_000_004}
+NUMBERS = {name: 1_000_001 + number for number, name in enumerate((*get_args(Source), "map"))}
 """By which the interface names the pictures, whose textures are drawn after it was laid out."""
 LARGEST_MAP = 1024
 """Largest side of a shown shadow map, in pixels: of a larger one every n-th texel is shown."""
-
-
-@dataclass(frozen=True, eq=False)
-class TruthTextures:
-    """A truth as textures of a size: visibility with, in y, whether a pixel is scored; blockers' distances, up to 1."""
-
-    device: Device
-    traced: Traced
-    size: int
-    visibility: moderngl.Texture
-    blocker: moderngl.Texture
-
-    @staticmethod
-    def of(device: Device, traced: Traced, size: int) -> "TruthTextures":
-        """The textures of a truth; a coarse one is enlarged."""
-        near = traced.blocker[np.isfinite(traced.blocker)]
-        reach = float(near.max()) if near.size else 1.0
-        blocker = np.where(np.isfinite(traced.blocker), traced.blocker / max(reach, 1e-30), -1.0)
-        scored = np.dstack([traced.visibility, traced.scored])
-        textures = (_texture(device, _enlarged(values, size)) for values in (scored, blocker))
-        return TruthTextures(device, traced, size, *textures)
-
-    def release(self) -> None:
-        """Free the textures."""
-        self.device.free((self.visibility, self.blocker))
 
 
 class Panes:
@@ -62,54 +38,46 @@ class Panes:
     def __init__(self, device: Device) -> None:
         self.device = device
         self._passes: dict[Overlay, Drawable] = {}
+        self._truth: dict[str, moderngl.Texture] = {}  # by their names in the shader, and of what they are
+        self._truth_of: tuple[Traced, int] | None = None
 
-    def draw(
-        self, drawn: Drawn, state: ViewerState, source: Source, truth: TruthTextures | None
-    ) -> moderngl.Texture | None:
+    def draw(self, drawn: Drawn, state: ViewerState, source: Source, traced: Traced | None) -> moderngl.Texture | None:
         """A texture that the caller releases: the picture of A, B or the truth; None if there is none.
 
-        state: says how to show it; truth: of the drawn view and size, None if it is not traced yet.
+        state: says how to show it; traced: the truth of the drawn view, None if it is not traced yet.
         """
-        mask = None
-        if source == "truth":
-            if truth is None:
-                return None
-            visibility = truth.visibility
-        elif "AB".index(source) < len(drawn.masks):
-            mask = drawn.masks["AB".index(source)]
-            visibility = mask.visibility or drawn.lit  # where it failed, the scene without shadows
-        else:
+        truth = self._textures(traced, drawn.size) if traced else {}
+        shown = _shown(drawn, source, truth)
+        if shown is None:
             return None
-        technique = None if mask is None else mask.technique
+        technique, visibility = shown
         self.device.reset()
         tint = technique.tint() if technique and state.overlay == "tint" else None
         texels = technique.texels() if technique and state.overlay == "texels" else None
-        shown = visibility if state.shadows else drawn.lit
-        picture = drawn.loaded.picture_pass.shade(drawn.frame.surface, drawn.frame.view, shown, tint, state.shading)
-        if self._is_plain(state.overlay, truth, texels):
+        shadows = visibility if state.shadows else drawn.lit
+        picture = drawn.loaded.picture_pass.shade(drawn.frame.surface, drawn.frame.view, shadows, tint, state.shading)
+        textures = {"picture": picture, "visibility": visibility, **truth, **({"texels": texels} if texels else {})}
+        if state.overlay not in _DEFINES or _DEFINES[state.overlay][1] not in textures:
             return picture
-        target_texture = self.device.context.texture(picture.size, 4, dtype="f1")
-        target = self.device.context.framebuffer([target_texture])
-        xyz, w = drawn.frame.light.homogeneous
-        one = self._pass(state.overlay)
+        overlaid = self._overlaid(drawn, state.overlay, textures, soft=bool(traced and traced.soft))
+        self.device.free((picture,))
+        return overlaid
+
+    def _overlaid(
+        self, drawn: Drawn, overlay: Overlay, textures: Mapping[str, moderngl.Texture], soft: bool
+    ) -> moderngl.Texture:
+        """The picture among some textures, with what they say of it."""
+        one, (xyz, w) = self._pass(overlay), drawn.frame.light.homogeneous
         one.program.set(light=(*xyz, w))
-        if state.overlay == "error" and truth is not None:
-            colors = (tuple(level / 255 for level in color) for color in (FALSE_SHADOW, FALSE_LIGHT))
-            for name, color in zip(("false_shadow", "false_light"), colors, strict=True):
-                one.program.set(**{name: color})
-            one.program.set(soft=float(truth.traced.soft))
-        inputs = {
-            **drawn.frame.surface.inputs,
-            "picture": (picture, Sampling()),
-            "visibility": (visibility, Sampling()),
-        }
-        if truth is not None:
-            inputs |= {"truth": (truth.visibility, Sampling()), "blocker": (truth.blocker, Sampling())}
-        if texels is not None:
-            inputs["texels"] = (texels, Sampling())
-        one.draw(target, inputs)
-        self.device.free((target, picture))
-        return target_texture
+        if overlay == "error":
+            shadow, light = (tuple(level / 255 for level in color) for color in (FALSE_SHADOW, FALSE_LIGHT))
+            one.program.set(false_shadow=shadow, false_light=light, soft=float(soft))
+        result = self.device.context.texture(textures["picture"].size, 4, dtype="f1")
+        target = self.device.context.framebuffer([result])
+        sampled = {name: (texture, Sampling()) for name, texture in textures.items()}
+        one.draw(target, {**drawn.frame.surface.inputs, **sampled})
+        self.device.free((target,))
+        return result
 
     def map_picture(self, technique: Technique) -> moderngl.Texture | None:
         """A texture that the caller releases: the map of the technique's last draw, near is dark; None without one."""
@@ -123,32 +91,47 @@ class Panes:
         return self.device.context.texture(grey.shape[::-1], 4, picture.tobytes())
 
     def reload(self) -> None:
-        """Free the programs, so that changed shaders are read again."""
+        """Free everything, so that changed shaders are read again."""
         for one in self._passes.values():
             self.device.free((one.vertices, one.program.linked))
         self._passes.clear()
-
-    @staticmethod
-    def _is_plain(overlay: Overlay, truth: TruthTextures | None, texels: moderngl.Texture | None) -> bool:
-        lacking = (overlay in NEEDS_TRUTH and truth is None) or (overlay == "texels" and texels is None)
-        return lacking or overlay not in _DEFINES
+        self._free_truth()
 
     def _pass(self, overlay: Overlay) -> Drawable:
         if overlay not in self._passes:
-            roots, defines = [data_folder("shaders")], {f"OVERLAY_{_DEFINES[overlay]}": "1"}
-            fragment = compose("viewer/overlay.frag", roots, defines)
-            program = link(self.device, compose("fullscreen.vert", roots), fragment)
+            fragment = compose("viewer/overlay.frag", SHADERS, {f"OVERLAY_{_DEFINES[overlay][0]}": "1"})
+            program = link(self.device, compose("fullscreen.vert", SHADERS), fragment)
             vertices = self.device.context.vertex_array(program.linked, [])
             self._passes[overlay] = Drawable(program, vertices, count=3)
         return self._passes[overlay]
 
+    def _textures(self, traced: Traced, size: int) -> dict[str, moderngl.Texture]:
+        """A truth as textures, made once: visibility, in y whether a pixel is scored; blockers' distances, up to 1."""
+        if self._truth_of != (traced, size):
+            self._free_truth()
+            known = np.isfinite(traced.blocker)
+            blocker = np.where(known, traced.blocker / traced.blocker.max(where=known, initial=1e-30), -1.0)
+            images = {"truth": np.dstack([traced.visibility, traced.scored]), "blocker": blocker}
+            self._truth = {name: self._texture(image, size) for name, image in images.items()}
+            self._truth_of = (traced, size)
+        return self._truth
 
-def _enlarged(values: NDArray[np.floating], size: int) -> NDArray[np.float32]:
-    """(size, size, …) pixels of a smaller or larger image, each the nearest, row 0 at the bottom (OpenGL order)."""
-    nearest = (np.arange(size) * len(values)) // size
-    return values[nearest[::-1, np.newaxis], nearest].astype(np.float32)
+    def _texture(self, values: NDArray[np.floating], size: int) -> moderngl.Texture:
+        """A texture of size × size pixels, each the nearest of a perhaps coarser image with row 0 at the top."""
+        nearest = (np.arange(size) * len(values)) // size
+        pixels = values[nearest[::-1, np.newaxis], nearest].astype(np.float32)
+        return self.device.context.texture((size, size), pixels.size // size**2, pixels.tobytes(), dtype="f4")
+
+    def _free_truth(self) -> None:
+        self.device.free(self._truth.values())
+        self._truth, self._truth_of = {}, None
 
 
-def _texture(device: Device, values: NDArray[np.float32]) -> moderngl.Texture:
-    height, width = values.shape[:2]
-    return device.context.texture((width, height), values.size // (height * width), values.tobytes(), dtype="f4")
+def _shown(
+    drawn: Drawn, source: Source, truth: Mapping[str, moderngl.Texture]
+) -> tuple[Technique | None, moderngl.Texture] | None:
+    """The technique of a source, and its visibility: 1 where it failed; None if there is nothing to show."""
+    if source == "truth":
+        return (None, truth["truth"]) if truth else None
+    mask = dict(zip("AB", drawn.masks, strict=False)).get(source)
+    return (mask.technique, mask.visibility or drawn.lit) if mask else None

@@ -4,18 +4,20 @@ import math
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from imgui_bundle import imgui
 
+from shadowbench.engines.external_mask import decode_srgb
 from shadowbench.gl.picture import Shading
 from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.viewer.app import Viewer
-from shadowbench.viewer.lights import Path as LightPath
 from shadowbench.viewer.lights import azimuth_elevation, sun_at, with_kind
-from shadowbench.viewer.state import Origin, materials
+from shadowbench.viewer.state import Origin
 from shadowbench.viewer.technique_panel import choice, number, tooltip
 
 KIND_HELP: Mapping[LightShape, str] = {
@@ -25,11 +27,6 @@ KIND_HELP: Mapping[LightShape, str] = {
     "disc": "a disc that shines to one side: soft shadows",
     "rectangle": "a rectangle that shines to one side: soft shadows",
 }
-PATH_HELP: Mapping[LightPath, str] = {
-    "rest": "the light stays where it is",
-    "day": "from east (+x) to west, then anew",
-    "circle": "about the vertical axis",
-}
 SHADING_LABELS = {
     "light_color": "light",
     "sky": "ambient from above",
@@ -37,11 +34,10 @@ SHADING_LABELS = {
     "horizon": "background, horizon",
     "zenith": "background, zenith",
 }
+_SHADING_LIMITS = {"ambient": (0.0, 4.0), "diffuse": (0.0, 4.0), "specular": (0.0, 2.0), "shininess": (1.0, 256.0)}
 _SUN = f"{math.degrees(SUN_RADIUS):.2f}°"
-_LARGEST = {"ambient": 4.0, "diffuse": 4.0, "specular": 2.0, "shininess": 256.0}
-_LEAST_SHININESS = 1.0
+_FASTEST = 60.0  # turns a minute of a travelling light
 _SIZES = (128, 256, 512, 768, 1024, 2048)
-_MOST_MATERIALS = 40
 
 
 def scene_panel(viewer: Viewer) -> None:
@@ -53,10 +49,10 @@ def scene_panel(viewer: Viewer) -> None:
     if name != shown:
         viewer.attempt(lambda: viewer.open_scene(Origin(name)))
         return
-    camera = choice("camera", state.camera.name, [one.name for one in state.scene.cameras])
+    cameras = {one.name: one for one in state.scene.cameras}
+    camera = choice("camera", state.camera.name, cameras)
     if camera != state.camera.name or imgui.button("reset camera"):
-        chosen = next((one for one in state.scene.cameras if one.name == camera), state.scene.cameras[0])
-        viewer.change(replace(state, camera=chosen))
+        viewer.change(replace(state, camera=cameras.get(camera, state.scene.cameras[0])))
     imgui.same_line()
     if imgui.button("undo"):
         viewer.undo()
@@ -70,40 +66,23 @@ def scene_panel(viewer: Viewer) -> None:
 def light_panel(viewer: Viewer) -> None:
     """Choice of light, its kind, place and size, and its travel."""
     state = viewer.state
-    name = choice("light", state.light.name, [one.name for one in state.scene.lights])
+    lights = {one.name: one for one in state.scene.lights}
+    name = choice("light", state.light.name, lights)
     if name != state.light.name:
-        viewer.change(replace(state, light=next(one for one in state.scene.lights if one.name == name)))
+        viewer.change(replace(state, light=lights[name]))
         return
     kind = choice("kind", state.light.kind, KIND_HELP)
-    light = with_kind(state.light, kind, state.scene)
-    light = _edited(light)
-    if light != state.light:
-        viewer.change(replace(state, light=light), "light panel")
-    travel = viewer.travel
-    path = choice("travel", travel.path, PATH_HELP)
-    if path != travel.path:
-        travel.path, travel.turns = path, 0.0
-    if path != "rest":
-        travel.per_minute = number("turns a minute", travel.per_minute, 0.1, 60.0, decades=True)
+    viewer.change(replace(state, light=_edited(with_kind(state.light, kind, state.scene))), "light panel")
+    viewer.turns_a_minute = number("turns a minute", viewer.turns_a_minute, 0.0, _FASTEST)
+    tooltip("the light travels about the vertical axis; 0: it stays where it is")
     if imgui.button("reset light"):
-        travel.path = "rest"
-        own = next((one for one in state.scene.lights if one.name == state.light.name), state.scene.lights[0])
-        viewer.change(replace(viewer.state, light=own))
+        viewer.turns_a_minute = 0.0
+        viewer.change(replace(viewer.state, light=lights.get(state.light.name, state.scene.lights[0])))
 
 
 def _edited(light: Light) -> Light:
     if light.kind == "directional":
-        azimuth, elevation = azimuth_elevation(light)
-        to = [
-            _angle("azimuth", azimuth, -180, 180, "of the sun, about the vertical axis from +x towards −z"),
-            _angle("elevation", elevation, -89, 89, "of the sun above the horizon"),
-        ]
-        if to != [azimuth, elevation]:
-            light = replace(light, direction=sun_at(*to))
-        return replace(
-            light,
-            radius=_angle("radius", light.radius, 0, 45, f"angular radius: 0 for hard shadows; the sun's is {_SUN}"),
-        )
+        return _edited_sun(light)
     light = replace(light, position=_vector("position", light.position, "x, y and z in metres; y is up"))
     if light.kind != "point":
         direction = _vector("direction", light.direction, "in which it shines; of any length")
@@ -116,43 +95,32 @@ def _edited(light: Light) -> Light:
     return replace(light, radius=_metres("radius", light.radius))
 
 
+def _edited_sun(light: Light) -> Light:
+    before = azimuth_elevation(light)
+    azimuth = _angle("azimuth", before[0], -180, 180, "of the sun, about the vertical axis from +x towards −z")
+    elevation = _angle("elevation", before[1], -89, 89, "of the sun above the horizon")
+    radius = _angle("radius", light.radius, 0, 45, f"angular radius: 0 for hard shadows; the sun's is {_SUN}")
+    moved = (azimuth, elevation) != before
+    return replace(light, radius=radius, direction=sun_at(azimuth, elevation) if moved else light.direction)
+
+
 def shading_panel(viewer: Viewer) -> None:
     """Coefficients and colours of the picture, which no score depends on."""
     state = viewer.state
     shadows = imgui.checkbox("shadows", state.shadows)[1]
-    shading = state.shading
+    values: dict[str, Any] = {}
     for field in fields(Shading):
-        value = getattr(shading, field.name)
-        if isinstance(value, tuple):
-            value = _color(f"{SHADING_LABELS[field.name]}##{field.name}", value)
-        else:
-            least = _LEAST_SHININESS if field.name == "shininess" else 0.0
-            value = number(field.name, value, least, _LARGEST[field.name])
-        shading = replace(shading, **{field.name: value})
-    changed = replace(state, shading=shading, shadows=shadows)
-    imgui.text_disabled("materials")
-    own, shown = materials(state.scene), dict(state.colors)
-    for name, color in list(own.items())[:_MOST_MATERIALS]:
-        new = _color(f"{name}##material", shown.get(name, color))
-        if new != shown.get(name, color):
-            changed = changed.with_color(name, new)
-    viewer.change(changed, "shading")
+        name, value = field.name, getattr(state.shading, field.name)
+        label = SHADING_LABELS.get(name)
+        values[name] = _color(f"{label}##{name}", value) if label else number(name, value, *_SHADING_LIMITS[name])
+    viewer.change(replace(state, shading=Shading(**values), shadows=shadows), "shading")
 
 
 def _color(label: str, color: Vec3) -> Vec3:
     """An editor of a linear colour, shown as sRGB."""
-    flags = imgui.ColorEditFlags_.no_inputs
-    changed, shown = imgui.color_edit3(label, [_srgb(channel) for channel in color], flags)
-    return vec3([_linear(channel) for channel in shown[:3]]) if changed else color
-
-
-def _srgb(x: float) -> float:
-    return 12.92 * x if x <= 0.0031308 else 1.055 * x ** (1 / 2.4) - 0.055
-
-
-def _linear(x: float) -> float:
-    x = min(max(x, 0.0), 1.0)
-    return round(x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4, 5)
+    shown = [12.92 * x if x <= 0.0031308 else 1.055 * x ** (1 / 2.4) - 0.055 for x in color]
+    changed, new = imgui.color_edit3(label, shown, imgui.ColorEditFlags_.no_inputs)
+    return vec3(decode_srgb(np.clip(new[:3], 0, 1)).round(5)) if changed else color
 
 
 def _angle(label: str, radians: float, low: float, high: float, help: str) -> float:

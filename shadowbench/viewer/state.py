@@ -1,16 +1,16 @@
 """Everything that the window shows, as one immutable value, and its history for undo and redo."""
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
+from shadowbench.files import data_folder
 from shadowbench.gl.picture import Shading
-from shadowbench.options import SceneOptions
+from shadowbench.options import FIRST, SceneOptions
 from shadowbench.plugin.spec import Spec
+from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
-from shadowbench.scenes.vectors import Vec3
 from shadowbench.scenes.views import Named, opened
 
 Layout = Literal["one", "wipe", "side by side"]
@@ -19,7 +19,6 @@ Overlay = Literal["picture", "error", "mask", "normals", "N·L", "texels", "bloc
 OVERLAYS = get_args(Overlay)
 
 MOST_UNDO = 500
-_COPY = re.compile(r"( \d+)+$")  # what a repeated mesh's name ends with
 
 
 @dataclass(frozen=True)
@@ -27,14 +26,17 @@ class Origin:
     """Where a scene was loaded from: the arguments of `opened`."""
 
     source: str
-    assets: Path | None = None
-    up: str | None = None
-    sun: bool = False
-    no_ground: bool = False
+    options: SceneOptions = FIRST
+
+    @property
+    def file(self) -> Path:
+        """The scene's own file."""
+        is_builtin = self.source in builtin_names()
+        return data_folder("scenes") / f"{self.source}.toml" if is_builtin else Path(self.source)
 
     def load(self) -> Scene:
         """The scene, as it is on disk now. Raises InputError, as `opened` does."""
-        return opened(self.source, SceneOptions(self.assets, self.up, self.sun, self.no_ground))
+        return opened(self.source, self.options)
 
 
 @dataclass(frozen=True)
@@ -42,8 +44,7 @@ class ViewerState:
     """What the window shows.
 
     size: of the image, in pixels along a side; origin: of the scene, None for one that no file has, such as a sweep's;
-    coordinates: in which it is drawn; phase: see `Phase`; colors: linear RGB by the name of a `material`, in place of
-    the scene's; wipe: the share of the picture that `left` takes.
+    coordinates: in which it is drawn; phase: see `Phase`; wipe: the share of the picture that `left` takes.
     """
 
     scene: Scene
@@ -55,7 +56,6 @@ class ViewerState:
     coordinates: Coordinates = "relative"
     phase: int = 0
     shading: Shading = field(default_factory=Shading)
-    colors: tuple[tuple[str, Vec3], ...] = ()
     shadows: bool = True
     layout: Layout = "wipe"
     left: Source = "A"
@@ -81,34 +81,12 @@ class ViewerState:
 
     def with_spec(self, index: int, spec: Spec) -> "ViewerState":
         """With another spec as A (0) or B (1)."""
-        specs = list(self.specs)
-        specs[index : index + 1] = [spec]
-        return replace(self, specs=tuple(specs))
+        return replace(self, specs=(*self.specs[:index], spec, *self.specs[index + 1 :]))
 
     def with_scene(self, scene: Scene) -> "ViewerState":
         """With another version of its scene, whose camera and light of the same names it has unless they were moved."""
         camera = _followed(self.camera, self.scene.cameras, scene.cameras)
         return replace(self, scene=scene, camera=camera, light=_followed(self.light, self.scene.lights, scene.lights))
-
-    def with_color(self, name: str, color: Vec3) -> "ViewerState":
-        """With another colour of a material."""
-        return replace(self, colors=tuple((dict(self.colors) | {name: color}).items()))
-
-
-def material(name: str) -> str:
-    """Name of what a mesh is a part of: without the numbers of a repetition."""
-    return _COPY.sub("", name)
-
-
-def materials(scene: Scene) -> Mapping[str, Vec3]:
-    """The colours of a scene's materials, by name."""
-    return {material(mesh.name): mesh.color for mesh in reversed(scene.meshes)}
-
-
-def recolored(scene: Scene, colors: Mapping[str, Vec3]) -> Scene:
-    """The scene with other colours of some materials."""
-    meshes = (replace(mesh, color=colors.get(material(mesh.name), mesh.color)) for mesh in scene.meshes)
-    return replace(scene, meshes=tuple(meshes)) if colors else scene
 
 
 @dataclass(frozen=True)
@@ -128,8 +106,7 @@ class History:
         if state == self.state:
             return self
         same = gesture != "" and gesture == self.gesture
-        past = self.past if same else (*self.past, self.state)[-MOST_UNDO:]
-        return History(state, past, (), gesture)
+        return History(state, self.past if same else (*self.past, self.state)[-MOST_UNDO:], (), gesture)
 
     def mapped(self, change: Callable[[ViewerState], ViewerState]) -> "History":
         """With every state changed, such as by a scene whose file has changed on disk."""
@@ -138,19 +115,15 @@ class History:
 
     def rested(self) -> "History":
         """The gesture has ended: the next change is one of its own."""
-        return replace(self, gesture="") if self.gesture else self
+        return replace(self, gesture="")
 
     def undone(self) -> "History":
         """The state before; itself if there is none."""
-        if not self.past:
-            return self
-        return History(self.past[-1], self.past[:-1], (self.state, *self.future))
+        return History(self.past[-1], self.past[:-1], (self.state, *self.future)) if self.past else self
 
     def redone(self) -> "History":
         """The state that was undone last; itself if there is none."""
-        if not self.future:
-            return self
-        return History(self.future[0], (*self.past, self.state), self.future[1:])
+        return History(self.future[0], (*self.past, self.state), self.future[1:]) if self.future else self
 
 
 def _followed(shown: Named, before: Sequence[Named], now: Sequence[Named]) -> Named:

@@ -3,8 +3,9 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -13,22 +14,33 @@ from pydantic import Field, ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
-from shadowbench.files import data_folder, replace_file
+from shadowbench.files import check_outputs, replace_file
 from shadowbench.gl.picture import Shading
 from shadowbench.measure.row_store import read_run_file, stream_rows
 from shadowbench.measure.rows import Record
-from shadowbench.options import VIEW_SIZE
-from shadowbench.plugin.base import Technique
+from shadowbench.options import VIEW_SIZE, SceneOptions
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.files import read_document
 from shadowbench.scenes.library import builtin_names, load_scene
-from shadowbench.scenes.model import Camera, Light, Mesh
+from shadowbench.scenes.model import Mesh
 from shadowbench.scenes.tables import LIGHT_TABLES, Color
 from shadowbench.scenes.views import named
 from shadowbench.strict import Strict, explain
+from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer.state import Layout, Origin, Overlay, Source, ViewerState
 
-Techniques = Mapping[str, type[Technique]]
+_ATTRIBUTES = ("color", "casts", "receives", "planar")  # of a mesh, besides its shape
+_PLY = """\
+ply
+format binary_little_endian 1.0
+element vertex {}
+property double x
+property double y
+property double z
+element face {}
+property list uchar int vertex_indices
+end_header
+"""
 
 
 class ShadingTable(Strict):
@@ -57,8 +69,11 @@ class ViewerTable(Strict):
     right: Source = "truth"
     wipe: float = Field(0.5, ge=0, le=1)
     overlay: Overlay = "picture"
-    colors: dict[str, Color] = Field({})
+    colors: dict[str, Color] = Field({})  # of materials, which the window once changed
     shading: ShadingTable = ShadingTable()
+
+
+SHOWN = [name for name in ViewerTable.model_fields if name not in ("techniques", "colors", "shading")]
 
 
 def read_state(file: Path, techniques: Techniques, assets: Path | None = None) -> ViewerState:
@@ -68,19 +83,11 @@ def read_state(file: Path, techniques: Techniques, assets: Path | None = None) -
         table = ViewerTable.model_validate(read_document(file).viewer)
     except ValidationError as error:
         raise explain(f"{file.name}: [viewer]", error) from None
+    shown = {name: getattr(table, name) for name in SHOWN}
     specs = tuple(parse_spec(text, techniques) for text in table.techniques)
-    own = {field.name for field in fields(ViewerState)} - {"colors", "shading"}
-    shown = {key: value for key, value in table if key in own}
-    return ViewerState(
-        scene,
-        scene.cameras[0],
-        scene.lights[0],
-        specs,
-        origin=Origin(str(file), assets),
-        colors=tuple(table.colors.items()),
-        shading=Shading(**dict(table.shading)),
-        **shown,
-    )
+    origin = Origin(str(file), SceneOptions(assets))
+    shading = Shading(**dict(table.shading))
+    return ViewerState(scene, scene.cameras[0], scene.lights[0], specs, origin=origin, shading=shading, **shown)
 
 
 def save_state(state: ViewerState, file: Path) -> None:
@@ -92,16 +99,18 @@ def save_state(state: ViewerState, file: Path) -> None:
     """
     if state.coordinates != "relative":
         raise InputError(f"{file}: the scene is drawn in absolute coordinates, which no scene file can say")
-    if file.suffix != ".toml":
-        raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: .toml")
-    scene = _scene_file(state.origin)
-    meshes = _written_meshes(state, file) if scene is None else _moved_tables(read_document(scene).mesh, scene, file)
+    check_outputs(".toml", file)
+    own = state.origin.file if state.origin else None
+    viewer = {name: getattr(state, name) for name in SHOWN} | {"shading": asdict(state.shading)}
+    camera = asdict(state.camera) | {"fov_y": math.degrees(state.camera.fov_y)}
+    angles = {"angle": math.degrees(state.light.angle), "angular_radius": math.degrees(state.light.radius)}
+    light = asdict(state.light) | angles
     document: dict[str, Any] = {
         "name": state.scene.name,
-        "viewer": _viewer_table(state),
-        "camera": _camera_table(state.camera),
-        "light": _light_table(state.light),
-        "mesh": meshes,
+        "viewer": {"techniques": [spec.text for spec in state.specs], **viewer},
+        "camera": {name: value for name, value in camera.items() if value is not None},
+        "light": {name: light[name] for name in LIGHT_TABLES[state.light.kind].model_fields},
+        "mesh": _moved_tables(own, file) if own and own.suffix.lower() == ".toml" else _written_meshes(state, file),
     }
     with replace_file(file) as temporary:
         temporary.write_text(toml_of(document), encoding="utf-8")
@@ -114,10 +123,8 @@ def append_to_study(file: Path, state: ViewerState, index: int, techniques: Tech
     """
     from shadowbench.studies.study import read_study  # with pandas, only when it is needed
 
-    if file.suffix != ".toml":
-        raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: .toml")
-    asked = {name: True for name in ("sun", "no_ground") if getattr(state.origin, name, False)}
-    before = toml_of({"scenes": [_source(state, file)], **asked}).encode()
+    check_outputs(".toml", file)
+    before = toml_of(_study_of_scene(state, file)).encode()
     if file.exists():
         read_study(file, techniques)
         before = file.read_bytes()
@@ -137,44 +144,21 @@ def toml_of(document: Mapping[str, Any]) -> str:
     return tomli_w.dumps(document)
 
 
-def _viewer_table(state: ViewerState) -> dict[str, Any]:
-    names = [name for name in ViewerTable.model_fields if name not in ("techniques", "colors", "shading")]
-    table = {"techniques": [spec.text for spec in state.specs], **{name: getattr(state, name) for name in names}}
-    return {**table, "colors": dict(state.colors), "shading": asdict(state.shading)}
-
-
-def _camera_table(camera: Camera) -> dict[str, Any]:
-    table = asdict(camera) | {"fov_y": math.degrees(camera.fov_y)}
-    return {name: value for name, value in table.items() if value is not None}
-
-
-def _light_table(light: Light) -> dict[str, Any]:
-    values = asdict(light) | {"angle": math.degrees(light.angle), "angular_radius": math.degrees(light.radius)}
-    return {name: values[name] for name in LIGHT_TABLES[light.kind].model_fields}
-
-
-def _scene_file(origin: Origin | None) -> Path | None:
-    """The scene file that a scene was loaded from; None for a mesh file and for a scene that no file has."""
-    if origin is None:
-        return None
-    if origin.source in builtin_names():
-        return data_folder("scenes") / f"{origin.source}.toml"
-    return Path(origin.source) if origin.source.endswith(".toml") else None
-
-
-def _source(state: ViewerState, file: Path) -> str:
-    """The scene's name or path in a study file."""
-    if state.origin is None or state.origin.up:
-        missing = "no file has" if state.origin is None else "no study file can turn (--up)"
+def _study_of_scene(state: ViewerState, file: Path) -> dict[str, Any]:
+    """The part of a study file that names the scene."""
+    origin = state.origin
+    if origin is None or origin.options.up:
+        missing = "no file has" if origin is None else "no study file can turn (--up)"
         raise InputError(f"{file}: {missing} the scene {state.scene.name!r}; save the state, and open it")
-    source = state.origin.source
-    return source if source in builtin_names() else os.path.relpath(source, file.parent)
+    asked = {name: True for name in ("sun", "no_ground") if getattr(origin.options, name)}
+    is_builtin = origin.source in builtin_names()
+    return {"scenes": [origin.source if is_builtin else os.path.relpath(origin.source, file.parent)], **asked}
 
 
-def _moved_tables(tables: Sequence[Mapping[str, Any]], scene: Path, file: Path) -> list[dict[str, Any]]:
+def _moved_tables(scene: Path, file: Path) -> list[dict[str, Any]]:
     """A scene file's mesh tables for a file in another folder."""
     moved = []
-    for table in tables:
+    for table in read_document(scene).mesh:
         mesh = table.get("file")
         if isinstance(mesh, str) and (scene.parent / mesh).is_file():
             path = os.path.relpath((scene.parent / mesh).resolve(), file.parent.resolve())
@@ -186,39 +170,25 @@ def _moved_tables(tables: Sequence[Mapping[str, Any]], scene: Path, file: Path) 
 
 
 def _written_meshes(state: ViewerState, file: Path) -> list[dict[str, Any]]:
-    """The tables of a scene's meshes, written as PLY files beside a file: float64, so that no bit is lost."""
+    """The tables of a scene's meshes, written as PLY files beside a file."""
     tables = []
-    for number, (_, group) in enumerate(groupby(state.scene.meshes, key=_attributes), start=1):
+    for number, (values, group) in enumerate(groupby(state.scene.meshes, key=attrgetter(*_ATTRIBUTES)), start=1):
         meshes = list(group)
         ply = file.with_name(f"{file.stem}-{number}.ply")
         with replace_file(ply) as temporary:
             temporary.write_bytes(ply_of(meshes))
-        attributes = dict(zip(("color", "casts", "receives", "planar"), _attributes(meshes[0]), strict=True))
-        tables.append({"name": meshes[0].name, "file": ply.name, **attributes})
+        tables.append({"name": meshes[0].name, "file": ply.name, **dict(zip(_ATTRIBUTES, values, strict=True))})
     return tables
 
 
-def _attributes(mesh: Mesh) -> tuple[Any, ...]:
-    return mesh.color, mesh.casts, mesh.receives, mesh.planar
-
-
 def ply_of(meshes: Sequence[Mesh]) -> bytes:
-    """Meshes one after another as a binary PLY with float64 positions."""
+    """Meshes one after another as a binary PLY with float64 positions, so that no bit is lost."""
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    vertices = np.concatenate([mesh.vertices for mesh in meshes]).astype("<f8")
     faces = np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=False)])
     rows = np.empty(len(faces), dtype=[("count", "u1"), ("indices", "<i4", 3)])
     rows["count"], rows["indices"] = 3, faces
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        f"element vertex {len(vertices)}",
-        *(f"property double {axis}" for axis in "xyz"),
-        f"element face {len(faces)}",
-        "property list uchar int vertex_indices",
-        "end_header",
-    ]
-    return ("\n".join(header) + "\n").encode() + vertices.astype("<f8").tobytes() + rows.tobytes()
+    return _PLY.format(len(vertices), len(faces)).encode() + vertices.tobytes() + rows.tobytes()
 
 
 def adopted(state: ViewerState, file: Path) -> ViewerState:
@@ -226,7 +196,7 @@ def adopted(state: ViewerState, file: Path) -> ViewerState:
 
     Raises InputError if the file's meshes are not those of the state, whose own files have changed in the meantime.
     """
-    saved = load_scene(file, None if state.origin is None else state.origin.assets)
+    saved = load_scene(file, None if state.origin is None else state.origin.options.assets)
     ours, theirs = (scene.geometry.vertices[scene.geometry.faces] for scene in (state.scene, saved))
     if not np.array_equal(ours, theirs):
         raise InputError(f"{file}: holds the scene as it is on disk now, which is not what is shown; save it once more")
@@ -247,11 +217,11 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
             raise InputError(f"{folder}: cell {row['key']} is of an axis that stress no longer has: {row['axis']!r}")
         view = axis.at(row["axis_value"], row["light_kind"]).views[0]
         return ViewerState(view.scene, view.camera, view.light, (spec,), **shown)
-    about = folder / "run.json"
-    study = read_run_file(about).get("study", {}) if about.exists() else {}
+    study = read_run_file(folder / "run.json").get("study", {})
+    options = SceneOptions(assets, study.get("up"), study.get("sun", False), study.get("no_ground", False))
     own = [row["scene"]] if row["scene"] in builtin_names() else []
     for source in sorted({*study.get("scenes", ()), *own}, key=lambda source: Path(source).stem != row["scene"]):
-        origin = Origin(source, assets, study.get("up"), study.get("sun", False), study.get("no_ground", False))
+        origin = Origin(source, options)
         scene = origin.load()
         if scene.name == row["scene"]:
             where = f"{folder}: cell {row['key']} is of a camera or a light of its study, not of the scene: "
@@ -265,9 +235,6 @@ def _row(folder: Path, key: str) -> Record:
     rows = stream_rows(folder / "rows.jsonl")
     found = {row["key"]: row for row, _ in rows if row["kind"] == "score" and row["key"].startswith(key)}
     if len(found) != 1:
-        raise InputError(f"--cell {key!r:.60}: {_several(list(found))} in {folder}; allowed: a key of its rows.jsonl")
+        count = f"{len(found)} cells begin so" if found else "no such cell"
+        raise InputError(f"--cell {key!r:.60}: {count} in {folder}; allowed: a key of its rows.jsonl")
     return next(iter(found.values()))
-
-
-def _several(keys: Sequence[str]) -> str:
-    return f"{len(keys)} cells begin so" if keys else "no such cell"

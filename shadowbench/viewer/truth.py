@@ -1,13 +1,12 @@
-"""The truth of what is shown, traced and scored beside the drawing, which never waits for it.
+"""The truth and the scores of what is shown, from a process beside the window, for which drawing never waits.
 
-`TruthTask` is the window's side: it starts a process, which calls `serve`. That process sends coarse truths first, then
-the one that `score` compares with.
+`TruthTask` is the window's side: it starts the process, which calls `serve`. That process sends coarse truths first,
+then the one that `score` compares with, then the scores. `Judge` keeps what it has answered.
 """
 
 import multiprocessing
 import os
 import queue
-import subprocess
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
@@ -26,6 +25,7 @@ from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.metrics import score
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import Truth, trace
+from shadowbench.viewer.state import ViewerState
 
 COARSE = (8, 4)
 """By which shares of its size a view is traced before it is traced in full."""
@@ -33,18 +33,19 @@ PATIENCE = 5  # by which its priority is lower than the window's
 COARSE_ERROR = 0.05
 """Standard error of visibility in a coarse truth of a light with a size."""
 
+Masks = Mapping[str, NDArray[np.float32]]
+"""Visibility by the full text of its spec."""
+Scores = Mapping[str, Mapping[str, float | None]]
+"""Values of metrics by the full text of their spec."""
+
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """A view to trace, unless it was the last one, and masks to score, by spec.
-
-    number: of the request, which its answers carry; of_view: equal for requests of the same view.
-    """
+    """A view to trace, unless it was the last one, and masks of it to score. Answers carry its number."""
 
     number: int
-    of_view: int
     view: View
-    masks: Mapping[str, NDArray[np.float32]]
+    masks: Masks
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,16 +65,15 @@ class Traced:
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """The scores of a spec's mask in a view."""
+    """The scores of a request's masks."""
 
     number: int
-    spec: str
-    scores: Mapping[str, float | None]
+    scores: Scores
 
 
 @dataclass(frozen=True, eq=False)
 class Failed:
-    """Why a view cannot be traced or a mask not scored."""
+    """Why a view cannot be traced or its masks not scored."""
 
     number: int
     reason: str
@@ -82,24 +82,65 @@ class Failed:
 Answer = Traced | Scored | Failed
 
 
+class Judge:
+    """Asks a task for truth and scores, and keeps its last answers.
+
+    scores: of the masks that were scored last; failure: why the last question has no answer, empty if nothing failed.
+    """
+
+    def __init__(self, task: "TruthTask") -> None:
+        self.task = task
+        self.scores: Scores = {}
+        self.failure = ""
+        self._viewed: tuple[object, ...] = ()  # of the last question
+        self._number = self._first = 0  # of the last question, and of the first one about its view
+        self._scored = 0  # the question that `scores` answers
+        self._traced: Traced | None = None
+
+    def ask(self, state: ViewerState, masks: Masks) -> None:
+        """Ask for the truth of what is shown, and for the scores of masks."""
+        self._number, self.failure = self.task.ask(state.view(), masks), ""
+        if state.viewed != self._viewed:
+            self._traced, self._viewed, self._first = None, state.viewed, self._number
+
+    def receive(self) -> None:
+        """Take what was answered about the last question, and the truth of its view."""
+        for answer in self.task.answers():
+            if isinstance(answer, Traced):
+                self._traced = answer if answer.number >= self._first else self._traced
+            elif answer.number != self._number:
+                continue
+            elif isinstance(answer, Scored):
+                self.scores, self._scored = answer.scores, answer.number
+            else:
+                self.failure = answer.reason
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether the scores are of the masks of the last question."""
+        return 0 < self._number == self._scored
+
+    def traced(self, state: ViewerState) -> Traced | None:
+        """The truth of a state, perhaps a coarse one; None if it is not traced yet."""
+        return self._traced if self._viewed == state.viewed else None
+
+
 class TruthTask:
     """A process that traces views and scores masks. Requests are pickled and sent in a thread."""
 
     def __init__(self) -> None:
-        self._number = self._of_view = 0  # of the last request, and of its view
+        self._number = 0  # of the last request
         self._start()
 
-    def ask(self, view: View, masks: Mapping[str, NDArray[np.float32]], again: bool = False) -> int:
-        """Ask for the truth of a view, and for the scores of masks by spec; returns the number of their answers.
+    def ask(self, view: View, masks: Masks) -> int:
+        """Ask for the truth of a view, and for the scores of masks of it; returns the number of their answers.
 
-        again: the view is that of the last request, whose truth is not traced again. A process that has ended is
-        replaced.
+        A process that has ended is replaced.
         """
         if self._ended:
             self._start()
         self._number += 1
-        self._of_view += not again
-        self._requests.put(Request(self._number, self._of_view, view, dict(masks)))
+        self._requests.put(Request(self._number, view, masks))
         return self._number
 
     @property
@@ -130,23 +171,20 @@ class TruthTask:
     def _start(self) -> None:
         ours, theirs = multiprocessing.Pipe()
         with theirs, sigint_blocked():
-            self._process: subprocess.Popen[bytes] = spawn(theirs, __name__)
+            self._process = spawn(theirs, __name__)
         assert self._process.stdout is not None
         forward_output(self._process.stdout)
-        self._ended = False
-        self._pipe: Pipe = Pipe(ours)
+        self._pipe, self._ended = Pipe(ours), False
         self._requests: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
-        self._sender: threading.Thread = threading.Thread(
-            target=self._send, args=(self._pipe, self._requests), daemon=True
-        )
+        self._sender: threading.Thread = threading.Thread(target=_send, args=(self._pipe, self._requests), daemon=True)
         self._sender.start()
 
-    @staticmethod
-    def _send(pipe: Pipe, requests: "queue.SimpleQueue[Request | None]") -> None:
-        """Send requests until the process is gone."""
-        with suppress(BrokenPipeError, ConnectionResetError, OSError):
-            while (request := requests.get()) is not None:
-                pipe.send(request)
+
+def _send(pipe: Pipe, requests: "queue.SimpleQueue[Request | None]") -> None:
+    """Send requests until the process is gone."""
+    with suppress(OSError):
+        while (request := requests.get()) is not None:
+            pipe.send(request)
 
 
 class TruthServer:
@@ -154,40 +192,41 @@ class TruthServer:
 
     def __init__(self, pipe: Pipe) -> None:
         self._pipe = pipe
-        self._of_view = -1
+        self._viewed: tuple[object, ...] = ()
         self._prepared: PreparedTruth | None = None
 
     def answer(self, request: Request) -> None:
         """Answer a request, unless another one has come in the meantime: that one is about what is shown now."""
         try:
-            if request.of_view != self._of_view and not self._trace(request):
-                return
-            assert self._prepared is not None
-            for spec, mask in request.masks.items():
-                scores = score(mask, self._prepared) | truth_record(self._prepared)
-                self._pipe.send(Scored(request.number, spec, scores))
+            viewed = tuple(vars(request.view).values())
+            if viewed != self._viewed:
+                truth = self._trace(request)
+                if truth is None:
+                    return
+                self._prepared, self._viewed = prepare_truth(truth), viewed
+            prepared = self._prepared
+            assert prepared is not None
+            scores = {spec: score(mask, prepared) | truth_record(prepared) for spec, mask in request.masks.items()}
+            self._pipe.send(Scored(request.number, scores))
         except Exception as error:  # shown in the window, whatever it is
             self._pipe.send(Failed(request.number, message(error)))
 
-    def _trace(self, request: Request) -> bool:
-        """Trace a view; whether it was traced in full."""
-        view, number = request.view, request.number
+    def _trace(self, request: Request) -> Truth | None:
+        """The truth of a view; None if another request has come."""
+        view = request.view
         for share in COARSE:
             if view.size // share >= 16:
                 coarse = View(view.scene, view.camera, view.light, view.size // share)
-                truth = trace(coarse, pixel_samples=1, standard_error=COARSE_ERROR)
-                self._pipe.send(_shown(truth, number, final=False))
+                self._show(trace(coarse, pixel_samples=1, standard_error=COARSE_ERROR), request, final=False)
                 if self._pipe.connection.poll():
-                    return False
+                    return None
         truth = trace(view)
-        self._prepared, self._of_view = prepare_truth(truth), request.of_view
-        self._pipe.send(_shown(truth, number, final=True))
-        return True
+        self._show(truth, request, final=True)
+        return truth
 
-
-def _shown(truth: Truth, number: int, final: bool) -> Traced:
-    scored = truth.receivers & ~truth.undecided
-    return Traced(number, truth.visibility, scored, truth.blocker, truth.sampled, final)
+    def _show(self, truth: Truth, request: Request, final: bool) -> None:
+        scored = truth.receivers & ~truth.undecided
+        self._pipe.send(Traced(request.number, truth.visibility, scored, truth.blocker, truth.sampled, final))
 
 
 def serve(handle: str, parent: str) -> None:

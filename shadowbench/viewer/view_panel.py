@@ -1,12 +1,13 @@
 """The panels of what is shown, and of what can be taken along: spec, picture, study entry, state."""
 
 import shlex
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
+import glfw
 import numpy as np
 from imgui_bundle import imgui
 
@@ -15,7 +16,7 @@ from shadowbench.files import check_outputs
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.pictures import write_picture
 from shadowbench.viewer.app import Viewer
-from shadowbench.viewer.state import Layout, Overlay, Source, ViewerState
+from shadowbench.viewer.state import Layout, Overlay, Source
 from shadowbench.viewer.state_files import adopted, append_to_study, save_state
 from shadowbench.viewer.technique_panel import choice, tooltip
 
@@ -49,32 +50,30 @@ OVERLAY_HELP: Mapping[Overlay, str] = {
     "blockers": "distance along the light's ray to the nearest caster: near is blue, the farthest yellow",
     "tint": "the technique's own colours, such as one per cascade; few techniques have them",
 }
-Name = TypeVar("Name", Layout, Source, Overlay)
 
 
 def view_panel(viewer: Viewer) -> None:
     """Choice of layout, pictures and overlay."""
     state = viewer.state
-    layout = _choice("layout", state.layout, LAYOUT_HELP)
-    left, right = state.left, state.right
+    chosen = {"layout": _choice("layout", state.layout, LAYOUT_HELP)}
     if state.layout != "side by side":
-        left = _choice("left" if state.layout == "wipe" else "of", left, SOURCE_HELP)
+        chosen["left"] = _choice("left" if state.layout == "wipe" else "of", state.left, SOURCE_HELP)
     if state.layout == "wipe":
-        right = _choice("right", right, SOURCE_HELP)
-    overlay = _choice("show", state.overlay, OVERLAY_HELP)
+        chosen["right"] = _choice("right", state.right, SOURCE_HELP)
+    chosen["overlay"] = _choice("show", state.overlay, OVERLAY_HELP)
     imgui.new_line()
-    viewer.change(replace(state, layout=layout, left=left, right=right, overlay=overlay))
+    viewer.change(replace(state, **chosen))
 
 
 def below(viewer: Viewer, frame_ms: float) -> list[str]:
     """The lines below the pictures: the meaning of the colours, and a message or what the mouse does."""
-    state: ViewerState = viewer.state
-    legend = [] if state.overlay == "picture" else [f"{state.overlay}: {OVERLAY_HELP[state.overlay]}"]
+    overlay = viewer.state.overlay
+    legend = [] if overlay == "picture" else [f"{overlay}: {OVERLAY_HELP[overlay]}"]
     message = viewer.broken or viewer.message
     return [*legend, message or ";  ".join((f"{frame_ms:.0f} ms a frame", *HINTS))]
 
 
-def _choice(label: str, name: Name, names: Mapping[Name, str]) -> Name:
+def _choice(label: str, name: str, names: Mapping[Any, str]) -> Any:
     """A list with its label before it, in a line of its own if there is no room beside the last."""
     if imgui.get_content_region_avail().x < imgui.calc_text_size(label).x + WIDTH + 8:
         imgui.new_line()
@@ -82,41 +81,35 @@ def _choice(label: str, name: Name, names: Mapping[Name, str]) -> Name:
     imgui.text_unformatted(label)
     imgui.same_line()
     imgui.set_next_item_width(WIDTH)
-    chosen: Name = choice(f"##{label}", name, names)
+    chosen = choice(f"##{label}", name, names)
     imgui.same_line(0.0, 14.0)
     return chosen
 
 
-@dataclass
-class FileNames:
-    """The names that the panel's fields hold."""
-
-    study: str = "view-study.toml"
-    picture: str = "view.png"
-    state: str = "view.toml"
-
-
-def file_panel(viewer: Viewer, names: FileNames, copy: Callable[[str], None]) -> None:
-    """Buttons that copy or write. copy: puts a text on the clipboard."""
+def file_panel(viewer: Viewer) -> None:
+    """Buttons that copy or write."""
     for index, source in enumerate("AB"[: len(viewer.state.specs)]):
         text = viewer.state.specs[index].text
         if imgui.button(f"copy spec of {source}"):
-            copy(text)
+            glfw.set_clipboard_string(None, text)  # type: ignore[arg-type]  # a window is deprecated
             viewer.message = f"copied: {text}"
         tooltip(f"for --technique of any command: {text}")
         imgui.same_line()
         if imgui.button(f"append {source} to study"):
-            viewer.attempt(partial(_append, viewer, names.study, index))
+            viewer.attempt(partial(_append, viewer, viewer.names["study file"], index))
         tooltip("adds the technique, and the scene as its file has it: save the state first to study this very view")
-    names.study = imgui.input_text("study file", names.study)[1]
-    for what, save, meaning in _SAVED:
-        name = getattr(names, what)
-        if imgui.button(f"save {what}"):
-            viewer.attempt(partial(save, viewer, Path(name)))
-        tooltip(meaning)
+    _name(viewer, "study file")
+    for name, save, help in SAVED:
+        if imgui.button(f"save {name}"):
+            viewer.attempt(partial(save, viewer, Path(viewer.names[name])))
+        tooltip(help)
         imgui.same_line()
-        setattr(names, what, imgui.input_text(what, name)[1])
+        _name(viewer, name)
     imgui.text_disabled("in the folder where shadowbench was started")
+
+
+def _name(viewer: Viewer, what: str) -> None:
+    viewer.names[what] = imgui.input_text(what, viewer.names[what])[1]
 
 
 def _append(viewer: Viewer, file: str, index: int) -> str:
@@ -128,13 +121,12 @@ def _save_picture(viewer: Viewer, file: Path) -> str:
     """Write the panes that are shown side by side, or as a wipe shows them; of a truth only that of this view."""
     check_outputs(".png", file)
     state, side = viewer.state, viewer.drawn.size if viewer.drawn else 0
-    shown = [one for one in state.sources if one != "truth" or viewer.judge.has_traced(state)]
-    pictures = [viewer.pictures[one] for one in shown if one in viewer.pictures]
-    images = [download(one, "u1")[..., :3] for one in pictures if one.width == side]
+    shown = [viewer.pictures.get(one) for one in state.sources if one != "truth" or viewer.judge.traced(state)]
+    images = [download(one, "u1")[..., :3] for one in shown if one is not None and one.width == side]
     if viewer.broken or not images:
         raise InputError(f"{file}: nothing is drawn{'' if viewer.broken else ' yet'}")
     if state.layout == "wipe" and len(images) == 2:
-        cut = round(state.wipe * images[0].shape[1])
+        cut = round(state.wipe * side)
         images = [images[0][:, :cut], images[1][:, cut:]]
     write_picture(file, np.ascontiguousarray(np.hstack(images)).astype(np.uint8))
     return f"{file}: saved"
@@ -146,11 +138,7 @@ def _save_state(viewer: Viewer, file: Path) -> str:
     return f"{file}: saved; shadowbench view --state {shlex.quote(str(file))}, or as the scene of any command"
 
 
-_SAVED = (
+SAVED = (
     ("picture", _save_picture, "what is shown, as PNG"),
-    (
-        "state",
-        _save_state,
-        "scene, camera, light, techniques and layout: a scene file, for --state and for every command",
-    ),
+    ("state", _save_state, "scene, camera, light, techniques and layout: a scene file for --state and every command"),
 )

@@ -1,5 +1,6 @@
 """The window: GLFW through moderngl-window, its events, and the layout of panels and panes."""
 
+import faulthandler
 import re
 import time
 import warnings
@@ -15,12 +16,11 @@ from imgui_bundle import imgui
 from moderngl_window.context.glfw.window import Window as GlfwWindow
 from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
 
-from shadowbench.errors import InputError, ShadowbenchError
+from shadowbench.errors import InputError
 from shadowbench.gl.device import before_context, device_of
-from shadowbench.plugin.base import Technique
+from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import Canvas
-from shadowbench.viewer.crash_reporter import CrashReporter
 from shadowbench.viewer.navigation import distance, walked
 from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.result_panels import map_panel, scores_panel, times_panel
@@ -28,7 +28,7 @@ from shadowbench.viewer.scene_panels import light_panel, scene_panel, shading_pa
 from shadowbench.viewer.state import Source, ViewerState
 from shadowbench.viewer.technique_panel import edited_spec
 from shadowbench.viewer.truth import TruthTask
-from shadowbench.viewer.view_panel import FileNames, below, file_panel, view_panel
+from shadowbench.viewer.view_panel import below, file_panel, view_panel
 
 SIZE = (1400, 860)
 LEFT, RIGHT = 310.0, 340.0  # pixels
@@ -36,6 +36,14 @@ FONT = 15.0
 IDLE_S, AFTER_EVENT_S = 0.5, 0.4  # longest time between frames at rest; frames are drawn for so long after an event
 POLL_S = 0.01  # between looks for an answer
 STEP = 0.25  # of the distance to the target that walking covers in a second
+PANELS = (
+    ("Scene", scene_panel, imgui.TreeNodeFlags_.default_open),
+    ("Light", light_panel, imgui.TreeNodeFlags_.default_open),
+    ("Copy and save", file_panel, imgui.TreeNodeFlags_.default_open),
+    ("Shading", shading_panel, 0),
+    ("Shadow map", map_panel, 0),
+    ("Times and work", times_panel, 0),
+)
 _PLAIN = re.compile(r"^\(\d+\) b['\"](.*)['\"]$")  # the text in a GLFWError
 _NO_DISPLAY = (
     "no window can be opened here ({}): `shadowbench render` draws without one; "
@@ -87,7 +95,7 @@ class Renderer(ModernglWindowRenderer):
 class ViewerWindow:
     """The window of `shadowbench view`."""
 
-    def __init__(self, state: ViewerState, techniques: Mapping[str, type[Technique]], plugins: Sequence[Path]) -> None:
+    def __init__(self, state: ViewerState, techniques: Techniques, plugins: Sequence[Path]) -> None:
         self.window = _open("shadowbench view")
         self.task = TruthTask()
         self.viewer = Viewer(device_of(self.window.ctx), state, techniques, self.task, plugins)
@@ -98,20 +106,18 @@ class ViewerWindow:
         self.renderer = Renderer(self.window, self._heard)
         self.window.key_event_func = self._key
         self.canvas = Canvas(self.viewer)
-        self.names = FileNames()
         self.frame_ms, self._started = 0.0, time.perf_counter()
         self._quiet_from = 0.0  # time from which on frames without a change need not be drawn
 
     def run(self) -> None:
         """Show the window until it is closed."""
-        with CrashReporter() as reporter:
-            self.viewer.drawing.tell = reporter.tell
-            try:
-                while not self.window.is_closing:
-                    self.frame()
-                    self._wait()
-            finally:
-                self.close()
+        faulthandler.enable()  # plug-ins draw in this process: what crashes it is named in the terminal
+        try:
+            while not self.window.is_closing:
+                self.frame()
+                self._wait()
+        finally:
+            self.close()
 
     def frame(self) -> None:
         """One frame: bring the pictures up to date, draw the interface, take events."""
@@ -124,7 +130,7 @@ class ViewerWindow:
         walks = self._walk()
         imgui.new_frame()
         self._layout()
-        if not (walks or imgui.is_any_item_active() or self.canvas.gesture or self.viewer.travel.path != "rest"):
+        if not (walks or imgui.is_any_item_active() or self.canvas.gesture or self.viewer.turns_a_minute):
             self.viewer.rest()
         imgui.render()
         self.viewer.step()  # after the input: what it changed is seen in this very frame
@@ -150,36 +156,26 @@ class ViewerWindow:
 
     def _layout(self) -> None:
         width, height = self.window.size
-        self._panel("left", 0, LEFT, height, self._left)
-        self._panel("middle", LEFT, width - LEFT - RIGHT, height, self._middle)
-        self._panel("right", width - RIGHT, RIGHT, height, self._right)
-
-    @staticmethod
-    def _panel(name: str, x: float, width: float, height: float, draw: Callable[[], None]) -> None:
         flags = imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
-        imgui.set_next_window_pos((x, 0))
-        imgui.set_next_window_size((max(width, 64.0), height))
-        imgui.begin(name, None, flags & ~imgui.WindowFlags_.no_scrollbar)
-        imgui.push_item_width(-110)
-        draw()
-        imgui.pop_item_width()
-        imgui.end()
+        columns = (
+            ("left", 0, LEFT, self._left),
+            ("middle", LEFT, width - LEFT - RIGHT, self._middle),
+            ("right", width - RIGHT, RIGHT, self._right),
+        )
+        for name, x, breadth, draw in columns:
+            imgui.set_next_window_pos((x, 0))
+            imgui.set_next_window_size((max(breadth, 64.0), height))
+            imgui.begin(name, None, flags & ~imgui.WindowFlags_.no_scrollbar)
+            imgui.push_item_width(-110)
+            draw()
+            imgui.pop_item_width()
+            imgui.end()
 
     def _left(self) -> None:
-        viewer, opened = self.viewer, imgui.TreeNodeFlags_.default_open
-        if imgui.collapsing_header("Scene", opened):
-            scene_panel(viewer)
-        if imgui.collapsing_header("Light", opened):
-            light_panel(viewer)
-        if imgui.collapsing_header("Copy and save", opened):
-            file_panel(viewer, self.names, self._copy)
-        if imgui.collapsing_header("Shading"):
-            shading_panel(viewer)
-        viewer.shows_map = imgui.collapsing_header("Shadow map")
-        if viewer.shows_map:
-            map_panel(viewer)
-        if imgui.collapsing_header("Times and work"):
-            times_panel(viewer)
+        self.viewer.shows_map = False
+        for title, panel, flags in PANELS:
+            if imgui.collapsing_header(title, flags):
+                panel(self.viewer)
 
     def _middle(self) -> None:
         view_panel(self.viewer)
@@ -215,9 +211,6 @@ class ViewerWindow:
     def _held(self, *keys: int) -> bool:
         return any(glfw.get_key(self.window._window, key) == glfw.PRESS for key in keys)
 
-    def _copy(self, text: str) -> None:
-        glfw.set_clipboard_string(None, text)  # type: ignore[arg-type]  # a window is deprecated
-
     def _key(self, key: int, action: int, modifiers: Any) -> None:
         self._heard()
         keys, io = self.window.keys, imgui.get_io()
@@ -242,14 +235,8 @@ class ViewerWindow:
         return bool(right or up or forward)
 
 
-class NoDisplayError(ShadowbenchError):
-    """No window could be opened."""
-
-    exit_code = 2
-
-
 def _open(title: str) -> GlfwWindow:
-    """A window with an OpenGL 4.1 context. Raises NoDisplayError."""
+    """A window with an OpenGL 4.1 context. Raises InputError without a display."""
     before_context()
     with warnings.catch_warnings(record=True) as heard:  # GLFW's errors are warnings
         warnings.simplefilter("always")
@@ -257,7 +244,7 @@ def _open(title: str) -> GlfwWindow:
             window = GlfwWindow(title=title, size=SIZE, gl_version=(4, 1), resizable=True, vsync=True, samples=0)
         except Exception as error:  # ValueError, or moderngl's own
             reason = heard[-1].message if heard else error
-            raise NoDisplayError(_NO_DISPLAY.format(_PLAIN.sub(r"\1", " ".join(str(reason).split())))) from None
+            raise InputError(_NO_DISPLAY.format(_PLAIN.sub(r"\1", " ".join(str(reason).split())))) from None
     window.exit_key = None  # Escape closes a list, not the window
     return window
 
@@ -270,6 +257,6 @@ def _load_font(io: Any) -> None:
     )
 
 
-def show(state: ViewerState, techniques: Mapping[str, type[Technique]], plugins: Sequence[Path] = ()) -> None:
-    """Open the window and show it until it is closed. Raises NoDisplayError."""
+def show(state: ViewerState, techniques: Techniques, plugins: Sequence[Path] = ()) -> None:
+    """Open the window and show it until it is closed. Raises InputError without a display."""
     ViewerWindow(state, techniques, plugins).run()

@@ -16,13 +16,14 @@ from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.study import find_study, read_study
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.slow
 
 
-def bench(*arguments: str | Path, cwd: Path = ROOT) -> str:
+def bench(*arguments: str | Path) -> str:
     """Output of a pytest run that succeeds; without the environment variables of xdist."""
     ours = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *map(str, arguments)]
-    done = subprocess.run(command, cwd=cwd, env=ours, capture_output=True, text=True, timeout=280)
+    done = subprocess.run(command, cwd=ROOT, env=ours, capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -32,30 +33,17 @@ def entries(file: Path) -> dict[str, dict[str, Any]]:
     return {entry["name"]: entry for entry in json.loads(file.read_text())["benchmarks"]}
 
 
-def run(folder: Path, spec: str) -> dict[str, str]:
-    """A cell's line in the table of `shadowbench run`."""
-    command = [sys.executable, "-m", "shadowbench", "run", "cube-on-plane", "-t", spec, "--rounds", "0", "-q"]
-    subprocess.run([*command, "-o", str(folder)], check=True, capture_output=True, timeout=200)
-    with (folder / "table.csv").open(newline="") as stream:
-        (cell,) = csv.DictReader(stream)
-    return cell
-
-
-@pytest.mark.slow
 def test_every_technique_is_timed_at_every_map_size() -> None:
     study = read_study(find_study("trends"), techniques())
     assert {spec.technique.name for spec in study.specs} == set(techniques())
     assert study.map_size == (512, 1024, 2048, 4096)
     listed = bench("benchmarks/test_techniques.py", "--collect-only", "-q")
     for cell in study.cells():
-        assert (
-            f"[cube-on-plane-{'-'.join(filter(None, (cell.spec.technique.name, str(cell.spec.map_size or ''))))}]"
-            in listed
-        )
+        named = "-".join(filter(None, (cell.spec.technique.name, str(cell.spec.map_size or ""))))
+        assert f"[cube-on-plane-{named}]" in listed
 
 
-@pytest.mark.slow
-def test_a_benchmark_selection_saves_its_scores_and_two_runs_can_be_compared(tmp_path: Path) -> None:
+def test_a_benchmark_selection_saves_its_scores_and_two_runs_can_be_compared(tmp_path) -> None:
     suite, storage = "benchmarks/test_techniques.py", f"--benchmark-storage={tmp_path / 'saved'}"
     chosen = "cube-on-plane and (unshadowed or (shadow-map and (512 or 1024)))"
     for number in range(2):
@@ -70,7 +58,19 @@ def test_a_benchmark_selection_saves_its_scores_and_two_runs_can_be_compared(tmp
         assert set(METRICS) <= set(told)
         assert (told["ssim"], told["iou"]) == tuple(second[name]["extra_info"][key] for key in ("ssim", "iou"))
         assert told["frame_ms"] / 1e3 <= entry["stats"]["median"] * 1.01
-    ran = run(tmp_path / "run", "shadow-map:size=512")
+    command = [
+        sys.executable,
+        "-m",
+        "shadowbench",
+        "run",
+        "cube-on-plane",
+        "-t",
+        "shadow-map:size=512",
+        "--rounds",
+        "0",
+    ]
+    subprocess.run([*command, "-o", tmp_path / "run"], check=True, capture_output=True, timeout=200)
+    (ran,) = csv.DictReader((tmp_path / "run" / "table.csv").read_text().splitlines())
     told = first["test_frame[cube-on-plane-shadow-map-512]"]["extra_info"]
     assert {name: told[name] for name in METRICS} == {name: float(ran[name]) if ran[name] else None for name in METRICS}
     assert (told["mask_sha256"], str(told["work_cost"])) == (ran["mask_sha256"], ran["work_cost"])
@@ -79,8 +79,7 @@ def test_a_benchmark_selection_saves_its_scores_and_two_runs_can_be_compared(tmp
     assert "(0001_" in compared and "(NOW)" in compared
 
 
-@pytest.mark.slow
-def test_the_exponent_of_growth_is_fitted_printed_and_saved(tmp_path: Path) -> None:
+def test_the_exponent_of_growth_is_fitted_printed_and_saved(tmp_path) -> None:
     file = tmp_path / "growth.json"
     chosen = "(test_triangles and unshadowed and (1280 or 20480)) or (test_a_cell and (512 or 1024))"
     printed = bench("benchmarks", "-k", chosen, f"--benchmark-json={file}")
@@ -98,7 +97,6 @@ def test_the_exponent_of_growth_is_fitted_printed_and_saved(tmp_path: Path) -> N
     assert "unshadowed over triangles, 1280 to 20480" in printed
 
 
-@pytest.mark.slow
 def test_unsupported_cells_are_skipped_with_the_reason() -> None:
     printed = bench("benchmarks/test_techniques.py", "-rs", "-k", "cube-on-plane and cube-map-512")
     assert "a directional light has no position to look around from" in printed

@@ -26,26 +26,17 @@ def test_a_new_technique_runs_unmodified(shadowbench: Shadowbench, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    "name", ["", "3d", "a/b", "../up", "two words", "none", "True-", "class\n", "é", "-x", "x" * 81]
+    ("name", "said"),
+    [
+        *((name, "allowed: letters, digits, _ and -") for name in ("", "3d", "a/b", "two words", "True-", "é")),
+        ("shadow-map", "there is a technique 'shadow-map' already"),
+        *((name, "allowed: ") for name in ("numpy", "shadowbench", "class")),  # a file of that name would hide a module
+    ],
 )
-def test_a_bad_name_is_one_line(shadowbench: Shadowbench, tmp_path: Path, name: str) -> None:
+def test_a_bad_name_is_one_line(shadowbench: Shadowbench, tmp_path: Path, name: str, said: str) -> None:
     answer = shadowbench("new-technique", "-o", tmp_path, "--", name)
-    assert answer.code == 2 and len(answer.err.splitlines()) == 1
-    assert "new-technique: found " in answer.err and "allowed: letters, digits, _ and -" in answer.err
+    assert answer.code == 2 and len(answer.err.splitlines()) == 1 and said in answer.err
     assert not list(tmp_path.rglob("*"))
-
-
-def test_a_name_that_is_taken_is_refused(shadowbench: Shadowbench, tmp_path: Path) -> None:
-    answer = shadowbench("new-technique", "shadow-map", "-o", tmp_path)
-    assert answer.code == 2 and "there is a technique 'shadow-map' already" in answer.err
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("name", ["numpy", "shadowbench", "typing", "class", "import"])
-def test_a_name_of_python_s_own_is_refused(shadowbench: Shadowbench, tmp_path: Path, name: str) -> None:
-    """A file of that name would hide the module when Python is started in its folder."""
-    answer = shadowbench("new-technique", name, "-o", tmp_path)
-    assert answer.code == 2 and "allowed: " in answer.err and not list(tmp_path.iterdir())
 
 
 def test_nothing_is_overwritten(shadowbench: Shadowbench, tmp_path: Path) -> None:
@@ -53,8 +44,6 @@ def test_nothing_is_overwritten(shadowbench: Shadowbench, tmp_path: Path) -> Non
     answer = shadowbench("new-technique", "mine", "-o", tmp_path)
     assert answer.code == 2 and "mine.py: is there already" in answer.err
     assert (tmp_path / "mine.py").read_text() == "precious"
-    missing = shadowbench("new-technique", "mine", "-o", tmp_path / "none")
-    assert missing.code == 2 and "none: cannot write into this folder" in missing.err
 
 
 def test_an_error_in_a_plugin_s_shader_is_a_few_lines_with_its_own_file_and_line(

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from shadowbench.measure import machine
-from shadowbench.versions import installed
 
 LIBRARIES = ("moderngl", "glcontext", "embreex", "numba", "llvmlite")
 Elsewhere = Callable[..., subprocess.CompletedProcess[str]]
@@ -47,22 +46,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-@pytest.mark.parametrize("words", ["--help", "list techniques", "list scenes"])
-def test_lists_and_help_need_neither_gl_nor_embree_nor_numba(elsewhere: Elsewhere, words: str) -> None:
-    done = elsewhere(*words.split())
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout
-
-
 @pytest.mark.parametrize(
     "words",
     [
+        "--help",
+        "list techniques",
+        "list scenes",
         "check FOLDER --baseline FOLDER",
         "merge FOLDER -o merged",
         "report FOLDER -o report.html",
     ],
 )
-def test_rows_are_checked_merged_and_reported_without_gl_embree_and_numba(
+def test_lists_and_what_reads_rows_need_neither_gl_nor_embree_nor_numba(
     elsewhere: Elsewhere, folder: Path, words: str
 ) -> None:
     done = elsewhere(*(folder if word == "FOLDER" else word for word in words.split()))
@@ -74,8 +69,6 @@ def test_rows_are_checked_merged_and_reported_without_gl_embree_and_numba(
     ("words", "library"),
     [
         ("truth post --view-size 16 -o truth.npz", "embreex"),
-        ("truth post --view-size 16 -o truth.npz", "numba"),
-        ("run post -t unshadowed --view-size 16 --rounds 0", "embreex"),
         ("run post -t unshadowed --view-size 16 --rounds 0", "moderngl"),
     ],
 )
@@ -99,7 +92,3 @@ def test_doctor_says_what_works_without_gl(
     assert answer.code == 3
     assert f"  embreex: {embreex}" in answer.out.splitlines()
     assert answer.out.splitlines()[-1] == f"no technique can be drawn here; {works} work"
-
-
-def test_a_distribution_without_a_wheel_here_is_reported_as_not_installed() -> None:
-    assert installed("a-distribution-that-nobody-has-made") == "not installed"

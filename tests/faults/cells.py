@@ -1,9 +1,6 @@
 """A technique's cells of the committed baseline's study score as they do there; run by test_faults.py alone."""
 
 import json
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,7 +14,7 @@ BASELINE = ROOT / "results" / "baseline"
 
 
 @pytest.mark.parametrize("cells", CELLS)
-def test_the_cells_score_as_in_the_baseline(cells: str, shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+def test_the_cells_score_as_in_the_baseline(cells, shadowbench, tmp_path) -> None:
     name, _, scenes = cells.partition(" on ")
     study = read_study(BASELINE / "study.toml", techniques())
     files = [file for file in study.scenes if load_scene(file).name in scenes.split(", ")]

@@ -1,13 +1,10 @@
 """Light space and light views: the relations between their numbers."""
 
-import math
-
 import numpy as np
 import pytest
 
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space
 from shadowbench.scenes.model import Light
-from shadowbench.scenes.vectors import unit
 
 KINDS = ["directional", "spot"]
 
@@ -34,27 +31,6 @@ def test_a_box_holds_angles_at_unit_distance_or_lengths_and_distances(kind) -> N
     points = np.vstack([along(kind, np.array([2.0]), -0.3, 0.1), along(kind, np.array([4.0]), 0.2, -0.5)])[:, :3]
     box = space_of(kind).box(points)
     assert box.low == pytest.approx((-0.3, -0.5, 2)) and box.high == pytest.approx((0.2, 0.1, 4))
-
-
-def test_a_sun_s_distances_are_those_from_the_plane_through_the_origin() -> None:
-    space = space_of("directional")
-    points = np.random.default_rng(0).normal(size=(50, 3))
-    distances = points @ unit((0.3, -1.0, 0.2))
-    box = space.box(points)
-    assert (box.low[2], box.high[2]) == pytest.approx((distances.min(), distances.max()))
-    assert np.array_equal(space.origin, np.zeros(3))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_matrix_is_the_basis_about_the_origin(kind) -> None:
-    space = space_of(kind)
-    points = np.random.default_rng(1).normal(size=(20, 3))
-    found = np.column_stack([points, np.ones(20)]) @ space.matrix.T
-    assert found[:, :3] == pytest.approx((points - space.origin) @ space.basis.T) and (found[:, 3] == 1).all()
-
-
-def test_a_spot_s_base_window_is_as_wide_as_its_cone_and_a_sun_s_has_no_end() -> None:
-    assert space_of("spot").half == pytest.approx(math.tan(0.5)) and space_of("directional").half == math.inf
 
 
 @pytest.mark.parametrize("kind", KINDS)

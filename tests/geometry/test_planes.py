@@ -109,12 +109,6 @@ def test_a_floor_that_runs_into_a_ramp_is_found_up_to_its_foot() -> None:
     np.testing.assert_allclose(np.abs(floor.equation), [0, 1, 0, 0], atol=1e-6)
 
 
-def test_a_sphere_has_planes_only_where_its_facets_are_asked_for(shape) -> None:
-    ball = shape("sphere", 1.0, subdivisions=3)
-    assert planes_of(ball, least=0.01) == ()
-    assert len(planes_of(ball, least=0.0, most=7)) == 7
-
-
 def test_no_plane_is_empty_even_where_any_share_will_do() -> None:
     """With a tolerance below rounding, small triangles lie off the planes fitted to them."""
     rough = grid(32, lambda x, z: 0.3 * np.sin(5 * x) * np.cos(4 * z))
@@ -190,13 +184,6 @@ def test_nearby_triangles_do_not_hide_a_plane(small, tolerance, shape) -> None:
     assert ground.thickness <= tolerance * np.linalg.norm([size, 1.0, size]) * 1.01
 
 
-def test_two_nearly_coincident_sheets_are_both_found(shape) -> None:
-    for gap in (3.0, 8.0):
-        sheets = [shape("plane", 8.0), shape("plane", 8.0, (0.0, gap * 1e-5 * 8 * 2**0.5, 0.0))]
-        found = planes_of(*sheets, tolerance=1e-5)
-        assert [list(plane.triangles) for plane in found] in ([[0, 1], [2, 3]], [[2, 3], [0, 1]])
-
-
 @pytest.mark.parametrize("papers", [1, 60])
 def test_a_fine_floor_is_found_under_larger_triangles_that_are_no_plane(papers, shape) -> None:
     """The largest triangles of similar height are tried first, without success."""
@@ -227,13 +214,6 @@ def test_the_default_tolerance_holds_what_exporters_write(cells, form) -> None:
         assert plane.share == pytest.approx(1.0)
         height = mesh.vertices @ plane.equation[:3] + plane.equation[3]
         assert max(np.abs(height).max(), plane.thickness) < 0.5e-4 * 3**0.5, "half of the last digit of each"
-
-
-def test_three_decimals_in_ten_metres_ask_for_a_larger_tolerance() -> None:
-    mesh = written(tilted(64), ".3f")
-    assert len(planes_of(mesh, least=0.0005, tolerance=PlanarProjection.Params().tolerance)) > 10
-    (plane,) = planes_of(mesh, least=0.0005, tolerance=1e-4)
-    assert plane.share == pytest.approx(1.0)
 
 
 def test_terraces_of_rounding_are_not_taken_for_planes() -> None:

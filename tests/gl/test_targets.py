@@ -1,4 +1,4 @@
-"""Depth targets have the precision that their format names."""
+"""Depth targets, their layers and precision; stencil, blending and clip distances."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from shadowbench.gl import targets
 from shadowbench.gl.device import Device
-from shadowbench.gl.targets import depth_target, unsupported_map
+from shadowbench.gl.program import Drawable, Sampling, State, Stencil
+from shadowbench.gl.targets import depth_target, stencil_target, unsupported_map
 
 BITS = {"d16": 16, "d24": 24}
 FLOAT_ROUNDING = 2.0**-23  # of depth · 2 − 1, and of the way back, in the pipeline's float32
@@ -78,3 +79,154 @@ def test_unsupported_texture_sizes_are_reported_before_allocation(device, kind) 
     with pytest.raises(Exception, match=r"GL_|target|size|texture|allowed"):
         depth_target(device, 4 * device.max_map_size, "d16", kind, 6)
     assert device.context.error in ("GL_NO_ERROR", "GL_INVALID_VALUE")
+
+
+BYTES = {"d16": 2, "d24": 3, "d32f": 4}
+
+
+@pytest.mark.parametrize("kind", ["array", "cube"])
+@pytest.mark.parametrize("depth", BYTES)
+def test_each_layer_is_drawn_into_and_read_by_itself(device, at_depth, kind, depth) -> None:
+    layers = depth_target(device, 4, depth, kind, 6)
+    layers.target.clear(depth=1.0)
+    for layer, target in enumerate(layers.layer_targets):
+        at_depth(target, layer / 8)
+    stored = layers.texture.read()
+    assert stored.shape == (6, 4, 4)
+    assert np.abs(stored - np.arange(6)[:, None, None] / 8).max() < 2 * layers.step
+    assert layers.bytes == 6 * 16 * BYTES[depth]
+    device.free([layers])
+
+
+@pytest.mark.parametrize("kind", ["array", "cube"])
+def test_clearing_the_whole_clears_every_layer(device, at_depth, kind) -> None:
+    layers = depth_target(device, 4, "d32f", kind, 6)
+    for target in layers.layer_targets:
+        at_depth(target, 0.25, State())
+    layers.target.clear(depth=0.75)
+    assert (layers.texture.read() == 0.75).all()
+    device.free([layers])
+
+
+def test_an_array_is_sampled_and_compared_by_layer(device, at_depth, program, paint) -> None:
+    layers = depth_target(device, 4, "d32f", "array", 3)
+    for layer, target in enumerate(layers.layer_targets):
+        target.clear(depth=0.25 + 0.25 * layer)
+    read = program(
+        "uniform sampler2DArray depths; uniform sampler2DArrayShadow compared; out float value;"
+        "void main() { value = texture(depths, vec3(0.5, 0.5, 2.0)).r + texture(compared, vec4(0.5, 0.5, 1.0, 0.4))"
+        " + 2.0 * texture(compared, vec4(0.5, 0.5, 0.0, 0.4)); }"
+    )
+    textures = {
+        "depths": (layers.texture, Sampling()),
+        "compared": (layers.texture, Sampling(linear=True, compare="<=")),
+    }
+    assert (paint(read, textures) == 1.75).all(), "layer 2 holds 0.75; 0.4 is before 0.5 of layer 1, not 0.25 of 0"
+    device.free([layers])
+
+
+@pytest.mark.parametrize(
+    ("face", "direction"),
+    list(enumerate(["1,0,0", "-1,0,0", "0,1,0", "0,-1,0", "0,0,1", "0,0,-1"])),
+)
+def test_a_cube_is_sampled_by_direction(device, program, paint, face, direction) -> None:
+    layers = depth_target(device, 4, "d32f", "cube")
+    for layer, target in enumerate(layers.layer_targets):
+        target.clear(depth=layer / 8)
+    read = program(
+        "uniform samplerCube depths; uniform samplerCubeShadow compared; out float value;"
+        f"void main() {{ vec3 d = vec3({direction}); value = texture(depths, d).r"
+        f" + 2.0 * texture(compared, vec4(d, {face / 8 - 0.05:g}))"
+        f" + 4.0 * texture(compared, vec4(d, {face / 8 + 0.05:g})); }}"
+    )
+    textures = {
+        "depths": (layers.texture, Sampling()),
+        "compared": (layers.texture, Sampling(linear=True, compare="<=")),
+    }
+    assert np.allclose(paint(read, textures), face / 8 + 2)
+    device.free([layers])
+
+
+def test_the_two_sides_of_a_closed_body_count_in_opposite_directions(device, program, paint) -> None:
+    """Three front faces and one back face over a pixel leave a count of two; 256 increments wrap to none."""
+    image = device.context.texture((4, 4), 1, dtype="f4")
+    buffers = stencil_target(device, (4, 4), image)
+    white = program("out float value; void main() { value = 1.0; }")
+    turned = program(
+        "out float value; void main() { value = 1.0; }",
+        "void main() { vec2 c = vec2(gl_VertexID & 2, (gl_VertexID << 1) & 2);"
+        " gl_Position = vec4(c * 2.0 - 1.0, 0, 1); }",
+    )
+    front, back = (Drawable(one, device.context.vertex_array(one.linked, []), count=3) for one in (white, turned))
+    counting = Stencil(front=("keep", "keep", "increment"), back=("keep", "keep", "decrement"))
+    for fronts, reference in ((3, 2), (257, 0)):
+        buffers.target.clear()
+        buffers.clear_stencil()
+        for _ in range(fronts):
+            front.draw(buffers.target, state=State(color_write=False, stencil=counting))
+        back.draw(buffers.target, state=State(color_write=False, stencil=counting))
+        front.draw(buffers.target, state=State(stencil=Stencil(test="==", reference=reference)))
+        painted = np.frombuffer(image.read(), np.float32)
+        assert (painted == 1).all(), reference
+        front.draw(buffers.target, state=State(stencil=Stencil(test="!=", reference=reference), blend="add"))
+        assert (np.frombuffer(image.read(), np.float32) == 1).all(), "drawn where it must not be"
+    assert buffers.bits == 8 and buffers.bytes == 4 * 4 * 4
+    device.free([front.vertices, back.vertices, buffers, image])
+
+
+def test_depth_fail_is_counted_apart_from_depth_pass(device, at_depth, program) -> None:
+    image = device.context.texture((4, 4), 1, dtype="f4")
+    buffers = stencil_target(device, (4, 4), image)
+    buffers.target.clear(depth=1.0)
+    buffers.clear_stencil(7)
+    at_depth(buffers.target, 0.5, State(depth_test="<"))
+    counting = Stencil(front=("keep", "increment", "zero"))
+    at_depth(buffers.target, 0.75, State(depth_test="<", depth_write=False, stencil=counting))
+    white = program("out float value; void main() { value = 1.0; }")
+    drawable = Drawable(white, device.context.vertex_array(white.linked, []), count=3)
+    drawable.draw(buffers.target, state=State(stencil=Stencil(test="==", reference=8)))
+    assert (np.frombuffer(image.read(), np.float32) == 1).all()
+    device.free([drawable.vertices, buffers, image])
+
+
+@pytest.mark.parametrize(("blend", "result"), [("", 3.0), ("add", 5.0), ("min", 2.0), ("max", 3.0)])
+def test_a_draw_resets_the_blending_and_masks_of_the_previous_one(device, program, blend, result) -> None:
+    image = device.context.texture((4, 4), 1, dtype="f4")
+    target = device.context.framebuffer([image])
+    target.clear(red=2.0)
+    three = program("out float value; void main() { value = 3.0; }")
+    drawable = Drawable(three, device.context.vertex_array(three.linked, []), count=3)
+    drawable.draw(target, state=State(blend=blend))
+    assert (np.frombuffer(image.read(), np.float32) == result).all()
+    drawable.draw(target, state=State(blend=blend, color_write=False))
+    assert (np.frombuffer(image.read(), np.float32) == result).all()
+    drawable.draw(target)
+    assert (np.frombuffer(image.read(), np.float32) == 3).all(), "no blending, no mask remains"
+    device.free([drawable.vertices, target, image])
+
+
+def test_arrays_of_uniforms_arrive_in_order(program, paint) -> None:
+    arrays = program(
+        "uniform mat4 m[2]; uniform vec2 v[2]; uniform float f[2]; out float value;"
+        "void main() { value = (m[1] * vec4(1, 0, 0, 0)).y + 10.0 * v[1].x + 100.0 * f[1]"
+        " + 1000.0 * (m[0] * vec4(1)).w; }"
+    )
+    m = np.zeros((2, 4, 4))
+    m[1, 1, 0], m[0, 3, 3] = 2.0, 5.0
+    arrays.set(m=m, v=np.array([[0.0, 0.0], [3.0, 0.0]]), f=np.array([0.0, 4.0]))
+    assert (paint(arrays) == 5432).all()
+
+
+def test_a_clip_distance_cuts(device, program) -> None:
+    image = device.context.texture((4, 4), 1, dtype="f4")
+    target = device.context.framebuffer([image])
+    left = program(
+        "out float value; void main() { value = 1.0; }",
+        "out float gl_ClipDistance[1]; void main() { vec2 c = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);"
+        "gl_Position = vec4(c * 2.0 - 1.0, 0, 1); gl_ClipDistance[0] = -gl_Position.x; }",
+    )
+    drawable = Drawable(left, device.context.vertex_array(left.linked, []), count=3)
+    target.clear()
+    drawable.draw(target, state=State(clip_distances=1))
+    assert (np.frombuffer(image.read(), np.float32).reshape(4, 4) == [1, 1, 0, 0]).all()
+    device.free([drawable.vertices, target, image])

@@ -5,8 +5,7 @@ far planes transformed too. A docstring's first line is the law's text in docs/e
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from inspect import cleandoc
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,32 +21,12 @@ Random = np.random.Generator
 Change = Callable[[View, Random], View]
 
 
-@dataclass(frozen=True)
-class Law:
-    """A named change of a view; its docstring has its text and its reason."""
-
-    name: str
-    change: Change
-
-    @property
-    def text(self) -> str:
-        return self._lines[0]
-
-    @property
-    def why(self) -> str:
-        return " ".join(line.strip() for line in self._lines[1:] if line.strip())
-
-    @property
-    def _lines(self) -> list[str]:
-        return cleandoc(self.change.__doc__ or "").splitlines()
-
-
-LAWS: dict[str, Law] = {}
+LAWS: dict[str, Change] = {}
 
 
 def law(name: str) -> Callable[[Change], Change]:
     def register(change: Change) -> Change:
-        LAWS[name] = Law(name, change)
+        LAWS[name] = change
         return change
 
     return register

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shadowbench.maps.culling import CasterChunks, kept_ranges, may_shadow
+from shadowbench.maps.culling import kept_ranges, may_shadow
 from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
@@ -120,27 +120,6 @@ def test_draw_ranges_cover_the_kept_chunks_and_small_gaps() -> None:
     assert kept_ranges(np.ones(5, dtype=bool), ends) == ((0, 12000),)
     chosen, other = np.array([True, False, True, False, True]), np.array([False, True, False, False, False])
     assert kept_ranges(chosen, np.array([1, 2, 3, 4, 5]), other) == ((0, 1), (2, 3))
-
-
-def in_any_order(triangles: np.ndarray) -> list[bytes]:
-    return sorted(triangle.tobytes() for triangle in triangles)
-
-
-@pytest.mark.parametrize("name", builtin_names())
-def test_chunks_contain_all_casters_by_mesh(name: str) -> None:
-    scene = load_scene(name)
-    chunks = CasterChunks(scene, cull=True)
-    casters = chunks.vertices[chunks.faces]
-    assert chunks.ends[-1] == len(casters)
-    for (low, high), start, end in zip(chunks.boxes, [0, *chunks.ends], chunks.ends, strict=False):
-        assert (casters[start:end].min(axis=(0, 1)) == low).all() and (
-            casters[start:end].max(axis=(0, 1)) == high
-        ).all()
-    end = 0
-    for mesh in (mesh for mesh in scene.meshes if mesh.casts):
-        start, end = end, end + len(mesh.faces)
-        triangles = mesh.vertices[mesh.faces].astype(np.float32)
-        assert in_any_order(casters[start:end]) == in_any_order(triangles) and end in chunks.ends
 
 
 def test_a_caster_that_a_lamp_lies_on_may_shadow_what_is_above_it() -> None:

@@ -43,17 +43,6 @@ def disc_share(across: np.ndarray, radius: float) -> np.ndarray:
     return 0.5 + (x * np.sqrt(1 - x**2) + np.arcsin(x)) / math.pi
 
 
-@pytest.mark.parametrize(("taps", "weights"), [(3, [1, 2, 1]), (5, [1, 3, 4, 3, 1])])
-def test_castano_across_an_edge_is_the_sum_of_its_weights_so_far(under_edge, taps: int, weights: list[int]) -> None:
-    across, visibility = under_edge(f"castano({taps})", size=128)
-    # At the centre of a texel the kernel covers whole texels, between centres it is interpolated.
-    centres = np.arange(-taps, taps) + 0.5
-    lit = [sum(w for at, w in enumerate(weights, -(taps // 2)) if centre + at > 0) for centre in centres]
-    expected = np.interp(across / (2 * HALF / 128), centres, np.array(lit) / sum(weights))
-    assert ((visibility > 0) & (visibility < 1)).mean() > 0.1
-    assert visibility == pytest.approx(expected, abs=4e-3)  # samplers may weight in steps of 1/256
-
-
 def poisson_points() -> np.ndarray:
     """The table of disc/poisson.glsl."""
     text = (data_folder("shaders") / "filter" / "disc" / "poisson.glsl").read_text()
@@ -174,14 +163,3 @@ def test_dpcf_sharpens_the_share_of_shadowed_taps_by_the_ratio_of_depths(under_e
     hardened = 0.5 + 0.5 * np.sign(s) * (1 - (1 - np.abs(s)) ** 3)
     ratio = min(HEIGHT / (DISTANCE - HEIGHT - near), 1.0)
     assert np.sqrt(np.mean((1 - visibility - hardened * (1 - ratio) - share * ratio) ** 2)) < 0.02
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("variant", LIGHTS)
-def test_penumbrae_of_a_scene_follow_the_map_s_depth_range_in_every_variant_but_world(variant, builtin, mask) -> None:
-    view, light, areas = builtin("post", 256), ",light=4" if variant == "godot" else LIGHTS[variant], []
-    for near, far in [(1.0, 17.0), (6.0, 17.0), (1.0, 40.0)]:
-        fit = f"fixed(half=6,near={near},far={far},distance=10)"
-        visibility = mask(f"shadow-map:fit={fit},filter=pcss(variant={variant},taps=64{light})", view)
-        areas.append((visibility * (1 - visibility)).mean())
-    assert (max(areas) / min(areas) < 1.001) if variant == "world" else (max(areas) / min(areas) > 1.2)

@@ -163,3 +163,29 @@ def test_rows_without_a_step_are_what_they_were_and_a_step_measures_them_anew(
         assert row["key"] != again[spec]["key"] and again[spec]["step"] == "camera"
         same = row.keys() - {"key", "command"}
         assert {name: row[name] for name in same} == {name: again[spec][name] for name in same}
+
+
+STILL, FAR = (1, 1, 0, 0), (1, 1, 1, 1, 1, 1, 1, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("masks", "truths", "share"),
+    [
+        ([STILL, (1, 1, 0, 1)], [STILL, STILL], 1 / 4),
+        ([STILL, (1, 1, 1, 0)], [STILL, (1, 1, 1, 0)], 0),
+        ([STILL, (1, 1, 1, 1)], [STILL, (1, 1, 0, None)], 1 / 3),  # None: undecided
+        ([STILL, STILL, (0, 0, 0, 0)], [STILL] * 3, 1 / 2),  # the largest of two steps
+        ([STILL, STILL], [STILL, (0, 0, 1, 1)], None),
+        ([FAR, (0, 0, *FAR[2:])], [FAR, FAR], 0),  # farther than 2 px from every true edge
+        ([FAR, (*FAR[:6], 0, *FAR[7:])], [FAR, FAR], 1 / 4),
+    ],
+)
+def test_flips_are_changes_near_a_true_edge_where_the_truth_does_not_change(
+    masks: list[tuple[float, ...]], truths: list[tuple[float | None, ...]], share: float | None
+) -> None:
+    def truth(row: tuple[float | None, ...]) -> Truth:
+        undecided = np.array([[value is None for value in row]])
+        lit = np.array([[value or 0 for value in row]], np.float32)
+        return Truth(lit, 0 * lit, lit, lit >= 0, undecided, lit, lit, np.zeros_like(lit, np.int32), lit, 1.0)
+
+    assert flips([np.array([mask], np.float32) for mask in masks], [truth(row) for row in truths]) == share

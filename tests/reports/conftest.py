@@ -219,7 +219,7 @@ def write_folder(folder: Path, records: Sequence[dict[str, Any]], about: dict[st
 
 
 @pytest.fixture
-def run_folder(tmp_path: Path) -> Callable[..., Path]:
+def run_folder(tmp_path) -> Callable[..., Path]:
     """Writes a run folder."""
 
     def write(
@@ -237,7 +237,7 @@ def run_folder(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def measured(run_folder: Callable[..., Path]) -> Callable[..., list[Section]]:
+def measured(run_folder) -> Callable[..., list[Section]]:
     """The sections of a run with these cells, one per scene."""
     count = itertools.count()
 
@@ -249,7 +249,7 @@ def measured(run_folder: Callable[..., Path]) -> Callable[..., list[Section]]:
 
 
 @pytest.fixture
-def sweep_folder(tmp_path: Path) -> Callable[..., Path]:
+def sweep_folder(tmp_path) -> Callable[..., Path]:
     """Writes a folder as written by `stress`."""
 
     def write(points: Sequence[Point] = POINTS, name: str = "sweep", pictures: bool = False) -> Path:
@@ -260,7 +260,7 @@ def sweep_folder(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def stability_of(sweep_folder: Callable[..., Path]) -> Callable[..., Stability]:
+def stability_of(sweep_folder) -> Callable[..., Stability]:
     """Stability of a sweep with these points."""
     count = itertools.count()
 
@@ -310,7 +310,7 @@ def image_of(uri: str) -> Image.Image:
 
 
 @pytest.fixture
-def page_of(shadowbench: Callable[..., Any], tmp_path: Path) -> Callable[..., str]:
+def page_of(shadowbench, tmp_path) -> Callable[..., str]:
     """The HTML report of folders, with apostrophes unescaped."""
 
     def make(*folders: Path) -> str:

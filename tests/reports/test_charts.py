@@ -1,21 +1,18 @@
 """Charts of a report: every value lies on its axes, and times of different machines are never combined."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.report import figures
 from shadowbench.reports.vega import COLORS, MAX_SHOWN, SHAPES, styles_of
-from shadowbench.results.configurations import Section, sections, specs_of
-from shadowbench.results.folder import read_runs
-from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell, marks, texts
+from shadowbench.results.configurations import Section, specs_of
+from tests.reports.conftest import TRUTH_ERROR, Cell, marks, texts
 
 Chart = dict[str, Any]
-Make = Callable[..., list[Section]]
 TEXT_WIDTH = 6  # pixels of a letter, on average
 
 
@@ -35,7 +32,7 @@ def values(chart: Chart, field: str) -> list[Any]:
     return [point[field] for point in chart["data"]["values"]]
 
 
-def test_zero_error_is_on_the_log_axis_below_every_other_error(measured: Make) -> None:
+def test_zero_error_is_on_the_log_axis_below_every_other_error(measured) -> None:
     section, other = measured()[0], measured(Cell("a", 512, 0.1, 3.0), Cell("a", 1024, 0.05, 4.0))[0]
     for chart, without in zip(charts(section)[:2], charts(other)[:2], strict=True):
         low, high = domain(chart, "y")
@@ -47,7 +44,7 @@ def test_zero_error_is_on_the_log_axis_below_every_other_error(measured: Make) -
         assert not any(text.startswith("no wrong pixel") for text in texts(without)) and domain(without, "y")[0] > 0.01
 
 
-def test_errors_of_soft_shadows_are_drawn_down_to_that_of_the_truth(measured: Make) -> None:
+def test_errors_of_soft_shadows_are_drawn_down_to_that_of_the_truth(measured) -> None:
     soft = Cell("a", 512, 0.1, 3.0, rmse_pen=0.2), Cell("a", 1024, 0.2, 4.0, rmse_pen=TRUTH_ERROR)
     for chart in charts(measured(*soft)[0])[:2]:
         points = chart["data"]["values"]
@@ -60,7 +57,7 @@ def test_errors_of_soft_shadows_are_drawn_down_to_that_of_the_truth(measured: Ma
         assert title.startswith("RMSE")
 
 
-def test_no_label_of_the_front_is_cut_at_the_right_edge(measured: Make) -> None:
+def test_no_label_of_the_front_is_cut_at_the_right_edge(measured) -> None:
     chart = charts(measured()[0])[0]
     drawn, wanted = marks(chart), {point.get("label") for point in chart["data"]["values"]} - {None, ""}
     width = max(mark["width"] for mark in drawn if "width" in mark)
@@ -72,25 +69,15 @@ def test_no_label_of_the_front_is_cut_at_the_right_edge(measured: Make) -> None:
         assert start >= 0 and start + length <= width, mark
 
 
-def test_the_times_of_two_machines_share_no_chart(run_folder: Callable[..., Any]) -> None:
-    fast = [Cell(cell.spec, cell.map_size, cell.error, cell.ms / 100) for cell in CELLS if cell.ms]
-    folders = [run_folder(name="slow"), run_folder(fast, name="fast", software=False, processor="Another")]
-    (parts,) = sections(read_runs(folders)).values()
-    assert [part.run.label for part in parts] == ["slow", "fast"]
-    for part, times in zip(parts, ({cell.ms for cell in CELLS} - {None}, {cell.ms for cell in fast}), strict=True):
-        front, _, passes = charts(part)
-        assert set(values(front, "ms")) == times and set(values(passes, "frame")) <= times
-
-
-def test_only_what_was_measured_is_drawn(measured: Make) -> None:
+def test_only_what_was_measured_is_drawn(measured) -> None:
     for chart in charts(measured()[0]):
         assert not set(values(chart, "spec")) & {"planar-projection", "cube-map"}
     (untimed,) = measured(Cell("a", 512, 0.1, None))
     assert front_chart(untimed, None) is None and pass_chart(untimed, 512) is None
-    assert size_chart(untimed, None) is not None and bias_charts(untimed) == []
+    assert size_chart(untimed, None) is not None
 
 
-def test_figures_say_whose_times_they_have_and_why_passes_do_not_add_up(measured: Make) -> None:
+def test_figures_say_whose_times_they_have_and_why_passes_do_not_add_up(measured) -> None:
     said = {
         software: [texts(chart) for _, chart in figures({"": measured(software=software)}, [])]
         for software in (True, False)
@@ -103,14 +90,14 @@ def test_figures_say_whose_times_they_have_and_why_passes_do_not_add_up(measured
     assert {"so that their sum may exceed the frame;", "tick: the whole frame, timed separately"} <= set(said[True][2])
 
 
-def test_intervals_enclose_their_median(measured: Make) -> None:
+def test_intervals_enclose_their_median(measured) -> None:
     errors = (0.1, 0.3, 0.2, 0.0)
     chart = charts(measured(*(Cell("a", 512, error, 3.0, phase=phase) for phase, error in enumerate(errors)))[0])[1]
     (point,) = chart["data"]["values"]
     assert point["low"] < point["drawn"] < point["high"]
 
 
-def test_passes_are_those_of_one_map_size_stacked_as_each_spec_draws_them(measured: Make) -> None:
+def test_passes_are_those_of_one_map_size_stacked_as_each_spec_draws_them(measured) -> None:
     (section,) = measured()
     chart = pass_chart(section, 2048)
     assert default_size(section) == 1024 and chart is not None
@@ -124,7 +111,7 @@ def test_passes_are_those_of_one_map_size_stacked_as_each_spec_draws_them(measur
     assert chart["layer"][0]["encoding"]["order"] == {"field": "rank"}
 
 
-def test_no_two_of_many_passes_or_specs_look_alike(measured: Make) -> None:
+def test_no_two_of_many_passes_or_specs_look_alike(measured) -> None:
     names = [f"pass {number}" for number in range(16)]
     chart = pass_chart(measured(Cell("a", 512, 0.1, 9.0, passes=tuple((name, 1.0) for name in names)))[0], 512)
     assert chart is not None
@@ -137,27 +124,3 @@ def test_no_two_of_many_passes_or_specs_look_alike(measured: Make) -> None:
     assert not {*scale["range"][:8]} & {*COLORS[:MAX_SHOWN]}, "those of specs"
     many = len(COLORS) * len(SHAPES)
     assert len(set(styles_of(map(str, range(many))).values())) == many
-
-
-def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size_unless_it_is_soft(
-    run_folder: Callable[..., Any],
-) -> None:
-    def swept(cells: list[Cell], name: str) -> Section:
-        folder = run_folder(cells, name=name)
-        lines = [f"{one.key},{one.spec},{one.map_size},shadow-map,{specs[one.spec]}" for one in cells]
-        (folder / "table.csv").write_text("\n".join(["key,spec,map_size,bias_of,bias_factor", *lines]))
-        ((section,),) = sections(read_runs([folder])).values()
-        return section
-
-    specs = {"shadow-map:bias=texel(scale=4.0)": 4.0, "shadow-map": 1.0, "shadow-map:bias=texel(scale=0.5)": 0.5}
-    cells = [Cell(spec, size, 0.01 * factor, None) for spec, factor in specs.items() for size in (1024, 512)]
-    ((base, chart),) = bias_charts(swept(cells, "hard"))
-    assert base == "shadow-map"
-    points = chart["data"]["values"]
-    assert [(point["map"], point["factor"]) for point in points] == [
-        (size, factor) for size in ("512", "1024") for factor in (0.5, 1.0, 4.0)
-    ]
-    assert [point["factor"] for point in points if point["best"]] == [0.5, 0.5]
-    assert {"×0.5", "×1", "×4", "512", "1024"} <= set(texts(chart))
-    soft = swept([Cell("shadow-map", 512, 0.1, None, rmse_pen=0.2)], "soft")
-    assert soft.run.sweep_positions and bias_charts(soft) == [], "no chart of contact"

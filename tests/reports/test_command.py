@@ -17,20 +17,17 @@ from PIL import Image
 from shadowbench.commands import console
 from shadowbench.commands import report as command
 from shadowbench.plugin.registry import preset_names
-from shadowbench.reports import gallery
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
-from tests.reports.conftest import CELLS, SIDE, Cell, data_of, galleries, image_of, parts_of
+from tests.reports.conftest import CELLS, SIDE, Cell, data_of, galleries, parts_of
 
-Shadowbench = Callable[..., Any]
-Write = Callable[..., Path]
 Page = Callable[..., str]
 SOFTWARE = "for trends only, not representative of a GPU"
 TWO = [replace(cell, scene=scene) for scene in ("stairs", "terrace") for cell in CELLS]
 
 
 @pytest.fixture
-def markdown_of(shadowbench: Shadowbench, tmp_path: Path) -> Page:
+def markdown_of(shadowbench, tmp_path) -> Page:
     """The Markdown report of folders."""
 
     def make(*folders: Path) -> str:
@@ -43,7 +40,7 @@ def markdown_of(shadowbench: Shadowbench, tmp_path: Path) -> Page:
 # The page
 
 
-def test_a_page_shows_machine_command_assumptions_and_statuses(run_folder: Write, page_of: Page) -> None:
+def test_a_page_shows_machine_command_assumptions_and_statuses(run_folder, page_of) -> None:
     page = page_of(run_folder(pictures=True)).replace("<wbr>", "")
     assert "shadowbench run stairs -t 'shadow-map:bias=&lt;b&gt;'" in page
     for told in ("A processor", "no camera: assumed one", "no light: assumed a sun", "finish+wall", SOFTWARE):
@@ -58,7 +55,7 @@ def test_a_page_shows_machine_command_assumptions_and_statuses(run_folder: Write
     assert all(set(part["columns"]) <= set(row["values"]) for row in part["rows"])
 
 
-def test_the_verdict_and_the_matrix_are_in_the_page_itself(run_folder: Write, page_of: Page) -> None:
+def test_the_verdict_and_the_matrix_are_in_the_page_itself(run_folder, page_of) -> None:
     page = page_of(run_folder()).replace("<wbr>", "")
     assert "<code>shadow-map at 2048</code> is the cheapest real-time setting, 20.0 ms a frame." in page
     (cells,) = re.findall(r'<tr><th scope="row">shadow-map</th>(.*?)</tr>', page, re.DOTALL)
@@ -69,7 +66,7 @@ def test_the_verdict_and_the_matrix_are_in_the_page_itself(run_folder: Write, pa
     assert 'class="matrix"' not in nothing and "Nothing here was timed: the cost" not in nothing
 
 
-def test_presets_say_what_they_stand_for(run_folder: Write, page_of: Page, markdown_of: Page) -> None:
+def test_presets_say_what_they_stand_for(run_folder, page_of, markdown_of) -> None:
     spec, name = next((spec, name) for spec, name in preset_names().items() if name == "shadow-map:preset=course")
     folder = run_folder([*CELLS, Cell(spec, 512, 0.01, 3.0)])
     page = page_of(folder).replace("<wbr>", "")
@@ -78,7 +75,7 @@ def test_presets_say_what_they_stand_for(run_folder: Write, page_of: Page, markd
     assert f"- `{name}`: `{spec}`\n" in markdown_of(folder)
 
 
-def test_several_scenes_have_a_part_each_and_one_of_all(run_folder: Write, page_of: Page) -> None:
+def test_several_scenes_have_a_part_each_and_one_of_all(run_folder, page_of) -> None:
     parts = parts_of(page_of(run_folder(TWO, pictures=True)))
     assert [part["gallery"] is not None for part in parts] == [False, True, True]
     keys = [(row["spec"], row["map"]) for row in parts[0]["rows"]]
@@ -86,7 +83,7 @@ def test_several_scenes_have_a_part_each_and_one_of_all(run_folder: Write, page_
     assert {row["values"]["scenes"][1] for row in parts[0]["rows"]} == {"2 of 2"}
 
 
-def test_the_times_of_two_machines_share_no_chart_column_or_verdict(run_folder: Write, page_of: Page) -> None:
+def test_the_times_of_two_machines_share_no_chart_column_or_verdict(run_folder, page_of) -> None:
     slow, fast = (Cell("a", 512, 0.004, ms, machine=machine) for machine, ms in (("m1", 50.0), ("m2", 5.0)))
     other = run_folder([fast], name="fast", software=False, processor="Another processor")
     page = page_of(run_folder([slow], name="slow"), other)
@@ -99,7 +96,7 @@ def test_the_times_of_two_machines_share_no_chart_column_or_verdict(run_folder: 
         assert [("50.0 ms" in one, "5.00 ms" in one) for one in said] == [(True, False), (False, True)]
 
 
-def test_a_page_asks_nothing_of_a_network_and_counts_one_thing_as_one(run_folder: Write, page_of: Page) -> None:
+def test_a_page_asks_nothing_of_a_network_and_counts_one_thing_as_one(run_folder, page_of) -> None:
     page = page_of(run_folder([Cell("a", 512, 0.1, 3.0)], pictures=True))
     markup = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
     assert not re.search(r'(?:src|href)="(?!data:|#)', markup) and "@import" not in markup and "url(" not in markup
@@ -107,7 +104,7 @@ def test_a_page_asks_nothing_of_a_network_and_counts_one_thing_as_one(run_folder
     assert not re.search(r"\b1 (cells|pictures|records|times|configurations)\b", page)
 
 
-def test_every_cell_has_its_pictures_in_the_page(run_folder: Write, page_of: Page) -> None:
+def test_every_cell_has_its_pictures_in_the_page(run_folder, page_of) -> None:
     folder = run_folder(pictures=True)
     (shown,) = galleries(page_of(folder))
     held = [cell for cell in CELLS if cell.status == "ok"]
@@ -124,7 +121,7 @@ def test_every_cell_has_its_pictures_in_the_page(run_folder: Write, page_of: Pag
     assert all(cell["picture"].startswith("data:image/webp;base64,") for cell in shown["cells"]), "without shading"
 
 
-def test_missing_pictures_are_named(run_folder: Write, page_of: Page) -> None:
+def test_missing_pictures_are_named(run_folder, page_of) -> None:
     folder = run_folder(pictures=True)
     for file in [*(folder / "pictures").iterdir(), *(folder / "truth").iterdir()]:
         file.unlink()
@@ -132,14 +129,6 @@ def test_missing_pictures_are_named(run_folder: Write, page_of: Page) -> None:
     assert shown["notes"] == ["run has no truth and no shading for some of these cells."]
     page = page_of(run_folder(name="none"))
     assert galleries(page) == [] and "none has neither pictures/ nor masks/" in page
-
-
-def test_many_pictures_are_shown_smaller(run_folder: Write, page_of: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gallery, "MAX_PIXELS", 7 * SIDE * SIDE // 4)
-    monkeypatch.setattr(gallery, "_MIN_SIZE", 4)
-    (shown,) = galleries(page_of(run_folder(pictures=True)))
-    assert shown["notes"] == [f"Scaled down from {SIDE}² to {SIDE // 2}² pixels."]
-    assert {image_of(cell["mask"]).size for cell in shown["cells"]} == {(SIDE // 2, SIDE // 2)}
 
 
 def test_the_difference_is_signed() -> None:
@@ -160,9 +149,7 @@ def delivered(folder: Path) -> dict[str, Any]:
     return {json.loads(one[1]): json.loads(one[2]) for one in found if one}
 
 
-def test_a_split_page_has_the_same_data_in_files_beside_it(
-    shadowbench: Shadowbench, run_folder: Write, page_of: Page, tmp_path: Path
-) -> None:
+def test_a_split_page_has_the_same_data_in_files_beside_it(shadowbench, run_folder, page_of, tmp_path) -> None:
     run = run_folder(TWO, pictures=True)
     assert shadowbench("report", run, "-o", tmp_path / "split.html", "--split", "-q").code == 0
     files, text = delivered(tmp_path / "split.files"), (tmp_path / "split.html").read_text()
@@ -178,9 +165,7 @@ def test_a_split_page_has_the_same_data_in_files_beside_it(
     assert inlined(data_of(text)) == data_of(page_of(run))
 
 
-def test_a_page_is_split_anew_and_other_files_are_kept(
-    shadowbench: Shadowbench, run_folder: Write, tmp_path: Path
-) -> None:
+def test_a_page_is_split_anew_and_other_files_are_kept(shadowbench, run_folder, tmp_path) -> None:
     run, page, files = run_folder(pictures=True), tmp_path / "report.html", tmp_path / "report.files"
     assert shadowbench("report", run, "-o", page, "--split").code == 0
     first = delivered(files)
@@ -193,9 +178,7 @@ def test_a_page_is_split_anew_and_other_files_are_kept(
     assert (files / "mine.txt").exists()
 
 
-def test_a_large_page_says_what_to_do(
-    shadowbench: Shadowbench, run_folder: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_large_page_says_what_to_do(shadowbench, run_folder, tmp_path, monkeypatch) -> None:
     run, page = run_folder(), tmp_path / "report.html"
     monkeypatch.setattr(command, "_LARGE", 1000)
     assert "with --split the pictures are files beside it" in shadowbench("report", run, "-o", page).err
@@ -205,7 +188,7 @@ def test_a_large_page_says_what_to_do(
 # Other formats
 
 
-def test_markdown_has_a_table_for_each_scene(run_folder: Write, markdown_of: Page) -> None:
+def test_markdown_has_a_table_for_each_scene(run_folder, markdown_of) -> None:
     text = markdown_of(run_folder())
     assert f"## stairs, {SIDE}² view" in text and SOFTWARE in text
     assert "| **`shadow-map`** | 512 | 0.0400 |" in text and "| `shadow-map:bias=none` | 1024 | 0.600 |" in text
@@ -214,7 +197,7 @@ def test_markdown_has_a_table_for_each_scene(run_folder: Write, markdown_of: Pag
         assert len({line.count("|") for line in table.splitlines()}) == 1
 
 
-def test_soft_shadows_have_columns_of_their_own(run_folder: Write, markdown_of: Page) -> None:
+def test_soft_shadows_have_columns_of_their_own(run_folder, markdown_of) -> None:
     soft = [
         Cell("shadow-map", 512, 0.04, 10.0, rmse_pen=0.2),
         Cell("shadow-map:filter=pcf", 512, 0.05, 12.0, rmse_pen=0.1),
@@ -228,7 +211,7 @@ def test_soft_shadows_have_columns_of_their_own(run_folder: Write, markdown_of: 
     assert "**`shadow-map`** | 512 | 0.0500 | 0.200 | 0.960 |" in lines[head + 4]
 
 
-def test_csv_joins_the_cells_of_all_folders(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_csv_joins_the_cells_of_all_folders(run_folder, shadowbench, tmp_path) -> None:
     other = [Cell("shadow-map", 512, 0.1, 3.0, passes=(("moments", 1.0),))]
     folders = [run_folder(name="one"), run_folder(other, name="two", processor="Another processor")]
     assert shadowbench("report", *folders, "--format", "csv", "-o", tmp_path / "cells.csv").code == 0
@@ -238,7 +221,7 @@ def test_csv_joins_the_cells_of_all_folders(run_folder: Write, shadowbench: Shad
     assert (rows[-1]["run"], rows[-1]["processor"], rows[-1]["pass_moments_ms"]) == ("two", "Another processor", "1.0")
 
 
-def test_png_writes_a_file_for_each_chart(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_png_writes_a_file_for_each_chart(run_folder, shadowbench, tmp_path) -> None:
     answer = shadowbench("report", run_folder(), "--format", "png", "-o", tmp_path / "charts")
     assert answer.code == 0
     files = sorted(file.name for file in (tmp_path / "charts").iterdir())
@@ -252,7 +235,7 @@ def test_png_writes_a_file_for_each_chart(run_folder: Write, shadowbench: Shadow
 
 
 @pytest.fixture
-def told(shadowbench: Shadowbench, run_folder: Write, tmp_path: Path) -> Callable[..., list[str]]:
+def told(shadowbench, run_folder, tmp_path) -> Callable[..., list[str]]:
     """The lines that `report` prints on folders, or on a run of cells, with single blanks between words."""
 
     def tell(*folders: Path, cells: Sequence[Cell] = ()) -> list[str]:
@@ -263,7 +246,7 @@ def told(shadowbench: Shadowbench, run_folder: Write, tmp_path: Path) -> Callabl
     return tell
 
 
-def test_the_verdict_names_the_cheapest_for_each_accuracy(told: Callable[..., list[str]]) -> None:
+def test_the_verdict_names_the_cheapest_for_each_accuracy(told) -> None:
     lines = told(cells=CELLS)
     assert lines[:9] == [
         "scene target cost cheapest real-time setting",
@@ -279,16 +262,14 @@ def test_the_verdict_names_the_cheapest_for_each_accuracy(told: Callable[..., li
     assert "report.html: 9 cells, " in lines[9] and len(lines) == 10
 
 
-def test_a_run_without_a_technique_or_a_score_has_no_cheapest(
-    told: Callable[..., list[str]], run_folder: Write
-) -> None:
+def test_a_run_without_a_technique_or_a_score_has_no_cheapest(told, run_folder) -> None:
     traced = told(cells=[cell for cell in CELLS if cell.spec == "ray-traced"])
     assert traced[:2] == ["No real-time technique here has a score.", ""]
     assert traced[3] == "ray-traced 60.0 ms 60.0 ms 60.0 ms"
     assert told(run_folder(CELLS[-2:], name="unscored"))[0] == "Nothing here has a score."
 
 
-def test_the_verdict_over_scenes_counts_those_that_a_technique_supports(told: Callable[..., list[str]]) -> None:
+def test_the_verdict_over_scenes_counts_those_that_a_technique_supports(told) -> None:
     lamp = "unsupported: a lamp shines all round"
     cells = [
         *CELLS,
@@ -309,7 +290,7 @@ def test_the_verdict_over_scenes_counts_those_that_a_technique_supports(told: Ca
     assert lines[-2].endswith("n of 2: over the n that it supports.")
 
 
-def test_of_two_machines_each_has_its_verdict(told: Callable[..., list[str]], run_folder: Write) -> None:
+def test_of_two_machines_each_has_its_verdict(told, run_folder) -> None:
     faster = [replace(cell, ms=cell.ms and cell.ms / 2) for cell in CELLS]
     lines = told(run_folder(name="one"), run_folder(faster, name="two", software=False, processor="GPU"))
     heads = [lines.index("one, on renderer of A processor"), lines.index("two, on renderer of GPU")]
@@ -319,7 +300,7 @@ def test_of_two_machines_each_has_its_verdict(told: Callable[..., list[str]], ru
     ]
 
 
-def test_scenes_that_share_a_name_are_told_apart(told: Callable[..., list[str]], run_folder: Write) -> None:
+def test_scenes_that_share_a_name_are_told_apart(told, run_folder) -> None:
     folder = run_folder([*CELLS, replace(CELLS[1], version=1)])
     *first, score, time = (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()
     score = score.replace(f'"view_size": {SIDE}', '"view_size": 64')
@@ -331,9 +312,7 @@ def test_scenes_that_share_a_name_are_told_apart(told: Callable[..., list[str]],
 
 
 @pytest.mark.parametrize("width", [100, 80])
-def test_the_verdict_on_three_scenes_fits_a_screen(
-    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: int
-) -> None:
+def test_the_verdict_on_three_scenes_fits_a_screen(run_folder, shadowbench, tmp_path, monkeypatch, width) -> None:
     monkeypatch.setattr(console.out(), "width", width)
     scenes = "room-with-lamp", "railings", "street"
     folder = run_folder([replace(cell, scene=scene) for scene in scenes for cell in CELLS])
@@ -355,18 +334,14 @@ def test_the_verdict_on_three_scenes_fits_a_screen(
         ((), "Missing argument"),
     ],
 )
-def test_bad_input_is_one_line(
-    arguments: tuple[str, ...], said: str, shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_input_is_one_line(arguments, said, shadowbench, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     answer = shadowbench("report", *arguments)
     assert answer.code == 2 and answer.err.count("\n") == 1 and said in answer.err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_cells_of_earlier_commands_are_counted_in_a_note(
-    shadowbench: Shadowbench, run_folder: Write, tmp_path: Path
-) -> None:
+def test_cells_of_earlier_commands_are_counted_in_a_note(shadowbench, run_folder, tmp_path) -> None:
     last, *others = CELLS
     folder = run_folder()
     (folder / "table.csv").write_text(f"key\n{last.key}\n")

@@ -1,8 +1,6 @@
 """Sections of a report: the Pareto front, medians, notes, and configurations without a score."""
 
 import json
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -18,12 +16,11 @@ from shadowbench.reports.words import (
     time_source,
     unscored,
 )
-from shadowbench.results.configurations import Interval, Section, sections
+from shadowbench.results.configurations import Interval, sections
 from shadowbench.results.folder import read_runs
 from tests.reports.conftest import CELLS, Cell
 from tests.reports.test_verdict import SOFT, phases
 
-Make = Callable[..., list[Section]]
 LOADED = (
     Cell("slow", 512, 0.009, 18.0, ratio_iqr=0.9),
     Cell("fast", 512, 0.005, 16.0, reference_ms=20.0),  # while the machine took twice as long for everything
@@ -31,7 +28,7 @@ LOADED = (
 )
 
 
-def test_the_front_leaves_out_what_is_slower_and_worse(measured: Make) -> None:
+def test_the_front_leaves_out_what_is_slower_and_worse(measured) -> None:
     (hard,), (soft,), (untimed,) = measured(), measured(*SOFT), measured(Cell("a", 512, 0.1, None))
     bare = "shadow-map:bias=none at 512"
     maps = [f"shadow-map at {size}" for size in (512, 1024, 2048)]
@@ -40,15 +37,7 @@ def test_the_front_leaves_out_what_is_slower_and_worse(measured: Make) -> None:
     assert untimed.front == [] and time_source(untimed.run) == "nothing was timed"
 
 
-def test_times_and_errors_are_medians_over_the_cells(measured: Make) -> None:
-    cells = [Cell("a", 512, error, ms, phase=phase) for phase, (error, ms) in enumerate([(0.1, 3), (0.3, 4), (0.2, 9)])]
-    (one,) = measured(*cells)[0].timed
-    assert one.value("frame_ms") == 4
-    assert one.error is not None and one.error.median == pytest.approx(0.2)
-    assert one.error.low is not None and one.error.low <= 0.2 <= (one.error.high or 0)
-
-
-def test_what_has_no_score_is_listed_with_its_sizes_phases_and_reason(measured: Make) -> None:
+def test_what_has_no_score_is_listed_with_its_sizes_phases_and_reason(measured) -> None:
     dark = [Cell("a", size, None, None, status="unsupported: no ground") for size in (1024, 512)]
     late = [Cell("b", 512, 0.1, 3.0), Cell("b", 512, None, None, phase=1, status="failed: too slow")]
     (section,) = measured(*CELLS, Cell("void", 512, None, 3.0), *dark, *late)
@@ -62,7 +51,7 @@ def test_what_has_no_score_is_listed_with_its_sizes_phases_and_reason(measured: 
     assert {one.technique for one in section.scored} == {"unshadowed", "shadow-map", "ray-traced", "b"}
 
 
-def test_warnings_about_external_masks_are_reported(run_folder: Callable[..., Path]) -> None:
+def test_warnings_about_external_masks_are_reported(run_folder) -> None:
     folder = run_folder()
     rows = [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
     rows[0]["input"] = {"warnings": ["seems shifted by 1 px up; scored as it is"]}
@@ -72,7 +61,7 @@ def test_warnings_about_external_masks_are_reported(run_folder: Callable[..., Pa
     assert "seems shifted by 1 px up" in markdown_report([section.run], {section.title: [section]}, [])
 
 
-def test_front_prices_and_passes_are_by_ratios_whatever_the_machine_did_meanwhile(measured: Make) -> None:
+def test_front_prices_and_passes_are_by_ratios_whatever_the_machine_did_meanwhile(measured) -> None:
     (section,) = measured(*LOADED)
     assert [one.label for one in section.front] == ["fast at 512"] and "12.0 ms a frame" in verdict([section])[0]
     ms = {one.spec: one.value("frame_ms") for one in section.timed}
@@ -91,7 +80,7 @@ def test_front_prices_and_passes_are_by_ratios_whatever_the_machine_did_meanwhil
     assert marks["slow"] == [True, True, False, False] and not any(marks["fast"]), "rough times, and no metric"
 
 
-def test_a_section_says_what_its_times_are_by_and_which_are_rough(measured: Make) -> None:
+def test_a_section_says_what_its_times_are_by_and_which_are_rough(measured) -> None:
     (section,) = measured(*LOADED)
     notes = section_notes(section)
     assert "ms: time relative to shadow-map:size=1024" in notes[1] and "15 ms, its median over 2" in notes[1]
@@ -103,7 +92,7 @@ def test_a_section_says_what_its_times_are_by_and_which_are_rough(measured: Make
     assert section_notes(measured(Cell("unshadowed", None, 1.0, None))[0]) == []
 
 
-def test_maps_scored_in_one_phase_have_a_note(measured: Make) -> None:
+def test_maps_scored_in_one_phase_have_a_note(measured) -> None:
     alone, again = [Cell("a", size, 0.1, None) for size in (512, 1024)], Cell("a", 512, 0.2, None, phase=1)
     one, some, two = (section_notes(measured(*cells)[0]) for cells in (alone, [*alone, again], [alone[0], again]))
     assert one[-1].startswith("scored in one phase")
@@ -112,13 +101,13 @@ def test_maps_scored_in_one_phase_have_a_note(measured: Make) -> None:
     assert two[1].startswith("( ): range over the cells; [ ], and bars of charts: 95% confidence interval")
 
 
-def test_the_facts_of_a_run_say_in_how_many_phases_each_was_scored(measured: Make) -> None:
+def test_the_facts_of_a_run_say_in_how_many_phases_each_was_scored(measured) -> None:
     other = [Cell(spec, 512, 0.1, None) for spec in ("a", "b")]
     told = [dict(run_facts(measured(*cells)[0].run))["phases"] for cells in (other, [*phases(0.1, 0.2, 0.3), *other])]
     assert told == ["1", "3 of shadow-map; 1 of all others"]
 
 
-def test_soft_cells_say_what_is_wrong_and_how_much(measured: Make) -> None:
+def test_soft_cells_say_what_is_wrong_and_how_much(measured) -> None:
     """All metrics of these cells are ½: too light, noisy and flat; hard ones have no such words."""
     (soft,), (hard,) = measured(*SOFT), measured()
     for _, cell in scored_cells(soft):

@@ -1,6 +1,6 @@
 """The cost matrix and the verdict, for rows with a known answer."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +14,6 @@ from shadowbench.results.ranking import Target, candidates, cheapest, cost_matri
 from shadowbench.scores.metrics import METRICS
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell
 
-Make = Callable[..., list[Section]]
 UNSUPPORTED = "unsupported: a lamp shines all round"
 LOST = Cell("a", 512, None, None, phase=1, status="failed: died")
 UNTIMED = [replace(cell, ms=None) for cell in CELLS]
@@ -112,12 +111,12 @@ MATRICES = {
 
 
 @pytest.mark.parametrize(("cells", "rows"), MATRICES.values(), ids=MATRICES)
-def test_the_cost_matrix_has(measured: Make, cells: Sequence[Cell], rows: dict[str, list[str]]) -> None:
+def test_the_cost_matrix_has(measured, cells, rows) -> None:
     found = shown(measured(*cells))
     assert found == rows and list(found) == list(rows)
 
 
-def test_edges_are_a_target_too_and_a_value_equal_to_the_limit_meets_it(measured: Make) -> None:
+def test_edges_are_a_target_too_and_a_value_equal_to_the_limit_meets_it(measured) -> None:
     made = measured(Cell("a", 512, 0.3, 5.0, edge=0.6), Cell("a", 1024, 0.25, 8.0, edge=0.5))
     assert shown(made, "edge_px") == {"a": ["5.00 ms a at 512", "8.00 ms a at 1024", "– best 0.500 px"]}
     (exact,) = [one for one in made[0].timed if one.map_size == 1024]
@@ -125,7 +124,7 @@ def test_edges_are_a_target_too_and_a_value_equal_to_the_limit_meets_it(measured
 
 
 @pytest.mark.parametrize(("ms", "spread", "same"), [(5.1, 0.02, True), (5.3, 0.02, False), (5.3, 0.05, True)])
-def test_ties_within_the_noise_of_times_are_named(measured: Make, ms: float, spread: float, same: bool) -> None:
+def test_ties_within_the_noise_of_times_are_named(measured, ms, spread, same) -> None:
     """The interquartile ranges, 10 ms · spread wide, overlap."""
     made = measured(Cell("a", 512, 0.004, 5.0, ratio_iqr=spread), Cell("b", 512, 0.004, ms, ratio_iqr=spread))
     found = candidates(made)
@@ -135,7 +134,7 @@ def test_ties_within_the_noise_of_times_are_named(measured: Make, ms: float, spr
     assert ("; as cheap within the noise: `b at 512`" in verdict(made)[0]) == same
 
 
-def test_what_costs_are_is_explained(measured: Make) -> None:
+def test_what_costs_are_is_explained(measured) -> None:
     untimed = "Nothing here was timed: the cost is the size of the smallest map that suffices."
     assert cost_note(measured(*UNTIMED)) == untimed
     some = measured(Cell("a", 512, 0.004, None), Cell("b", None, 0.004, 5.0))
@@ -160,7 +159,7 @@ def cells_of(made: Sequence[Section]) -> list[dict[str, Any]]:
     return cells
 
 
-def test_a_target_is_met_by_the_median_that_is_shown_with_its_range(measured: Make) -> None:
+def test_a_target_is_met_by_the_median_that_is_shown_with_its_range(measured) -> None:
     """Phase 0, of which the picture is, misses the target that the median meets; then the other way round."""
     (meets,), (misses,), (single,) = (
         measured(*phases(*errors)) for errors in ((0.06, 0.04, 0.02), (0.04, 0.08), (0.04,))
@@ -180,7 +179,7 @@ def test_a_target_is_met_by_the_median_that_is_shown_with_its_range(measured: Ma
     assert picture["caption"] == "IoU 0.96000, edge 4.00 px, 5.00 ms (software renderer)"
 
 
-def test_over_scenes_a_cell_shows_the_worst_of_the_medians(measured: Make) -> None:
+def test_over_scenes_a_cell_shows_the_worst_of_the_medians(measured) -> None:
     made = measured(*phases(0.02, 0.04), *phases(0.01, 0.03, 0.04, scene="terrace"))
     assert cells_of(made)[0]["accuracy"] == "IoU 0.97 (0.96–0.98) in stairs"  # 0.97 in both: the first
     worse = measured(*phases(0.02), *phases(0.04, scene="terrace"))
@@ -188,7 +187,7 @@ def test_over_scenes_a_cell_shows_the_worst_of_the_medians(measured: Make) -> No
 
 
 @pytest.mark.parametrize(("error", "shown"), [(0.050004, "0.949996"), (0.05, "0.95"), (0.04996, "0.95")])
-def test_a_value_is_not_rounded_across_the_target_that_it_misses(measured: Make, error: float, shown: str) -> None:
+def test_a_value_is_not_rounded_across_the_target_that_it_misses(measured, error, shown) -> None:
     made = measured(Cell("a", 512, error, 5.0))
     texts = cells_of(made)[0]
     assert (texts["accuracy"] or texts["note"]) == (f"IoU {shown}" if error <= 0.05 else f"best {shown}")
@@ -280,18 +279,18 @@ VERDICTS = {
 
 
 @pytest.mark.parametrize(("cells", "lines"), VERDICTS.values(), ids=VERDICTS)
-def test_the_verdict_says(measured: Make, cells: Sequence[Cell], lines: list[str]) -> None:
+def test_the_verdict_says(measured, cells, lines) -> None:
     assert verdict(measured(*cells)) == lines
 
 
-def test_the_picture_beside_the_verdict_is_of_what_it_names(measured: Make) -> None:
+def test_the_picture_beside_the_verdict_is_of_what_it_names(measured) -> None:
     made = measured(SAMPLES, SOFT_TRACED, Cell("shadow-map", 512, 0.2, 20.0, rmse_pen=0.4))
     assert verdict(made)[1] == "Closest: `shadow-map at 512`, RMSE 0.100."
     (panel,) = panels_of(made[0].run, 0, made)
     assert panel.start is not None and panel.start["spec"] == "shadow-map"
 
 
-def test_hard_and_soft_scenes_of_a_run_have_a_verdict_each(measured: Make) -> None:
+def test_hard_and_soft_scenes_of_a_run_have_a_verdict_each(measured) -> None:
     hard = Cell("sharp", 512, 0.004, 5.0, scene="cellar")
     sections = measured(*SOFT, *(elsewhere(cell) for cell in SOFT), hard)
     panels = panels_of(sections[0].run, 0, sections)
@@ -301,9 +300,7 @@ def test_hard_and_soft_scenes_of_a_run_have_a_verdict_each(measured: Make) -> No
 
 
 @pytest.mark.parametrize("kind", [CELLS, SOFT], ids=["hard", "soft"])
-def test_a_scene_in_which_nothing_is_supported_leaves_the_verdict_on_the_others_as_it_is(
-    measured: Make, kind: Sequence[Cell]
-) -> None:
+def test_a_scene_in_which_nothing_is_supported_leaves_the_verdict_on_the_others_as_it_is(measured, kind) -> None:
     """Also as the first of the run, by whose kind of shadows a report would go."""
     nothing = replace(kind[0], scene="attic", error=None, ms=None, status=UNSUPPORTED, rmse_pen=None)
     others = [*kind, *(elsewhere(cell) for cell in kind)]
@@ -315,7 +312,7 @@ def test_a_scene_in_which_nothing_is_supported_leaves_the_verdict_on_the_others_
     assert [panel.title for panel in second] == [*(panel.title for panel in first), "attic, 32² view"]
 
 
-def test_the_section_of_all_scenes_has_means_of_configurations_scored_in_all(measured: Make) -> None:
+def test_the_section_of_all_scenes_has_means_of_configurations_scored_in_all(measured) -> None:
     made = measured(A, Cell("b", 512, 0.002, 9.0), elsewhere(A, error=0.008, ms=7.0))
     section = mean_section(made, "all scenes")
     (mean,) = section.configurations

@@ -60,16 +60,6 @@ def test_cells_times_images_and_facts_of_all_folders_are_in_the_result(merge: Me
     assert sorted(file.name for file in tmp_path.iterdir()) == ["all", "one", "two"]
 
 
-def test_a_merged_folder_checks_equal_to_the_whole(
-    merge: Merge, shadowbench: Callable[..., Any], tmp_path: Path
-) -> None:
-    cells = [cell(size=size) for size in (256, 512, 1024)]
-    parts = [rows(tmp_path / str(record["map_size"]), record) for record in cells]
-    assert merge(*parts, "-q").code == 0
-    answer = shadowbench("check", tmp_path / "all", "--baseline", rows(tmp_path / "whole", *cells))
-    assert answer.code == 0 and answer.out.startswith("3 cells compared")
-
-
 @pytest.mark.parametrize(
     ("changed", "what"),
     [

@@ -106,7 +106,7 @@ def test_lights_shine_along_minus_z_of_their_node(gltf_file: Gltf) -> None:
         (with_lens({"yfov": 1.0, "znear": 0.0}), ["znear"]),
         (with_lens({"yfov": 1.0, "znear": 2.0, "zfar": 1.0}), ["znear"]),
         (with_lens({"znear": 1.0}), ["yfov"]),
-        ({"nodes": [{"mesh": 0, "camera": 0}], "cameras": [{"type": "perspective"}]}, ["perspective: found none"]),
+        ({"nodes": [{"mesh": 0, "camera": 0}], "cameras": [{"type": "perspective"}]}, ["perspective: yfov is 0 rad"]),
         (with_light({"type": "area"}), ["lights 1.type: found 'area'; allowed: 'directional', 'point' or 'spot'"]),
         (with_light({}), ["lights 1.type: found none"]),
         (with_light({"type": "spot", "spot": {"outerConeAngle": -1}}), ["outerConeAngle"]),

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shadowbench.catalogue import catalogue
+from shadowbench.commands.listing import catalogue
 from shadowbench.errors import InputError
 from shadowbench.files import data_folder
 from shadowbench.scenes.library import builtin_about, builtin_names, hard_names, load_scene

@@ -51,17 +51,11 @@ WEDGE = ramp(6 + Y / SIZE * 34)
 """A penumbra that widens from top to bottom."""
 
 
-# The truth itself
-
-
 def test_the_truth_itself_has_no_error_and_hardens_as_it_should(scored) -> None:
     scores = scored(WEDGE, WEDGE)
     for name, metric in METRICS.items():
         if metric.kind != "hard" and name not in ("iou_soft", "ssim", "ssim_edge", "acne_soft"):
             assert scores[name] == pytest.approx(1 if metric.better == "near 1" else 0, abs=1e-6), name
-
-
-# Errors
 
 
 @pytest.mark.parametrize("k", [-4, -1, 1, 3])
@@ -107,9 +101,6 @@ def test_darkness_in_full_light_is_false(scored) -> None:
     assert scored(ramp(60), truth)["false_dark"] > 0
 
 
-# The truth's own error
-
-
 def noisy(amount: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """A ramp sampled with a known standard error, and that error."""
     exact = ramp(60)
@@ -135,9 +126,6 @@ def test_the_error_bar_of_a_pixel_where_all_points_of_the_light_agree_is_a_bound
     assert {name: bounded[name] for name in ("rmse", "rmse_pen")} == {
         name: exact[name] for name in ("rmse", "rmse_pen")
     }
-
-
-# Noise
 
 
 @pytest.mark.parametrize(("across", "low"), [(X, 0.98), (DIAGONAL, 0.9)], ids=["rows", "diagonal"])
@@ -167,9 +155,6 @@ def test_a_smooth_error_around_pinholes_is_no_noise_and_dither_is_where_isolines
     assert scored(blurred, truth)["rmse_pen"] > 0.08
     assert scored(blurred, truth)["noise"] < 0.01
     assert scored(dithered, truth)["noise"] > 0.06
-
-
-# Banding
 
 
 def test_few_levels_are_bands_and_many_are_not(scored) -> None:
@@ -213,9 +198,6 @@ def test_a_step_of_two_standard_errors_is_not_resolved(truth, error, share) -> N
     bars = np.full(visibility.shape, error)
     found = score(mask, truth(visibility, standard_error=bars))["banding"]
     assert found == pytest.approx(share / 2)  # the two rows next to the mask's step are not flat
-
-
-# Widths
 
 
 @pytest.mark.parametrize("times", [0.5, 0.75, 1.5, 2.0])
@@ -284,9 +266,6 @@ def test_without_positions_no_width_is_known(truth) -> None:
     }
 
 
-# Contact hardening
-
-
 def test_a_blur_of_fixed_width_does_not_harden(scored) -> None:
     scores = scored(ramp(20), WEDGE)
     assert scores["hardening"] == pytest.approx(0, abs=0.02)
@@ -299,9 +278,6 @@ def test_a_penumbra_that_grows_too_slowly_or_too_fast(scored, times) -> None:
     scores = scored(ramp(times * (6 + Y / SIZE * 34)), WEDGE)
     assert scores["hardening"] == pytest.approx(times, abs=0.03)
     assert scores["hardening_intercept"] == pytest.approx(0, abs=0.04)
-
-
-# Laws
 
 
 def soft_view(rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarray]]:

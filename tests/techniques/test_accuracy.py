@@ -14,17 +14,12 @@ from shadowbench.truths.trace import trace
 FAST = ["cube-on-plane", "sphere-and-torus", "spot-lamp", "room-with-lamp", "stairs"]
 
 
-@pytest.mark.parametrize("name", FAST)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in FAST else pytest.mark.slow) for name in hard_names()]
+)
 def test_ray_traced_is_the_truth_but_for_float32_positions(name, builtin, truth_of, mask, scored) -> None:
-    scores = scored(mask("ray-traced", builtin(name)), truth_of(name))
-    assert scores["iou"] >= 0.9999
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in hard_names() if name not in FAST])
-def test_ray_traced_is_the_truth_on_the_other_scenes_too(name, builtin, truth_of, mask, scored) -> None:
-    scores = scored(mask("ray-traced", builtin(name, 512)), truth_of(name, 512))
-    assert scores["iou"] >= 0.9999
+    size = 256 if name in FAST else 512
+    assert scored(mask("ray-traced", builtin(name, size)), truth_of(name, size))["iou"] >= 0.9999
 
 
 @pytest.mark.parametrize("name", ["cube-on-plane", "spot-lamp"])

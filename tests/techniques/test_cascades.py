@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
-from shadowbench.geometry.lights import Box, light_space, window
-from shadowbench.geometry.slices import Slice, snapped
+from shadowbench.geometry.convex import Slice
+from shadowbench.geometry.lights import Box, light_space, snapped, window
 from shadowbench.gl.gbuffer import download
 from shadowbench.maps.fits import PracticalSplit, ShareSplit, Split
 from shadowbench.plugin.base import Frame, Phase
@@ -161,28 +161,27 @@ def colors_of(tint: np.ndarray, layer: np.ndarray, sure: np.ndarray) -> list[tup
     return [tuple(colors[0]) for colors in found]
 
 
-def test_selection_by_box_uses_the_first_cascade_that_contains_the_point(studio, build, builtin) -> None:
+def test_selection_uses_the_first_cascade_that_contains_the_point_or_that_of_its_view_depth(
+    studio, build, builtin
+) -> None:
     shot = studio.shot(builtin("street", SIZE))
-    one = build("cascades:count=8,size=128,bias=texel(grazing=1e6)", shot)  # which moves no receiver
-    one.draw(shot)
-    low, high = held_by(one, shot, 1e-5), held_by(one, shot, -1e-5)
-    sure = (shot.triangle >= 0) & (low == high)
-    assert sure.mean() > 0.5
-    colors = colors_of(tinted(one), low, sure)
-    assert len(colors) >= 4 and len(set(colors)) == len(colors)
-
-
-def test_selection_by_depth_uses_the_slice_of_the_view_depth(studio, build, builtin) -> None:
-    shot = studio.shot(builtin("street", SIZE))
-    one = build("cascades:count=8,size=128,select=depth", shot)
-    one.draw(shot)
-    camera = shot.view.camera
-    depth = (shot.position[..., :3] - camera.position) @ -camera.basis()[2]
-    cuts = PracticalSplit().depths(*shot.view.near_far, 8)
-    layer = np.searchsorted(cuts[1:-1], depth)
-    sure = (shot.triangle >= 0) & (np.abs(depth[..., None] - cuts).min(axis=-1) > 1e-5)
-    colors = colors_of(tinted(one), layer, sure)
-    assert len(colors) >= 4 and len(set(colors)) == len(colors)
+    hit = shot.triangle >= 0
+    for spec in ("cascades:count=8,size=128,bias=texel(grazing=1e6)", "cascades:count=8,size=128,select=depth"):
+        one = build(spec, shot)  # the first moves no receiver
+        one.draw(shot)
+        if "depth" in spec:
+            camera = shot.view.camera
+            depth = (shot.position[..., :3] - camera.position) @ -camera.basis()[2]
+            cuts = PracticalSplit().depths(*shot.view.near_far, 8)
+            layer = np.searchsorted(cuts[1:-1], depth)
+            sure = hit & (np.abs(depth[..., None] - cuts).min(axis=-1) > 1e-5)
+        else:
+            layer, high = held_by(one, shot, 1e-5), held_by(one, shot, -1e-5)
+            sure = hit & (layer == high)
+            assert sure.mean() > 0.5
+        colors = colors_of(tinted(one), layer, sure)
+        assert len(colors) >= 4 and len(set(colors)) == len(colors)
+        assert (tinted(one)[~hit] == 1).all(), "the background is not tinted"
 
 
 @pytest.mark.parametrize("select", ["box", "depth"])

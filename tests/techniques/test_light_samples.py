@@ -13,7 +13,7 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import View, view_of
 from shadowbench.scenes.vectors import unit
 from shadowbench.studies.study import find_study, read_study
-from shadowbench.techniques.light_samples import points_of
+from shadowbench.techniques.light_samples import light_points
 from shadowbench.truths.light_samples import MOST_SAMPLES
 from shadowbench.truths.trace import Truth, trace
 
@@ -131,13 +131,13 @@ def test_few_shared_points_make_bands_and_few_points_of_each_pixel_s_own_make_no
 @pytest.mark.parametrize("name", SIZED)
 def test_the_points_lie_on_the_light(name, sized) -> None:
     light = sized(name)[0].light
-    points = list(points_of(light, 64))
-    assert len(points) == 64 and not any(point.light.soft for point in points)
+    points = list(light_points(light, 64))
+    assert len(points) == 64 and not any(point.soft for point, _ in points)
     if name == "sun":
-        cosines = [float(unit(point.light.direction) @ unit(light.direction)) for point in points]
+        cosines = [float(unit(point.direction) @ unit(light.direction)) for point, _ in points]
         assert math.cos(light.radius) <= min(cosines) <= max(cosines) <= 1
         return
-    away = np.array([np.subtract(point.light.position, light.position) for point in points])
+    away = np.array([np.subtract(point.position, light.position) for point, _ in points])
     along = away @ unit(light.direction)
     if name in ("disc", "rectangle"):
         assert np.abs(along).max() < 1e-12
@@ -146,7 +146,7 @@ def test_the_points_lie_on_the_light(name, sized) -> None:
         assert np.linalg.norm(away, axis=1).max() <= reach
     else:
         assert np.allclose(np.linalg.norm(away, axis=1), light.radius)
-        assert np.allclose(away / light.radius, [point.normal for point in points])
+        assert np.allclose(away / light.radius, [normal for _, normal in points])
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -100,19 +99,6 @@ def toward() -> Callable[[Light, Floats], Floats]:
         ways = position - w * points
         unit: Floats = ways / np.linalg.norm(ways, axis=-1, keepdims=True)
         return unit
-
-    return make
-
-
-@pytest.fixture(scope="session")
-def lowered() -> Callable[[View, float], View]:
-    """The view with its directional light's elevation, in degrees, changed and its azimuth kept."""
-
-    def make(view: View, elevation: float) -> View:
-        x, _, z = view.light.direction
-        along = math.cos(math.radians(elevation)) / math.hypot(x, z)
-        light = replace(view.light, direction=(x * along, -math.sin(math.radians(elevation)), z * along))
-        return replace(view, light=light)
 
     return make
 

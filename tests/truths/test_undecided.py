@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from shadowbench.scenes.library import builtin_names, hard_names, load_scene
+from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Light, View, view_of
 from shadowbench.truths.rays import GRAZING
 from shadowbench.truths.trace import OFFSET, STANDARD_ERROR, Truth, trace
-from tests.samples import sampled
 
 SIZE = 1024
 FINE = {"canopy", "railings"}  # little but edges
@@ -24,22 +23,12 @@ def first_view(name: str) -> View:
     return view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
 
 
-SUNNY = [name for name in hard_names() if first_view(name).light.kind == "directional"]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_names())
 def test_builtin_scene_is_decided(name) -> None:
     view = first_view(name)
     error = 1 / 16 if view.light.soft else STANDARD_ERROR  # of visibility, on which undecided pixels do not depend
     assert share(trace(view, 1, error)) < (0.01 if name in FINE else 0.001)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sampled(SUNNY, ["railings", "statue", "street", "terrain"]))
-def test_builtin_scene_is_decided_under_a_grazing_sun(name, lowered) -> None:
-    view = first_view(name)
-    assert share(trace(lowered(view, 0.1), pixel_samples=1)) < 0.02
 
 
 def test_undecided_pixels_lie_at_edges(shape, looking) -> None:

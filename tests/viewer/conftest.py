@@ -11,7 +11,7 @@ from shadowbench.gl.device import Device
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
-from shadowbench.viewer import changed_files
+from shadowbench.viewer import app
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.state import Origin, ViewerState
 from shadowbench.viewer.truth import TruthTask
@@ -44,7 +44,7 @@ class Clock:
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    monkeypatch.setattr(changed_files, "EVERY_S", 0.0)
+    monkeypatch.setattr(app, "FILES_S", 0.0)
     return Clock()
 
 
@@ -75,7 +75,7 @@ def settle(clock: Clock) -> Callable[[Viewer], None]:
     def settled(viewer: Viewer) -> None:
         clock.now += 1.0
         viewer.step()
-        while not viewer.waiting or viewer.judge.waits:
+        while not (viewer.waiting and viewer.fresh):
             assert not viewer.judge.failure, viewer.judge.failure
             time.sleep(0.01)
             viewer.step()

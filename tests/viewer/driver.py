@@ -105,8 +105,7 @@ class Driver:
         """Drag a slider to a share of its frame, which ends before its label."""
         start = self.place(label, panel)
         left, _, right, _, _ = drawn[panel, label]
-        end = right - 8 * len(label)
-        self.drag(start, (left + share * (end - left), start[1]))
+        self.drag(start, (left + share * (right - 8 * len(label) - left), start[1]))
 
     def scored(self) -> None:
         """Wait until all that is shown is scored."""
@@ -114,7 +113,7 @@ class Driver:
 
         def is_scored() -> bool:
             texts = {spec.full_text for spec in viewer.state.specs}
-            return not viewer.moving and viewer.fresh and texts <= set(viewer.scores.by_spec)
+            return not viewer.moving and viewer.fresh and texts <= viewer.judge.scores.keys()
 
         self.until("scores", is_scored)
 
@@ -125,7 +124,7 @@ class Driver:
 
     def score(self, metric: str, index: int = 0) -> float:
         """A score of A or B."""
-        return self.viewer.scores.by_spec[self.viewer.state.specs[index].full_text][metric]
+        return self.viewer.judge.scores[self.viewer.state.specs[index].full_text][metric]
 
     def picture(self, name: str, box: tuple[int, int, int, int] | None = None) -> None:
         """Save what the display shows, or a box of it, if pictures are wanted."""

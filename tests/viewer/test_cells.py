@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,68 +13,43 @@ from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import load_scene
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.viewer.drawing import Drawing
-from shadowbench.viewer.state import ViewerState
 from shadowbench.viewer.state_files import cell_state, ply_of
 
 KNOWN = techniques()
+LITTLE = ["--map-size", "64", "--view-size", "64", "--rounds", "0", "--quiet"]
 
 
-def rows_of(folder: Path) -> list[dict]:
+def rows_of(folder: Path) -> list[dict[str, Any]]:
     rows = [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
     return [row for row in rows if row["kind"] == "score" and row["status"] == "ok"]
 
 
-def digest(device: Device, state: ViewerState) -> str:
-    drawing = Drawing(device)
-    drawn = drawing.draw(state, state.size)
-    found = mask_sha256(drawing.visibility(drawn, drawn.masks[0]))
-    drawn.release()
-    drawing.reload()
-    return found
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("runs")
-
-
-def test_cells_of_a_run_and_of_a_sweep_are_redrawn(
-    shadowbench: Callable[..., object], device: Device, folder: Path
-) -> None:
-    run, sweep = folder / "run", folder / "stress"
-    options = ["--map-size", "64", "--view-size", "64", "--rounds", "0", "--phases", "2", "--quiet"]
-    shadowbench("run", "stairs", "fence", "-t", "shadow-map", "-o", run, *options)
-    shadowbench("stress", "-t", "shadow-map:size=64", "--axis", "distance-absolute", "--quick", "-o", sweep, "--quiet")
-    rows = rows_of(run)
-    assert len(rows) == 4, "two scenes in two phases"
-    some = [*rows, *rows_of(sweep)[:3]]
-    assert {row["coordinates"] for row in some} == {"relative", "absolute"}
-    for row in some:
-        shown = cell_state(sweep if "axis" in row else run, row["key"][:20], KNOWN)
-        assert shown.scene.name == row["scene"]
-        assert digest(device, shown) == row["mask_sha256"]
-
-
-def test_a_key_that_names_no_cell_or_several_is_one_line(folder: Path) -> None:
-    with pytest.raises(InputError, match="--cell 'xyz': no such cell in"):
-        cell_state(folder / "run", "xyz", KNOWN)
-    with pytest.raises(InputError, match="--cell '': 4 cells begin so in"):
-        cell_state(folder / "run", "", KNOWN)
-    with pytest.raises(InputError, match=r"rows\.jsonl"):
-        cell_state(folder / "nothing", "a", KNOWN)
-
-
-def test_a_cell_has_the_axis_and_the_sun_of_its_run(
+def test_cells_of_runs_and_of_a_sweep_are_redrawn(
     shadowbench: Callable[..., object], device: Device, tmp_path: Path
 ) -> None:
-    mesh, folder = tmp_path / "model.ply", tmp_path / "run"
+    """In two phases, of a mesh file with the up axis and the sun of its run, and at values of an axis."""
+    run, own, sweep, mesh = (tmp_path / name for name in ("run", "own", "stress", "model.ply"))
     mesh.write_bytes(ply_of(load_scene("post").meshes))
-    options = ["--map-size", "64", "--view-size", "64", "--rounds", "0", "--quiet"]
-    shadowbench("run", mesh, "-t", "shadow-map", "--up", "z", "--sun", "-o", folder, *options)
-    row, *_ = rows_of(folder)
-    shown = cell_state(folder, row["key"], KNOWN)
-    assert shown.light.radius > 0
-    assert digest(device, shown) == row["mask_sha256"]
+    shadowbench("run", "stairs", "fence", "-t", "shadow-map", "--phases", "2", "-o", run, *LITTLE)
+    shadowbench("run", mesh, "-t", "shadow-map", "--up", "z", "--sun", "-o", own, *LITTLE)
+    shadowbench("stress", "-t", "shadow-map:size=64", "--axis", "distance-absolute", "--quick", "-o", sweep, "--quiet")
+    some = [(folder, row) for folder in (run, own, sweep) for row in rows_of(folder)[:4]]
+    assert {row["coordinates"] for _, row in some} == {"relative", "absolute"} and len(some) >= 8
+    drawing = Drawing(device)
+    for folder, row in some:
+        state = cell_state(folder, row["key"][:20], KNOWN)
+        assert state.scene.name == row["scene"]
+        drawn = drawing.draw(state, state.size)
+        assert mask_sha256(drawing.visibility(drawn, drawn.masks[0])) == row["mask_sha256"]
+        drawn.release()
+    drawing.reload()
+    for folder, key, told in (
+        (run, "xyz", "--cell 'xyz': no such cell in"),
+        (run, "", "--cell '': 4 cells begin so in"),
+        (tmp_path / "nothing", "a", r"rows\.jsonl"),
+    ):
+        with pytest.raises(InputError, match=told):
+            cell_state(folder, key, KNOWN)
 
 
 def test_a_cell_of_a_studys_own_camera_is_one_line(shadowbench: Callable[..., object], tmp_path: Path) -> None:

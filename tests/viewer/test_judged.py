@@ -1,4 +1,4 @@
-"""Scores are shown for the masks on screen and for no others."""
+"""Scores and truths are shown for the masks on screen and for no others."""
 
 import time
 from collections.abc import Callable
@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.plugin.registry import techniques
@@ -19,11 +18,10 @@ from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import trace
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import label
-from shadowbench.viewer.judge import Judge
 from shadowbench.viewer.lights import with_kind
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.result_panels import status
-from shadowbench.viewer.truth import Answer, Failed, Scored, Traced
+from shadowbench.viewer.truth import Answer, Failed, Judge, Scored, Traced
 
 LEVEL = """
 from pathlib import Path
@@ -42,6 +40,7 @@ class Level(Technique):
         return self.texture
 """
 SCORED = "scored at 64² against the full truth"
+Settle = Callable[[Viewer], None]
 
 
 @pytest.fixture
@@ -55,44 +54,49 @@ def level(viewer: Viewer, tmp_path: Path) -> Spec:
     return spec
 
 
+def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(viewer: Viewer, settle: Settle) -> None:
+    settle(viewer)
+    prepared = prepare_truth(trace(viewer.state.view()))
+    assert viewer.drawn is not None
+    for mask in viewer.drawn.masks:
+        expected = score(viewer.drawing.visibility(viewer.drawn, mask), prepared)
+        assert dict(viewer.judge.scores[mask.spec.full_text]) == expected
+        assert viewer.work[mask.spec]["draws"] > 0
+    viewer.change(replace(viewer.state, camera=orbited(viewer.state.camera, 0.2, 0.0)))
+    viewer.step()
+    assert viewer.moving and not viewer.fresh
+    settle(viewer)
+    viewer.undo()
+    viewer.step()
+    assert not viewer.fresh
+
+
 def test_after_a_changed_shader_the_scores_are_of_the_new_mask(
-    viewer: Viewer, clock: Any, settle: Callable[[Viewer], None], level: Spec, tmp_path: Path
+    viewer: Viewer, settle: Settle, level: Spec, tmp_path: Path
 ) -> None:
     settle(viewer)
-    assert viewer.judged and status(viewer) == SCORED
-    lit = viewer.scores.by_spec[level.full_text]
+    assert viewer.fresh and status(viewer) == SCORED
+    lit = viewer.judge.scores[level.full_text]
     (tmp_path / "level.glsl").write_text("0.0")
     viewer.step()
-    assert not viewer.judged, "the old scores are grey"
-    clock.now += 1.0
-    viewer._ask(viewer.drawn)  # type: ignore[arg-type]
-    assert level.full_text not in viewer.scores.by_spec
-    assert viewer.state.specs[1].full_text in viewer.scores.by_spec, "B has the same mask as before"
+    assert not viewer.fresh, "the old scores are grey"
     settle(viewer)
-    assert viewer.scores.by_spec[level.full_text]["leak"] == 0.0 != lit["leak"]
+    assert viewer.judge.scores[level.full_text]["leak"] == 0.0 != lit["leak"]
 
 
 def test_a_mask_that_is_no_longer_drawn_has_no_scores(
-    viewer: Viewer, settle: Callable[[Viewer], None], level: Spec, tmp_path: Path
+    viewer: Viewer, settle: Settle, level: Spec, tmp_path: Path
 ) -> None:
     settle(viewer)
     (tmp_path / "level.glsl").write_text("-1.0")
     viewer.step()
     settle(viewer)
     assert "less than none" in viewer.mask_failures()[0]
-    assert level.full_text not in viewer.scores.by_spec
+    assert viewer.judge.scores.keys() == {viewer.state.specs[1].full_text}
     assert status(viewer) == f"{SCORED}; A has no mask"
-    (tmp_path / "level.glsl").write_text("1.0")
-    viewer.step()
-    settle(viewer)
-    (tmp_path / "level.glsl").write_text("-1.0")
-    viewer.change(replace(viewer.state, specs=(level,), size=32))
-    viewer.step()
-    settle(viewer)
-    assert status(viewer) == "scored at 32² against the full truth; A has no mask", "that of another size is no score"
 
 
-def test_what_is_removed_leaves_no_picture(viewer: Viewer, settle: Callable[[Viewer], None]) -> None:
+def test_what_is_removed_leaves_no_picture(viewer: Viewer, settle: Settle) -> None:
     viewer.change(replace(viewer.state, layout="wipe", left="A", right="B"))
     settle(viewer)
     assert "B" in viewer.pictures
@@ -101,7 +105,11 @@ def test_what_is_removed_leaves_no_picture(viewer: Viewer, settle: Callable[[Vie
     assert set(viewer.pictures) == {"A"}
 
 
-def test_a_pane_says_of_which_truth_it_is(viewer: Viewer, settle: Callable[[Viewer], None]) -> None:
+def traced(number: int, final: bool) -> Traced:
+    return Traced(number, *(np.ones((4, 4)),) * 3, soft=False, final=final)  # type: ignore[arg-type]
+
+
+def test_a_pane_says_of_which_truth_it_is(viewer: Viewer, settle: Settle) -> None:
     viewer.change(replace(viewer.state, layout="side by side", overlay="error"))
     viewer.step()
     assert label(viewer, "A") == "A: shadow-map:size=64 (error follows the truth)"
@@ -119,10 +127,10 @@ class Task:
     """Stands for the process: numbers questions, and gives the answers that a test puts into it."""
 
     def __init__(self) -> None:
-        self.number, self.given, self.again = 0, list[Answer](), False
+        self.number, self.given = 0, list[Answer]()
 
-    def ask(self, view: object, masks: object, again: bool) -> int:
-        self.number, self.again = self.number + 1, again
+    def ask(self, view: object, masks: object) -> int:
+        self.number += 1
         return self.number
 
     def answers(self) -> list[Answer]:
@@ -130,42 +138,24 @@ class Task:
         return given
 
 
-def traced(number: int, final: bool) -> Traced:
-    return Traced(number, *(np.ones((4, 4)),) * 3, soft=False, final=final)  # type: ignore[arg-type]
-
-
-def mask(level: float) -> NDArray[np.float32]:
-    return np.full((4, 4), level, dtype=np.float32)
-
-
 def test_only_answers_to_the_last_question_are_taken(viewer: Viewer) -> None:
     task, state = Task(), viewer.state
-    judge = Judge(viewer.device, task)  # type: ignore[arg-type]
-    judge.ask(state, {"a": mask(0.0), "b": mask(0.0)})
-    judge.ask(state, {"a": mask(1.0), "b": mask(0.0)})
-    assert task.again
-    task.given = [traced(1, True), Scored(1, "a", {"iou": 0.1}), Scored(2, "b", {"iou": 0.2})]
+    judge = Judge(task)  # type: ignore[arg-type]
+    for _ in range(2):
+        judge.ask(state, {})
+    task.given = [traced(1, True), Scored(1, {"a": {"iou": 0.1}})]
     judge.receive()
-    assert judge.scores.by_spec == {"b": {"iou": 0.2}} and judge.waits
-    task.given = [Scored(2, "a", {"iou": 0.3})]
+    assert judge.traced(state) is not None and not judge.is_answered, "a truth of the same view, but not its scores"
+    task.given = [Scored(2, {"a": {"iou": 0.3}})]
     judge.receive()
-    assert not judge.waits
-    judge.ask(state, {"a": mask(1.0), "b": mask(1.0)})
-    assert judge.scores.by_spec == {"a": {"iou": 0.3}}, "of the very same mask"
-    judge.ask(replace(state, size=32), {"a": mask(1.0)})
-    assert not task.again and not judge.has_traced(state)
-    task.given = [traced(3, True), Scored(3, "b", {"iou": 0.4}), Failed(3, "late")]
-    assert judge.receive() == "" and not judge.is_final
-    assert judge.scores.viewed == state.viewed, "earlier scores are kept, and known as such"
-
-
-def test_a_full_truth_is_not_replaced_by_a_coarse_one_of_the_same_view(viewer: Viewer) -> None:
-    task = Task()
-    judge = Judge(viewer.device, task)  # type: ignore[arg-type]
-    judge.ask(viewer.state, {})
-    task.given = [traced(1, False), traced(1, True), traced(1, False)]
+    assert judge.is_answered
+    smaller = replace(state, size=32)
+    judge.ask(smaller, {})
+    judge.ask(state, {})
+    task.given = [traced(3, True), Scored(3, {"a": {"iou": 0.4}}), Failed(3, "late")]
     judge.receive()
-    assert judge.is_final and not judge.waits
+    assert judge.traced(state) is None and judge.failure == "" and not judge.is_answered
+    assert judge.scores == {"a": {"iou": 0.3}}, "earlier scores are kept, and known as such"
 
 
 def test_why_nothing_is_scored_is_said(viewer: Viewer, clock: Any) -> None:
@@ -220,7 +210,7 @@ def test_scores_that_are_shown_as_fresh_are_always_of_what_is_shown(viewer: View
             if viewer.state.viewed not in truths:
                 truths[viewer.state.viewed] = prepare_truth(trace(viewer.state.view()))
             for one in viewer.drawn.masks:
-                scores = viewer.scores.by_spec.get(one.spec.full_text)
+                scores = viewer.judge.scores.get(one.spec.full_text)
                 if scores is not None:
                     assert one.visibility is not None
                     expected = score(viewer.drawing.visibility(viewer.drawn, one), truths[viewer.state.viewed])

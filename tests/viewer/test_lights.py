@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from shadowbench.scenes.model import Camera, Light, LightShape, View
 from shadowbench.scenes.vectors import unit
 from shadowbench.viewer.lights import (
-    Dome,
     azimuth_elevation,
+    circled,
+    dome_radius,
     dragged,
     handles,
     is_far,
     sun_at,
-    travelled,
     with_kind,
 )
 from shadowbench.viewer.navigation import projected
@@ -42,8 +42,7 @@ def test_a_suns_handle_goes_where_it_is_dragged(x: float, y: float, far: bool) -
 
 def test_a_suns_handle_stays_on_its_dome_when_it_is_dragged_off() -> None:
     moved = dragged(SUN, CAMERA, "light", (0.9, 0.9), False)
-    dome = Dome.of(CAMERA)
-    assert np.linalg.norm(np.subtract(handles(moved, CAMERA)["light"], dome.center)) == pytest.approx(dome.radius)
+    assert math.dist(handles(moved, CAMERA)["light"], CAMERA.target) == pytest.approx(dome_radius(CAMERA))
     x, y, _ = projected(CAMERA, handles(moved, CAMERA)["light"])
     assert x == pytest.approx(y), "in the direction in which it was dragged"
 
@@ -79,25 +78,16 @@ def test_azimuth_and_elevation_are_those_of_the_sun(azimuth: float, elevation: f
     assert azimuth_elevation(replace(SUN, direction=sun_at(azimuth, elevation))) == pytest.approx((azimuth, elevation))
 
 
-def test_a_day_goes_from_east_over_south_to_west() -> None:
-    morning, noon, evening = (-unit(travelled(SUN, "day", (0, 0, 0), turns).direction) for turns in (0.01, 0.5, 0.99))
-    assert morning[0] > 0.99 and evening[0] < -0.99
-    assert noon[0] == pytest.approx(0.0) and noon[1] > 0.8 and noon[2] > 0
-    assert travelled(SUN, "day", (0, 0, 0), 1.25) == travelled(SUN, "day", (0, 0, 0), 0.25)
-
-
 @given(st.floats(0.0, 5.0))
-def test_a_lamp_that_travels_keeps_its_distance(turns: float) -> None:
-    center = (0.1, 0.2, 0.3)
-    for path in ("day", "circle"):
-        moved = travelled(SPOT, path, center, turns)  # type: ignore[arg-type]
-        before = np.linalg.norm(np.subtract(SPOT.position, center))
-        assert np.linalg.norm(np.subtract(moved.position, center)) == pytest.approx(before)
-
-
-def test_a_whole_circle_returns_and_rest_changes_nothing() -> None:
-    assert travelled(SPOT, "circle", (1, 2, 3), 1.0).position == pytest.approx(SPOT.position)
-    assert travelled(SPOT, "rest", (1, 2, 3), 0.3) is SPOT
+def test_a_lamp_that_travels_keeps_its_distance_and_returns(builtin: Callable[..., View], turns: float) -> None:
+    scene = builtin("post").scene
+    center = scene.geometry.bounds.mean(axis=0)
+    moved = circled(SPOT, scene, turns)
+    assert math.dist(moved.position, center) == pytest.approx(math.dist(SPOT.position, center))
+    assert moved.position[1] == pytest.approx(SPOT.position[1])
+    back = circled(moved, scene, -turns)
+    assert (*back.position, *back.direction) == pytest.approx((*SPOT.position, *SPOT.direction))
+    assert circled(SPOT, scene, 1.0).position == pytest.approx(SPOT.position)
 
 
 @pytest.mark.parametrize("kind", get_args(LightShape))

@@ -9,9 +9,8 @@ import pytest
 from shadowbench.gl.picture import Shading
 from shadowbench.scenes.model import Camera, Light, LightShape
 from shadowbench.viewer.canvas import Canvas, Pane
-from shadowbench.viewer.lights import Path as LightPath
 from shadowbench.viewer.result_panels import better
-from shadowbench.viewer.scene_panels import KIND_HELP, PATH_HELP, SHADING_LABELS
+from shadowbench.viewer.scene_panels import KIND_HELP, SHADING_LABELS
 from shadowbench.viewer.state import OVERLAYS
 from shadowbench.viewer.view_panel import OVERLAY_HELP
 
@@ -35,14 +34,10 @@ def test_the_better_score_is_marked(values: list[float | None], direction: str, 
     assert better(values, direction) == expected
 
 
-def test_every_way_to_show_the_scene_is_explained() -> None:
-    assert tuple(OVERLAY_HELP) == OVERLAYS
-    assert all(OVERLAY_HELP.values())
-
-
-def test_every_kind_and_path_of_a_light_and_colour_of_the_shading_is_named() -> None:
-    assert set(KIND_HELP) == set(get_args(LightShape)) and set(PATH_HELP) == set(get_args(LightPath))
+def test_every_overlay_kind_of_light_and_colour_of_the_shading_is_explained() -> None:
+    assert tuple(OVERLAY_HELP) == OVERLAYS and set(KIND_HELP) == set(get_args(LightShape))
     assert list(SHADING_LABELS) == [one.name for one in fields(Shading) if isinstance(one.default, tuple)]
+    assert all((*OVERLAY_HELP.values(), *KIND_HELP.values(), *SHADING_LABELS.values()))
 
 
 def test_a_button_is_pressed_where_the_last_motion_ended() -> None:
@@ -63,18 +58,15 @@ def test_a_button_is_pressed_where_the_last_motion_ended() -> None:
     assert heard == [("at", (10, 20)), ("button", (0, True))]
 
 
-def canvas(light: Light) -> Canvas:
-    viewer: Any = SimpleNamespace(state=SimpleNamespace(light=light, camera=CAMERA))
-    return Canvas(viewer)
-
-
-def test_a_light_outside_the_picture_is_taken_before_its_aim_in_the_same_corner() -> None:
-    away = Light("lamp", "spot", direction=(-1.0, 1.0, 0.0), position=(-50.0, 50.0, 0.0), angle=1.0)
-    corner = PANE.point((-1.0, 1.0))
-    assert canvas(away)._handle_at(PANE, corner) == "light"
-
-
-def test_the_aim_of_a_light_that_shines_on_the_cameras_target_is_in_the_picture() -> None:
-    lamp = Light("lamp", "spot", direction=(50.0, -50.0, 0.0), position=(-50.0, 50.0, 0.0), angle=1.0)
-    assert canvas(lamp)._handle_at(PANE, PANE.point((0.0, 0.0))) == "aim"
-    assert canvas(lamp)._handle_at(PANE, PANE.point((0.5, 0.5))) is None
+@pytest.mark.parametrize(
+    ("direction", "place", "expected"),
+    [
+        ((-1.0, 1.0, 0.0), (-1.0, 1.0), "light"),  # outside the picture it is taken before its aim in the same corner
+        ((50.0, -50.0, 0.0), (0.0, 0.0), "aim"),  # of a light that shines on the camera's target
+        ((50.0, -50.0, 0.0), (0.5, 0.5), None),
+    ],
+)
+def test_a_handle_is_taken_where_it_is_shown(direction: Any, place: tuple[float, float], expected: str | None) -> None:
+    lamp = Light("lamp", "spot", direction=direction, position=(-50.0, 50.0, 0.0), angle=1.0)
+    viewer: Any = SimpleNamespace(state=SimpleNamespace(light=lamp, camera=CAMERA))
+    assert Canvas(viewer)._handle_at(PANE, PANE.point(place)) == expected

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
@@ -17,7 +18,7 @@ from shadowbench.plugin.template import write_technique
 from shadowbench.scenes.library import load_scene
 from shadowbench.viewer.drawing import Drawing
 from shadowbench.viewer.state import ViewerState
-from shadowbench.viewer.widgets import SUM, Widget, widgets, with_inner, with_params, with_value
+from shadowbench.viewer.technique_panel import SUM, choices_of, limits, name_of, with_inner, with_params, with_value
 
 pytestmark = pytest.mark.slow
 
@@ -73,18 +74,18 @@ def hosted() -> Iterator[tuple[str, tuple[str, ...]]]:
             yield from ((f"{host}:{key}={name}", (key, inner)) for inner in component.model_fields)
 
 
-def others(widget: Widget) -> list[Any]:
-    """Other values that a widget offers."""
-    if widget.kind == "flag":
-        return [not widget.value]
-    if widget.kind in ("choice", "component", "spec"):
-        return [one for one in widget.choices if one not in (widget.value, SUM)]
-    low = -1e6 if widget.low is None else widget.low
-    high = 1e6 if widget.high is None else widget.high
-    values = [widget.value * 8, widget.value / 8, widget.value * 64, widget.value / 64, low, high / 100, 1, 0.1, 10]
-    if widget.kind == "whole":
+def others(info: FieldInfo, value: Any) -> list[Any]:
+    """Other values that a panel offers."""
+    if isinstance(value, bool):
+        return [not value]
+    choices = choices_of(info, value)
+    if choices:
+        return [one for one in choices if one not in (name_of(value), SUM)]
+    low, high = (1e6 * sign if limit is None else limit for limit, sign in zip(limits(info), (-1, 1), strict=True))
+    values = [value * 8, value / 8, value * 64, value / 64, low, high / 100, 1, 0.1, 10]
+    if isinstance(value, int):
         values, high = [int(value) for value in values], min(high, LARGEST)
-    return [value for value in dict.fromkeys(values) if low <= value <= high and value != widget.value]
+    return [one for one in dict.fromkeys(values) if low <= one <= high and one != value]
 
 
 class Masks:
@@ -128,8 +129,7 @@ def variants(spec: Spec, path: tuple[str, ...]) -> Iterator[Spec]:
     """The spec with other values of one parameter, as a panel makes them."""
     key, *inner = path
     model: Any = getattr(spec.params, key) if inner else spec.params
-    widget = next(one for one in widgets(model) if one.key == path[-1])
-    for value in others(widget):
+    for value in others(type(model).model_fields[path[-1]], getattr(model, path[-1])):
         try:
             changed = with_value(model, path[-1], value)
             yield with_params(spec, with_inner(spec.params, key, changed) if inner else changed)

@@ -1,7 +1,6 @@
 """State files: every command takes them as a scene, and draws what was shown."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,16 +9,16 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.gl.picture import Shading
+from shadowbench.options import SceneOptions
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light
 from shadowbench.strict import read_toml
 from shadowbench.studies.study import read_study
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.state import Origin, ViewerState
-from shadowbench.viewer.state_files import adopted, append_to_study, ply_of, read_state, save_state, toml_of
+from shadowbench.viewer.state_files import adopted, append_to_study, ply_of, read_state, save_state
 
 KNOWN = techniques()
 
@@ -35,7 +34,6 @@ def test_a_state_is_read_as_it_was_saved(tmp_path: Path) -> None:
         "spot-lamp",
         phase=2,
         shading=Shading(ambient=0.5, sky=(0.1, 0.2, 0.3)),
-        colors=(("wall", (1.0, 0.0, 0.25)),),
         shadows=False,
         layout="wipe",
         left="B",
@@ -128,70 +126,47 @@ def test_an_invalid_table_is_one_line(tmp_path: Path, line: str, told: str) -> N
         read_state(file, KNOWN)
 
 
-def test_a_study_grows_by_the_spec(tmp_path: Path) -> None:
-    file = tmp_path / "study.toml"
-    state = shown("post").with_spec(1, parse_spec("shadow-volume", KNOWN))
-    append_to_study(file, state, 0, KNOWN)
-    append_to_study(file, state, 1, KNOWN)
-    study = read_study(file, KNOWN)
+def test_a_study_grows_by_the_spec_and_what_it_holds_stays_as_it_is_written(tmp_path: Path) -> None:
+    """Comments, line ends, and a link to the file."""
+    new, state = tmp_path / "new.toml", shown("post").with_spec(1, parse_spec("shadow-volume", KNOWN))
+    for index in (0, 1):
+        append_to_study(new, state, index, KNOWN)
+    study = read_study(new, KNOWN)
     assert [spec.text for spec in study.specs] == [spec.text for spec in state.specs]
     assert study.scenes == ("post",)
-
-
-def test_what_a_study_holds_stays_as_it_is_written(tmp_path: Path) -> None:
-    """Comments, line ends, and a link to the file."""
     before = b'# mine\r\nscenes = ["post"] # one\r\n[[technique]]\r\nspec = "shadow-map" # the last line'
     (tmp_path / "real.toml").write_bytes(before)
-    file = tmp_path / "study.toml"
-    file.symlink_to("real.toml")
-    append_to_study(file, shown("post"), 0, KNOWN)
-    assert file.is_symlink() and file.read_bytes().startswith(before)
-    assert len(read_study(file, KNOWN).specs) == 2
+    link = tmp_path / "study.toml"
+    link.symlink_to("real.toml")
+    append_to_study(link, state, 0, KNOWN)
+    assert link.is_symlink() and link.read_bytes().startswith(before)
+    assert len(read_study(link, KNOWN).specs) == 2
 
 
-def test_a_study_that_takes_no_further_table_is_told_by_its_name(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            'scenes = ["post"]\ntechnique = [{ spec = "shadow-map" }]\n',
+            r"study\.toml: takes no further \[\[technique\]\]: it: not TOML",
+        ),
+        ("scenes = 3\n", "scenes"),
+    ],
+)
+def test_a_study_that_takes_no_further_table_is_left_alone(tmp_path: Path, text: str, told: str) -> None:
     file = tmp_path / "study.toml"
-    file.write_text('scenes = ["post"]\ntechnique = [{ spec = "shadow-map" }]\n')
-    with pytest.raises(InputError, match=r"study\.toml: takes no further \[\[technique\]\]: it: not TOML") as told:
+    file.write_text(text)
+    with pytest.raises(InputError, match=told):
         append_to_study(file, shown("post"), 0, KNOWN)
-    assert "/." not in str(told.value)
-    assert "further" not in file.read_text() and len(list(tmp_path.iterdir())) == 1
+    assert file.read_text() == text and len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_new_study_measures_the_scene_that_is_shown(tmp_path: Path) -> None:
     model = tmp_path / "model.ply"
     model.write_bytes(ply_of(load_scene("post").meshes))
-    state = shown(str(model))
-    append_to_study(tmp_path / "study.toml", replace(state, origin=Origin(str(model), sun=True)), 0, KNOWN)
-    assert read_study(tmp_path / "study.toml", KNOWN).sun
+    state, study = shown(str(model)), tmp_path / "study.toml"
+    append_to_study(study, replace(state, origin=Origin(str(model), SceneOptions(sun=True))), 0, KNOWN)
+    assert read_study(study, KNOWN).sun
+    turned = replace(state, origin=Origin(str(model), SceneOptions(up="z")))
     with pytest.raises(InputError, match=r"no study file can turn \(--up\) the scene 'model'; save the state"):
-        append_to_study(tmp_path / "other.toml", replace(state, origin=Origin(str(model), up="z")), 0, KNOWN)
-
-
-def test_a_file_that_is_no_study_is_left_alone(tmp_path: Path) -> None:
-    file = tmp_path / "study.toml"
-    file.write_text("scenes = 3\n")
-    with pytest.raises(InputError, match="scenes"):
-        append_to_study(file, shown("post"), 0, KNOWN)
-    assert file.read_text() == "scenes = 3\n"
-
-
-def test_toml_is_read_as_it_was_written(tmp_path: Path) -> None:
-    document = {
-        "name": 'a "b" \\ é',
-        "on": True,
-        "values": [1, 2.5, -3e-300],
-        "odd key": {"inner": {"x": [1.0]}, "list": [{"a": 1}, {"b": [{"c": 2}]}]},
-    }
-    file = tmp_path / "some.toml"
-    file.write_text(toml_of(document), encoding="utf-8")
-    assert read_toml(file, "") == document
-
-
-def test_ply_keeps_every_bit(tmp_path: Path, builtin: Callable[..., object]) -> None:
-    meshes = load_scene("spot-lamp").meshes
-    file = tmp_path / "all.ply"
-    file.write_bytes(ply_of(meshes))
-    (read,) = read_meshes(file).meshes
-    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
-    assert np.array_equal(read.vertices[read.faces], corners)
+        append_to_study(tmp_path / "other.toml", turned, 0, KNOWN)

@@ -134,7 +134,7 @@ def tour(d: Driver) -> None:
             d.picture(*PICTURES[step])
     viewer = d.viewer
     NOTES["specs"] = [spec.text for spec in viewer.state.specs]
-    NOTES["scores"] = [dict(viewer.scores.by_spec[spec.full_text]) for spec in viewer.state.specs]
+    NOTES["scores"] = [dict(viewer.judge.scores[spec.full_text]) for spec in viewer.state.specs]
     d.until("the masks", lambda: viewer.drawn is not None and viewer.drawn.size == viewer.state.size)
     # Read back by the thread that owns the context.
     masks: list[np.ndarray] = []

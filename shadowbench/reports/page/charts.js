@@ -45,10 +45,10 @@ function zoomed(element, factor) {
   element.view.runAsync();
 }
 
-// Fills a legend with a button for each spec with points. Turned on are those that the reader chose or, if none of them
+// Fills a legend with a button for each spec with points, and names the others of `every`. Turned on are those that the reader chose or, if none of them
 // has points, the first; at most as many as there are colours.
-function fillLegend(box, points, onChoose = () => {}) {
-  const own = JSON.parse(box.dataset.specs), specs = PAGE.specs.filter((spec) => points.has(spec));
+function fillLegend(box, points, every, onChoose = () => {}) {
+  const specs = PAGE.specs.filter((spec) => points.has(spec));
   const wanted = box.wanted?.filter((spec) => points.has(spec)), count = PAGE.colors.length;
   const lit = (wanted?.length || box.wanted?.length === 0 ? wanted : specs).slice(0, count);
   box.shown = new Map([...box.shown ?? []].filter(([spec]) => lit.includes(spec))); // what stays on keeps its look
@@ -65,14 +65,14 @@ function fillLegend(box, points, onChoose = () => {}) {
     button.addEventListener("click", () => {
       const others = [...box.shown.keys()].filter((one) => one !== spec);
       box.wanted = on ? others : [...others, spec];
-      fillLegend(box, points, onChoose);
+      fillLegend(box, points, every, onChoose);
       box.querySelector(`[data-spec="${CSS.escape(spec)}"]`).focus();
       for (const chart of box.closest("#charts, .stability").querySelectorAll(".chart")) chart.redraw?.();
       onChoose();
     });
     return button;
   }));
-  const none = (own.length ? own : PAGE.specs).filter((spec) => !points.has(spec)), most = box.nextElementSibling;
+  const none = every.filter((spec) => !points.has(spec)), most = box.nextElementSibling;
   most.hidden = specs.length <= box.shown.size;
   most.nextElementSibling.textContent = none.length && specs.length ? `Without points here: ${none.map((spec) => PAGE.names[spec] ?? spec).join(", ")}.` : "";
 }

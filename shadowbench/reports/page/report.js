@@ -80,7 +80,7 @@ async function show(id, asked) {
   if (id !== currentPanel) return; // another was chosen while this was loaded
   for (const node of document.querySelectorAll("[data-panel]")) node.hidden = node.dataset.panel !== id;
   for (const node of document.querySelectorAll(".title-shown")) node.textContent = panel.title;
-  byId("run").value = panel.run;
+  byId("scene").value = id;
   fillTable(rows, columns, shown, (row) => showPicture(row.spec, row.map, row.scene));
   const start = panel.start ?? {}, pictured = PAGE.panels.find((one) => one.run === panel.run && one.title === asked?.get("picture"));
   await Promise.all([drawCharts(charts), openGallery(panel.scenes ? pictured?.id ?? start.scene : id, start, asked)]);
@@ -113,7 +113,7 @@ async function restore() {
   first.mode = modes.includes(asked.get("mode")) ? asked.get("mode") : modes[0];
   legendOf(byId("charts")).wanted = asked.has("spec") ? asked.getAll("spec").filter(Boolean) : null;
   errorsView = null;
-  await show(fillScenes(found ?? PAGE.panels[0]), asked);
+  await show((found ?? PAGE.panels[0]).id, asked);
   written = choices();
   restoring = false;
 }
@@ -123,41 +123,23 @@ addEventListener("hashchange", () => {
   if (first && hash !== written && (!hash || new URLSearchParams(hash).has("scene"))) window.drawn = restore();
 });
 
-function drawCharts({ front, sizes, passes, pass_size, biases }) {
-  const chartElement = (kind) => document.querySelector(`.chart.${kind}`), choice = byId("pass-size"), bias = byId("biases");
+function drawCharts({ front, sizes, passes, pass_size }) {
+  const chartElement = (kind) => document.querySelector(`.chart.${kind}`), choice = byId("pass-size");
   const points = [front, sizes, ...passes.map(([, chart]) => chart)].flatMap((chart) => chart?.data.values ?? []);
-  fillLegend(legendOf(byId("charts")), new Set(points.map((point) => point.spec)), remember);
+  fillLegend(legendOf(byId("charts")), new Set(points.map((point) => point.spec)), PAGE.specs, remember);
   const rowOf = (point) => data(currentPanel).rows.find((row) => row.spec === point.spec && row.map === point.size);
   const onClick = (point) => showPicture(point.spec, point.size, rowOf(point)?.scene);
   choice.replaceChildren(...passes.map(([size], at) => new Option(size, at, false, size === pass_size)));
   choice.closest("label").hidden = passes.length < 2;
   chartElement("passes").closest("section").hidden = !passes.length;
   choice.onchange = () => draw(chartElement("passes"), passes[choice.value]?.[1]);
-  bias.hidden = !biases.length;
-  bias.querySelector(".pair").replaceChildren(...biases.map(([base]) => make("figure", {}, make("figcaption", {}, ...breakable(base)), make("div", { className: "chart" }))));
-  return Promise.all([
-    draw(chartElement("front"), front, onClick),
-    draw(chartElement("sizes"), sizes, onClick),
-    choice.onchange(),
-    ...[...bias.querySelectorAll(".chart")].map((chart, at) => draw(chart, biases[at][1])),
-  ]);
-}
-
-// Lists the scenes of a panel's run and chooses the panel, whose id is returned.
-function fillScenes({ id, run }) {
-  const panels = PAGE.panels.filter((panel) => panel.run === run);
-  byId("scene").replaceChildren(...panels.map((panel) => new Option(panel.title, panel.id, false, panel.id === id)));
-  return id;
+  return Promise.all([draw(chartElement("front"), front, onClick), draw(chartElement("sizes"), sizes, onClick), choice.onchange()]);
 }
 
 async function begin() {
   const jobs = [...document.querySelectorAll(".stability")].map(stability);
   if (first) {
     byId("scene").addEventListener("change", () => { window.drawn = show(byId("scene").value); });
-    byId("run").addEventListener("change", () => {
-      const panels = PAGE.panels.filter((one) => one.run === Number(byId("run").value)), { title } = panelOf(currentPanel);
-      window.drawn = show(fillScenes(panels.find((one) => one.title === title) ?? panels[0]));
-    });
     for (const button of document.querySelectorAll(".matrix button")) {
       button.addEventListener("click", () => { window.drawn = showPicture(button.dataset.spec, Number(button.dataset.size), button.dataset.scene); });
     }
@@ -170,8 +152,8 @@ async function begin() {
 }
 
 async function stability(box) {
-  const { charts, gallery } = await loaded(box.id), elements = [...box.querySelectorAll(".chart")], legend = box.querySelector(".legend");
-  if (legend) fillLegend(legend, new Set(JSON.parse(legend.dataset.specs)));
+  const { charts, gallery, specs } = await loaded(box.id), elements = [...box.querySelectorAll(".chart")], legend = box.querySelector(".legend");
+  if (legend) fillLegend(legend, new Set(specs), specs);
   for (const select of box.querySelectorAll("[data-signal]")) {
     select.addEventListener("change", () => {
       for (const { dataset, parentElement, view } of elements) {

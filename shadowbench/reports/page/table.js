@@ -1,22 +1,12 @@
 "use strict";
-// The table of configurations, with sorting, a filter by technique, and a choice of columns.
+// The table of configurations, which is sorted by any column, and shows some of them at first.
 
-const table = { sort: null, down: false, technique: "", columns: {} }; // columns: chosen ones, by those shown at first
+const table = { sort: null, down: false };
 
 function fillTable(rows, columns, shown, onChoose) {
-  const box = byId("table"), refill = () => fillTable(rows, columns, shown, onChoose);
-  const chosen = table.columns[shown] ??= new Set(shown), names = columns.filter((name) => chosen.has(name));
-  const techniques = [...new Set(rows.map((row) => row.technique))], filter = box.querySelector("select");
-  if (!techniques.includes(table.technique)) table.technique = "";
-  filter.replaceChildren(new Option("all", ""), ...techniques.map((one) => new Option(one, one)));
-  filter.value = table.technique;
-  filter.onchange = () => refill(table.technique = filter.value);
-  box.querySelector(".columns").replaceChildren(...columns.map((name) => {
-    const input = make("input", { type: "checkbox", checked: chosen.has(name) });
-    input.onchange = () => refill(chosen[input.checked ? "add" : "delete"](name));
-    return make("label", {}, input, ` ${name}`);
-  }));
-  const head = box.querySelector("thead tr");
+  const box = byId("table"), refill = () => fillTable(rows, columns, shown, onChoose), every = box.querySelector("input");
+  const names = columns.filter((name) => every.checked || shown.includes(name)), head = box.querySelector("thead tr");
+  every.onchange = refill;
   head.replaceChildren(...["spec", ...names].map((name, at) => {
     const onclick = () => {
       Object.assign(table, { sort: name, down: name === table.sort && !table.down });
@@ -32,9 +22,7 @@ function fillTable(rows, columns, shown, onChoose) {
     if (x === null || y === null) return (x === null) - (y === null); // missing values come last in both directions
     return (x < y ? -1 : x > y ? 1 : 0) * (table.down ? -1 : 1);
   };
-  const visible = rows.filter((row) => !table.technique || row.technique === table.technique);
-  if (table.sort) visible.sort(order);
-  box.querySelector("tbody").replaceChildren(...visible.map((row) => {
+  box.querySelector("tbody").replaceChildren(...(table.sort ? [...rows].sort(order) : rows).map((row) => {
     const button = make("button", { type: "button", onclick: () => onChoose(row) }, ...breakable(row.label));
     const cells = names.map((name) => make("td", {}, row.values[name]?.[1] ?? "–"));
     return make("tr", { className: row.front ? "front" : "" }, make("th", { scope: "row", title: row.full }, button), ...cells);

@@ -118,7 +118,6 @@ class Viewer {
     }, { passive: false });
     this.stage.addEventListener("keydown", (event) => this.key(event));
     this.stage.addEventListener("pointerdown", (event) => this.drag(event));
-    this.stage.addEventListener("pointermove", (event) => this.readOut(event));
     this.zoom(0);
   }
 
@@ -202,15 +201,5 @@ class Viewer {
       this.update(movesDivider ? { cut: now[0] } : { x: x + u - now[0], y: y + v - now[1] });
     }, stop);
     for (const end of ["pointerup", "pointercancel"]) this.stage.addEventListener(end, () => stop.abort(), stop);
-  }
-
-  // Shows the visibility of both masks under the pointer.
-  async readOut(event) {
-    const view = this.gallery.views[this.viewName], [u, v] = this.at(event);
-    const masks = await Promise.all([this.a, this.b].map((cell) => pixels(cell ? cell.mask : view.truth)));
-    const size = masks.find(Boolean)?.width ?? 1;
-    const [x, y] = [(u + this.x) / this.scale, (v + this.y) / this.scale].map((one) => inside(Math.floor(one * size), size - 1));
-    const [left, right] = masks.map((mask) => mask ? (mask.data[4 * (y * size + x)] / 255).toFixed(2) : "–");
-    this.find(".readout").textContent = `pixel ${x}, ${y}: left ${left}, right ${right}`;
   }
 }

@@ -1,13 +1,15 @@
-"""Crossings of hand-made penumbrae, whose widths are known in closed form.
+"""Crossings of hand-made penumbrae, and variation along isolines, of values that are known pixel by pixel."""
 
-Visibility is not quantised, and lines start where a test says; `test_soft_metrics` starts from a truth.
-"""
+import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from shadowbench.scores.loops import step_squared
 from shadowbench.scores.masks import LEVELS
-from shadowbench.scores.widths import Crossings, crossings
+from shadowbench.scores.penumbrae import Crossings, Isolines, crossings, smooth_gradient
 
 METRES = 0.1
 """Width of a pixel on the floor."""
@@ -42,9 +44,6 @@ def rising(*knots: tuple[float, float], columns: int = 81) -> np.ndarray:
     return np.interp(np.arange(columns), *zip(*knots, strict=True))
 
 
-# Lines
-
-
 def test_of_many_edge_pixels_a_thousand_are_taken_at_even_ranks() -> None:
     """A penumbra of 10 px down the middle of 80 by 80 pixels, with lines from 28 of its columns in 78 rows."""
     x = np.arange(80) * np.ones((80, 1))
@@ -73,14 +72,6 @@ def test_a_line_ends_with_the_last_valid_pixel(low, high, found) -> None:
     assert crossed(profile, valid=(column >= low) & (column <= high)) == found
 
 
-@pytest.mark.parametrize(("grazed", "found"), [(0.95e-4, 1), (1.05e-4, 0)])
-def test_a_line_may_graze_an_invalid_pixel_by_a_ten_thousandth(grazed, found) -> None:
-    """Below the line's row none is valid; 15 px from the start, where it is first lit, it is `grazed` rows lower."""
-    valid = np.arange(3)[:, np.newaxis] + np.zeros(81) < 2
-    profile = rising((25, 0.05), (26, 0.2), (54, 0.8), (55, 0.95))
-    assert crossed(profile, slant=grazed / 15, valid=valid) == found
-
-
 @pytest.mark.parametrize("start", [38, 46])
 @pytest.mark.parametrize(
     ("fall", "error", "found"),
@@ -104,20 +95,6 @@ def test_a_line_ends_a_thousandth_of_its_length_off_the_plane(height, found) -> 
         stepped = floor(3, 81)
         stepped[:, 45:, 1] = up * height * 5 * METRES
         assert crossed(rising((30, 0), (50, 1)), positions=stepped) == found
-
-
-def test_a_step_of_the_floor_stops_no_line_beside_it() -> None:
-    """At row 60, along lines through all rows: two of them have no plane about their start."""
-    x = np.arange(81) * np.ones((81, 1))
-    stepped = floor(81, 81)
-    stepped[60:, :, 1] = 0.5
-    visibility = np.clip((x - 40) / 10 + 0.5, 0, 1).astype(np.float32)
-    gradient = np.stack([0 * x, 0 * x + 1]).astype(np.float32)
-    found = crossings(visibility, 0 * visibility, x >= 0, x == 40, gradient, stepped)
-    assert found.lines[0, :, 20].tolist() == [*range(1, 59), *range(61, 80)]
-
-
-# Widths of the truth
 
 
 @pytest.mark.parametrize(
@@ -159,9 +136,6 @@ def test_a_width_is_measured_along_the_steepest_line_on_the_plane(towards, down)
     assert found.pixel == pytest.approx(found.width / found.width_px, rel=1e-5)
 
 
-# Widths of a mask
-
-
 def drawn(*rows: list[float], first: int = 0, last: int | None = None) -> float:
     """Width in pixels of a mask of a few pixels on a line along the middle of its rows, used from `first` to `last`."""
     mask = np.array(rows, np.float32)
@@ -201,9 +175,6 @@ def test_between_rows_a_line_sees_their_mean() -> None:
     assert drawn([0, 0, 1, 1], [0, 1, 1, 1]) == drawn([0, 0.5, 1, 1]) == pytest.approx(1.6)
 
 
-# Contact hardening
-
-
 def hardening(true: np.ndarray, mask: np.ndarray, pixels: float = 10) -> tuple[float, float] | None:
     """Of penumbrae that are all `pixels` wide."""
     none = np.zeros((len(true), 0))
@@ -228,3 +199,94 @@ def test_hardening_needs_widths_that_vary_by_a_factor_of_three(high, found) -> N
     """Of 41 widths in order, the fifth is the 10th percentile, the fifth but last is the 90th."""
     true = np.array([5] * 4 + [10] + [20] * 31 + [high] + [40] * 4)
     assert hardening(true, true) == (found and pytest.approx(found))
+
+
+SIZE = 15
+MIDDLE = 7
+
+
+def along(right: float = 1.0, down: float = 0.0, valid: np.ndarray | None = None) -> tuple[Isolines, np.ndarray]:
+    """The segment through the middle pixel of 15 by 15, across the gradient (down, right), and the valid pixels."""
+    seen = np.ones((SIZE, SIZE), bool) if valid is None else valid
+    middle = np.zeros((SIZE, SIZE), bool)
+    middle[MIDDLE, MIDDLE] = True
+    gradient = np.stack([np.full(middle.shape, part, np.float32) for part in (down, right)])
+    return Isolines.of(gradient, middle), seen
+
+
+def variance(
+    values: np.ndarray, right: float = 1.0, down: float = 0.0, valid: np.ndarray | None = None
+) -> float | None:
+    line, seen = along(right, down, valid)
+    return line.variance(values.astype(np.float32), seen, np.zeros((SIZE, SIZE), np.float32))
+
+
+def test_a_step_is_half_the_difference_of_the_neighbours_where_both_are_valid() -> None:
+    """A rise by 0.2 a column and 0.1 a row; no neighbours beyond the image, nor where a pixel is not valid."""
+    y, x = np.mgrid[:5, :5].astype(np.float32)
+    valid = (y != 2) | (x != 1)
+    right, down = ((x > 0) & (x < 4)).astype(float), ((y > 0) & (y < 4)).astype(float)
+    right[2, 2] = down[1, 1] = down[3, 1] = 0
+    expected = 0.04 * right + 0.01 * down
+    assert step_squared(0.2 * x + 0.1 * y, valid) == pytest.approx(expected)
+
+
+def test_the_gradient_of_an_edge_is_that_of_a_gaussian_of_one_and_a_half_pixels() -> None:
+    """The smoothed step rises by a Gaussian from pixel to pixel, so twice the central difference by two of them."""
+    visibility = np.repeat(np.float32([[0, 1]] * 20), 10, axis=1)
+    gaussian = np.exp(-(np.arange(-9, 10) ** 2) / (2 * 1.5**2))
+    gaussian /= gaussian.sum()
+    down, right = smooth_gradient(visibility, visibility >= 0)[:, 10]
+    assert right[6:14] == pytest.approx((gaussian[5:13] + gaussian[6:14]) / 2, abs=1e-4)
+    assert down == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("slope", "found"), [(0.95e-6, 0), (1e-6, 0), (1.05e-6, 1)])
+def test_a_gradient_of_a_millionth_a_pixel_has_no_direction(slope, found) -> None:
+    assert len(along(slope)[0].rows) == len(along(0, slope)[0].rows) == found
+
+
+@pytest.mark.parametrize(
+    ("radius", "straight"), [(3 / math.tan(math.radians(29)), 1), (3 / math.tan(math.radians(31)), 0)]
+)
+def test_a_circle_is_straight_over_a_segment_that_turns_by_less_than_30_degrees(radius, straight) -> None:
+    y, x = np.mgrid[:SIZE, :SIZE] - MIDDLE
+    middle = (x == 0) & (y == 0)
+    gradient = np.stack([y, x + radius]).astype(np.float32)
+    assert len(Isolines.of(gradient, middle).rows) == straight
+
+
+@pytest.mark.parametrize(("distance", "expected"), [(0, 6 / 7), (1, 1 / 42), (2, 1 / 42), (3, 1 / 42), (4, 0)])
+def test_one_value_among_seven_pixels(distance, expected) -> None:
+    """Their mean is 1/7, from which the middle one differs by 6/7 or 1/7; squared, 7/6 times."""
+    values = np.zeros((SIZE, SIZE))
+    values[MIDDLE + distance, MIDDLE] = 1
+    assert variance(values) == pytest.approx(expected)
+    assert variance(values[::-1]) == pytest.approx(expected)
+    assert variance(values.T) == pytest.approx(0 if distance else 6 / 7), "across the isoline"
+
+
+def test_the_known_variance_is_taken_off() -> None:
+    line, valid = along()
+    values = np.zeros((SIZE, SIZE), np.float32)
+    values[MIDDLE, MIDDLE] = 1
+    assert line.variance(values, valid, values / 4) == pytest.approx(6 / 7 - 1 / 4)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0, 2 * math.pi))
+def test_a_constant_has_no_variance_whichever_pixels_are_valid(seed, angle) -> None:
+    """Along isolines in any direction, between pixels of which some are not valid."""
+    valid = np.random.default_rng(seed).random((SIZE, SIZE)) < 0.8
+    valid[MIDDLE, MIDDLE] = True
+    values = np.where(valid, 1.0, 100.0)
+    assert variance(values, math.cos(angle), math.sin(angle), valid) in (None, pytest.approx(0, abs=1e-10))
+
+
+@pytest.mark.parametrize(("slant", "counts"), [(0.45, True), (0.5, False), (0.55, False)])
+def test_a_segment_with_no_more_than_half_a_pair_does_not_count(slant, counts) -> None:
+    """Of the rows, only those from the middle down are valid.
+
+    The points above the middle lie k times `slant` rows higher, and so on valid pixels by 1 − k · slant, if at all.
+    """
+    valid = np.arange(SIZE)[:, np.newaxis] >= MIDDLE + np.zeros(SIZE)
+    assert (variance(np.zeros((SIZE, SIZE)), slant, math.sqrt(1 - slant**2), valid) is not None) == counts

@@ -1,9 +1,8 @@
-"""Widths of penumbrae, measured along lines across the truth's shadow edges.
+"""Penumbrae: variation along their isolines, and widths along lines across the truth's shadow edges.
 
-A line starts at an edge pixel and follows the truth's gradient on the receiver's plane, both ways, as long as the
-receiver is that plane and the truth does not fall towards the light by more than its error. The width of truth and
-mask alike is that between visibilities of 0.1 and 0.9, after isotonic smoothing by the mean of the running maximum from
-the dark end and the running minimum from the lit end.
+Such a line starts at an edge pixel and follows the truth's gradient on the receiver's plane, both ways, as long as the
+receiver is that plane and the truth does not fall towards the light by more than its error. A width is that between
+visibilities of 0.1 and 0.9, after isotonic smoothing by the mean of running maximum and running minimum.
 """
 
 from dataclasses import dataclass
@@ -12,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scores.masks import LEVELS
+from shadowbench.scores.sums import Floats, Mask, Single
 
-Single = NDArray[np.float32]
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 
+SMOOTHING = 1.5  # px, σ of the Gaussian over which the direction of a gradient is found
+SEGMENT = 3  # px along the isoline to either side
+STRAIGHT = np.float32(np.cos(np.radians(30)))  # least cosine between the gradients at a segment's middle and ends
+FLAT = 1e-6  # change of visibility per pixel up to which a gradient has no direction
 MOST = 1000  # crossings, taken evenly from the edge pixels in the order of rows
 FEWEST = 30  # crossings that a width is the median of
 DARK, LIT = 0.1, 0.9  # visibilities between which a penumbra is measured
@@ -28,31 +30,79 @@ ERRORS = 4.0  # standard errors by which the truth may fall towards the light
 FLATNESS = 1e-3  # distance from the plane as a share of that along it
 
 
+def smooth_gradient(visibility: Single, valid: Mask) -> Single:
+    """(2, H, W) change of visibility per pixel down and to the right, smoothed over the valid pixels."""
+    from scipy import ndimage  # the import takes 0.2 s, and hard shadows do not need it
+
+    weight = ndimage.gaussian_filter(valid.astype(np.float32), SMOOTHING)
+    smooth = ndimage.gaussian_filter(np.where(valid, visibility, 0), SMOOTHING) / np.maximum(weight, FLAT)
+    gradients = [np.gradient(smooth, axis=axis) if smooth.shape[axis] > 1 else 0 * smooth for axis in range(2)]
+    return np.stack(gradients).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Isolines:
+    """Segments, SEGMENT pixels to either side of P pixels of a penumbra, along which the truth's isolines are straight.
+
+    Where they curve, as around pinholes, any smooth error, such as a blur, varies along a segment. rows, columns: (P,)
+    pixels; tangent: (2, P) unit vectors along the segments, in rows and columns.
+    """
+
+    rows: NDArray[np.int32]
+    columns: NDArray[np.int32]
+    tangent: Single
+
+    @classmethod
+    def of(cls, gradient: Single, penumbra: Mask) -> "Isolines":
+        """gradient: (2, H, W) of the truth; penumbra: (H, W) bool."""
+        from shadowbench.scores import loops
+
+        rows, columns = (index.astype(np.int32) for index in np.nonzero(penumbra & (np.hypot(*gradient) > FLAT)))
+        down, right = gradient[:, rows, columns]
+        tangent = np.stack([-right, down]) / np.hypot(down, right)
+        straight = loops.straight(gradient, rows, columns, tangent, np.float32(SEGMENT), STRAIGHT)
+        return cls(rows[straight], columns[straight], np.ascontiguousarray(tangent[:, straight]))
+
+    def variance(self, values: Single, valid: Mask, known: Single) -> float | None:
+        """Mean square by which values (H, W) differ from their mean along the segment, less the known variance (H, W).
+
+        As of a sample's variance, n/(n − 1) times: independent values keep theirs. Points count in pairs, so that what
+        is linear along the segment has none; None without a segment of more than half a pair.
+        """
+        from shadowbench.scores import loops
+
+        squares = loops.variances_along(values, valid, self.rows, self.columns, self.tangent, SEGMENT)
+        chosen = ~np.isnan(squares)
+        if not chosen.any():
+            return None
+        return float(squares[chosen].mean() - known[self.rows, self.columns][chosen].mean(dtype=np.float64))
+
+
 @dataclass(frozen=True, eq=False)
 class Crossings:
     """Lines across a truth's penumbrae, C of those that were tried.
 
-    tried: number of edge pixels; lines: (2, C, K) rows and columns of points a pixel apart, from dark to lit; first,
-    last: (C,) the part of each line that is used; along: (C, K) metres; width: (C,) metres of the truth, width_px: the
-    same in pixels; pixel: (C,) metres along the line that a pixel covers.
+    lines: (2, C, K) rows and columns of points a pixel apart, from dark to lit; first, last: (C,) the part of each line
+    that is used; along: (C, K) metres; width, width_px: (C,) of the truth, in metres and in pixels; pixel: (C,) metres
+    along the line that a pixel covers.
     """
 
     tried: int
     lines: Single
-    first: NDArray[np.intp]
-    last: NDArray[np.intp]
+    first: Indices
+    last: Indices
     along: Single
     width: Floats
     width_px: Floats
     pixel: Floats
 
     def widths_of(self, visibility: Single) -> Floats:
-        """(C,) widths of a mask (H, W) in metres, at least a pixel's; a mask that is lit or dark all along has one."""
+        """(C,) widths of a mask (H, W) in metres, at least a pixel's."""
         widths = _widths(_sampled(visibility, self.lines), self.first, self.last, self.along)[0]
         return np.maximum(widths, self.pixel)
 
     def hardening(self, widths: Floats) -> tuple[float, float] | None:
-        """Theil–Sen line of (C,) widths over the truth's: slope, and intercept as a share of the truth's median width.
+        """Theil–Sen line (Theil 1950, Sen 1968) of (C,) widths over the truth's: slope, and intercept over its median.
 
         Over penumbrae wider than WIDE_PX; None if there are too few or their widths vary too little.
         """
@@ -71,10 +121,9 @@ class Crossings:
 def crossings(
     visibility: Single, standard_error: Single, valid: Mask, edge: Mask, gradient: Single, positions: Floats
 ) -> Crossings:
-    """Lines across the penumbrae of a truth. All arrays are (H, W).
+    """Lines across the penumbrae of a truth, from its `edge` pixels; arrays are (H, W).
 
-    edge: bool, valid pixels where lines start; gradient: (2, H, W) of visibility per pixel; positions: (H, W, 3) of the
-    surface in metres, finite everywhere.
+    gradient: (2, H, W) of visibility per pixel; positions: (H, W, 3) of the surface in metres, finite everywhere.
     """
     rows, columns = np.nonzero(edge[1:-1, 1:-1])
     chosen = np.linspace(0, len(rows) - 1, min(len(rows), MOST)).round().astype(np.intp)
@@ -112,7 +161,7 @@ def crossings(
     )
 
 
-def _across(starts: NDArray[np.intp], gradient: Single, positions: Floats) -> tuple[Floats, Floats, Mask]:
+def _across(starts: Indices, gradient: Single, positions: Floats) -> tuple[Floats, Floats, Mask]:
     """(S, 3) normal of the plane at each start, (2, S) steps of a pixel along the gradient on it, and where it is flat.
 
     starts: (2, S) pixels inside the border.
@@ -142,14 +191,14 @@ def _across(starts: NDArray[np.intp], gradient: Single, positions: Floats) -> tu
     return normal, direction, flat
 
 
-def _run(usable: Mask, rising: Single, slack: Single) -> NDArray[np.intp]:
+def _run(usable: Mask, rising: Single, slack: Single) -> Indices:
     """(C,) index up to which points (C, K) are usable, as the first is, and `rising` falls by no more than `slack`."""
     good = usable & (rising >= np.maximum.accumulate(rising, axis=1) - slack)
-    length: NDArray[np.intp] = np.logical_and.accumulate(good, axis=1).sum(axis=1)
+    length: Indices = np.logical_and.accumulate(good, axis=1).sum(axis=1)
     return length - 1
 
 
-def _widths(profiles: Single, first: NDArray[np.intp], last: NDArray[np.intp], along: Single) -> tuple[Floats, Floats]:
+def _widths(profiles: Single, first: Indices, last: Indices, along: Single) -> tuple[Floats, Floats]:
     """(C,) distances between visibilities DARK and LIT on profiles (C, K), in metres and in steps."""
     index = np.clip(np.arange(profiles.shape[1]), first[:, np.newaxis], last[:, np.newaxis])
     used = np.take_along_axis(profiles, index, axis=1)
@@ -160,9 +209,7 @@ def _widths(profiles: Single, first: NDArray[np.intp], last: NDArray[np.intp], a
     return lit_metres - dark_metres, lit - dark
 
 
-def _place(
-    rising: Single, level: float, first: NDArray[np.intp], last: NDArray[np.intp], along: Single
-) -> tuple[Floats, Floats]:
+def _place(rising: Single, level: float, first: Indices, last: Indices, along: Single) -> tuple[Floats, Floats]:
     """(C,) where rising profiles reach a level, in steps and in metres, between `first` and `last`; else `last`."""
     rows = np.arange(len(rising))
     reached = rising >= level

@@ -1,4 +1,8 @@
-"""OBJ and OFF readers: vertices and faces, of OBJ by object. Materials and groups do not split meshes."""
+"""OBJ, OFF and STL readers: vertices and faces, of OBJ and STL by object.
+
+Materials and groups do not split meshes. Not read by trimesh, which searches a text STL for keywords also in names of
+solids, and truncates damaged files.
+"""
 
 import re
 from collections import Counter
@@ -10,11 +14,15 @@ from shadowbench.scenes.geometry import check_indices
 from shadowbench.scenes.lines import Lines, Rows, lines_of, numbers, with_newlines, without_comments
 from shadowbench.scenes.polygons import Integers, Polygons, gather
 from shadowbench.scenes.tables import MOST_COPIES
+from shadowbench.scenes.vectors import Floats
 
 NO_SHAPE = {"vp", "g", "s", "mg", "mtllib", "usemtl", "o"}
 """Statements that do not affect the shape, or are handled elsewhere, besides v, vn, vt and f."""
 KIND = re.compile(rb"\s*(?:ST)?C?N?OFF(?=\s)")
 COUNTS = re.compile(r"(\d{1,18})\s+(\d{1,18})(\s+\d+)?\s*")
+HEADER, TRIANGLE = 84, 50  # bytes
+KEYWORDS = ("solid", "endsolid", "facet", "endfacet", "outer", "endloop", "vertex")
+_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def read_obj(data: bytes, where: str) -> Polygons:
@@ -115,3 +123,56 @@ def read_off(data: bytes, where: str) -> Polygons:
     corners = check_indices(gather(faces.values, faces.starts + 1, sizes), vertex_count, where)
     notes = [f"{where}: {beyond} line(s) after the {face_count} faces that it announces left out"] if beyond else []
     return Polygons(vertices.vectors, corners, sizes, np.zeros(face_count, dtype=np.int64), (None,), notes)
+
+
+def read_stl(data: bytes, where: str) -> Polygons:
+    """The triangles of an STL file; its solids are the objects.
+
+    A file is binary if it is long enough for the triangles that it announces, which no text is. Raises InputError for
+    one that is cut short, and for a text with other lines or numbers than an STL has.
+    """
+    count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
+    more = len(data) - HEADER - TRIANGLE * count
+    if len(data) < HEADER or more < 0:
+        text = with_newlines(data)
+        if text.lstrip()[:5].lower() != b"solid":
+            room = max(len(data) - HEADER, 0) // TRIANGLE
+            raise InputError(f"{where}: cut short: {count} triangles announced, room for {room}")
+        return _solids(text, where)
+    if count == 0 and more:
+        raise InputError(f"{where}: announces 0 triangles, and {more} bytes follow; at least 1 is needed")
+    notes = [f"{where}: {more} byte(s) after the last of {count} triangles left out"] if more else []
+    corners = np.frombuffer(data, _RECORD, count, HEADER)["corners"].astype(np.float64)
+    return _triangles(corners, np.zeros(count, dtype=np.int64), (None,), notes)
+
+
+def _solids(text: bytes, where: str) -> Polygons:
+    """The triangles of a text STL."""
+    lines = lines_of(text, where)
+    is_a = {keyword: lines.begin_with(keyword) for keyword in KEYWORDS}
+    solids, ends, facet, vertex = (np.flatnonzero(is_a[kind]) for kind in ("solid", "endsolid", "facet", "vertex"))
+    if len(solids) > MOST_COPIES:
+        raise InputError(f"{where}: {len(solids)} solids; allowed are at most {MOST_COPIES}, or a binary file")
+    outside = np.searchsorted(solids, facet) != np.searchsorted(ends, facet) + 1
+    if len(solids) != len(ends) or (solids > ends).any() or (solids[1:] < ends[:-1]).any() or outside.any():
+        raise InputError(f"{where}: cut short: a solid without its endsolid")
+    unknown = np.flatnonzero(~np.any(list(is_a.values()), axis=0))
+    if len(unknown) and unknown[0] < ends[-1]:
+        found = f"found {lines.line(unknown[0])!r:.40}"
+        raise lines.error(unknown[0], f"{found}; allowed: {', '.join(KEYWORDS)}")
+    vertex_lines = lines.select(is_a["vertex"], skip=len("vertex"))
+    rows = numbers(vertex_lines)
+    vertex_lines.check(rows.counts == 3, rows.counts, 3)
+    corners = np.diff(np.searchsorted(vertex, facet), append=len(vertex))
+    if (wrong := corners != 3).any() or len(vertex) != 3 * len(facet):
+        if not len(facet):
+            raise InputError(f"{where}: found no facet; at least one is needed")
+        k = int(wrong.argmax())
+        raise lines.error(facet[k], f"found a facet of {corners[k]} vertices; allowed: 3, each on a line")
+    names = tuple(lines.line(k)[len("solid") :].strip() or None for k in solids.tolist())
+    return _triangles(rows.values, np.searchsorted(solids, facet) - 1, names, [])
+
+
+def _triangles(corners: Floats, owners: Integers, names: tuple[str | None, ...], notes: list[str]) -> Polygons:
+    corners, count = corners.reshape(-1, 3), len(owners)
+    return Polygons(corners, np.arange(3 * count), np.full(count, 3), owners, names, notes)

@@ -1,0 +1,66 @@
+"""`new-technique` and `export`: what a technique or an engine of your own begins with."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shadowbench.commands import console, options
+from shadowbench.options import ViewOptions
+
+
+@options.command(
+    "\b\nFor example\n"
+    "  shadowbench new-technique my-shadows\n"
+    "  shadowbench run cube-on-plane -t my-shadows -t shadow-map --plugin my-shadows.py"
+)
+def new_technique(
+    name: Annotated[str, options.argument("NAME", "Name of the technique in specs and tables.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder for NAME.py  [the current one].")
+    ] = None,
+) -> None:
+    """Write NAME.py, a minimal technique to start from.
+
+    It is a shadow map with its shader, and runs unmodified. An existing file is not overwritten.
+    """
+    from shadowbench.plugin.template import write_technique
+
+    file = write_technique(name, output or Path())
+    console.print_line(f"{file}: try it with")
+    for command in ("run", "view"):
+        console.print_line(f"  shadowbench {command} cube-on-plane -t {name} -t shadow-map --plugin {file}")
+
+
+@options.command("For example  shadowbench export stairs for-my-engine/ --view-size 1024")
+def export(
+    scene: options.Scene,
+    folder: Annotated[Path, options.argument("DIR", "Folder for the files.")],
+    view_size: options.ViewSize = None,
+    quiet: options.Quiet = False,
+    *,
+    view: ViewOptions,
+) -> None:
+    """Write a scene for your engine: glTF, matrices, truth.
+
+    \b
+    scene.glb  meshes with colours, the camera, the light (KHR_lights_punctual)
+    view.json  view and projection matrices, near and far, size, pixel convention
+    truth.png  the ray-traced shadow mask, as an example of a mask for `score`
+    """
+    from shadowbench.engines.export import DESCRIPTION, export_view, inexpressible_in_gltf
+    from shadowbench.files import check_folder
+    from shadowbench.truths.cache import cached_truth
+
+    check_folder(folder, DESCRIPTION)
+    with console.Reporter(quiet) as reporter:
+        chosen = reporter.view(scene, view_size, view)
+        for line in inexpressible_in_gltf(chosen):
+            reporter.note(line)
+        model, description, example = export_view(chosen, cached_truth(chosen), folder, scene)
+    if not quiet:
+        meshes = chosen.scene.meshes
+        triangles = sum(len(mesh.faces) for mesh in meshes)
+        console.print_line(f"{model}: {len(meshes)} meshes, {triangles} triangles, the camera, the light")
+        console.print_line(f"{description}: matrices, size, conventions")
+        console.print_line(f"{example}: the ray-traced mask, as an example")
