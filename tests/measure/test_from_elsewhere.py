@@ -10,6 +10,7 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.measure.row_store import read_run_file, stream_rows
+from shadowbench.results.tables import read_sweep_positions
 from shadowbench.scores.masks import write_mask
 
 Shadowbench = Callable[..., Any]
@@ -170,23 +171,18 @@ def test_every_command_refuses_it_and_leaves_it_as_it_is(
         assert_refused(shadowbench(*command), where)
 
 
-@pytest.mark.parametrize(
-    ("table", "named"),
-    [
-        ("scene,iou\ns,0.9\n", "no column `key`"),
-        ("key,bias_of\nk,b\n", "no sweep"),
-        ("key,spec,map_size,bias_of,bias_factor\nk,s,16,s,twice\n", "no sweep"),
-        ("key,spec,map_size,bias_of,bias_factor,bias_also\nk,s,16,s,2,s × much\n", "no sweep"),
-    ],
-)
 def test_a_table_that_no_command_writes_is_one_line(
-    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, table: str, named: str
+    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path
 ) -> None:
-    bad = folder(*RUN)
-    (bad / "table.csv").write_bytes(table.encode("latin-1"))
-    answer = shadowbench("report", bad, "-o", tmp_path / "report.html")
-    assert_refused(answer, f"{bad / 'table.csv'}: ")
-    assert named in answer.err
+    file = folder(*RUN) / "table.csv"
+    file.write_text("scene,iou\ns,0.9\n")
+    answer = shadowbench("report", file.parent, "-o", tmp_path / "report.html")
+    assert_refused(answer, f"{file}: ")
+    assert "no column `key`" in answer.err
+    for text in ("bias_of,bias_factor\nk,16,s,twice\n", "bias_of,bias_factor,bias_also\nk,16,s,2,s × much\n"):
+        file.write_text(f"spec,map_size,{text}", encoding="utf-8")
+        with pytest.raises(InputError, match="no sweep"):
+            read_sweep_positions(file)
 
 
 @pytest.mark.parametrize("kind", ["masks", "truth", "pictures"])
