@@ -32,7 +32,7 @@ class Score(float):
 class ShadowAccuracy:
     """A mask's scores: every metric of `shadowbench list metrics` is an attribute, None where it is not defined.
 
-    accuracy: the scored mask; file: where `save` writes the difference picture.
+    accuracy: the scored mask; file: where `explain` writes the difference picture.
     """
 
     def __init__(self, accuracy: "Accuracy", file: Path) -> None:
@@ -66,17 +66,13 @@ class ShadowAccuracy:
         """A line each for a shifted, encoded, clipped or uniform mask."""
         return self.accuracy.warnings
 
-    def save(self) -> Path:
-        """Write the difference picture (false shadow orange, false light blue) and return its path."""
+    def explain(self) -> list[str]:
+        """What is wrong, by kind of error, and the path of the difference picture, which this writes."""
         from shadowbench.scores.difference import write_difference
 
         self.file.parent.mkdir(parents=True, exist_ok=True)
         write_difference(self.file, self.accuracy.difference())
-        return self.file
-
-    def explain(self) -> list[str]:
-        """What is wrong, by kind of error, and the path of the difference picture, which this writes."""
-        picture = f"difference: {self.save()} (orange false shadow, blue false light)"
+        picture = f"difference: {self.file} (orange false shadow, blue false light)"
         return [*self.accuracy.summary(), *(f"warning: {line}" for line in self.warnings), picture]
 
 

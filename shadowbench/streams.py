@@ -28,18 +28,23 @@ ASCII = "shadowbench.ascii"
 codecs.register_error(ASCII, _in_ascii)
 
 
-class SafeStream(io.FileIO):
-    """Binary stream to a file descriptor that drops what cannot be written; error: the first reason."""
+class SafeStream(io.RawIOBase):
+    """Binary stream that writes to another, and drops what cannot be written; error: the first reason."""
 
-    error: OSError | None = None
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+        self.error: OSError | None = None
+        self.fileno, self.isatty = stream.fileno, stream.isatty  # type: ignore[method-assign]
 
-    def __init__(self, descriptor: int) -> None:
-        super().__init__(descriptor, "w", closefd=False)
+    def writable(self) -> bool:
+        """True."""
+        return True
 
-    def write(self, data: Any, /) -> int:
-        """Write the data, or drop it."""
+    def write(self, data: Any, /) -> int | None:
+        """Write as the other stream does, or drop the data."""
         try:
-            return super().write(data)
+            written: int | None = self._stream.write(data)
+            return written
         except OSError as error:
             self.error = self.error or error
             return len(data)
@@ -56,11 +61,10 @@ def safe_output() -> Iterator[Callable[[], OSError | None]]:
             os.fstat(descriptor)
         except OSError:  # closed: the next file that is opened would get its number; stdout remains one to read
             os.open(os.devnull, mode)
-    before, stdout = (sys.stdout, sys.stderr), SafeStream(1)
-    for stream in filter(None, before):  # None: it was closed when the program began
-        stream.flush()
+    before = sys.stdout, sys.stderr
+    stdout, stderr = (_raw(stream, descriptor) for descriptor, stream in enumerate(before, 1))
     sys.stdout = _text(stdout, before[0], stdout.isatty())
-    sys.stderr = _text(SafeStream(2), before[1], True)
+    sys.stderr = _text(stderr, before[1], True)
 
     def error() -> OSError | None:
         sys.stdout.flush()
@@ -72,6 +76,13 @@ def safe_output() -> Iterator[Callable[[], OSError | None]]:
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
         sys.stdout, sys.stderr = before
+
+
+def _raw(stream: TextIO | None, descriptor: int) -> SafeStream:
+    if stream is None:  # it was closed when the program began
+        return SafeStream(io.FileIO(descriptor, "w", closefd=False))
+    stream.flush()
+    return SafeStream(getattr(stream.buffer, "raw", stream.buffer))  # a console of Windows takes no bytes of UTF-8
 
 
 def _text(binary: SafeStream, like: TextIO | None, lines: bool) -> TextIO:

@@ -168,14 +168,14 @@ def counted(root: Path, with_walk: bool) -> Iterator[tuple[str, int, list[str]]]
     yield from ((what, number, []) for what, number in (sums | {"Python files of the package": len(modules)}).items())
     trees = {str(file.relative_to(package)): ast.parse(file.read_text(encoding="utf-8")) for file in modules}
     each = [(file, one) for file, tree in trees.items() for one in ast.walk(tree) if isinstance(one, Function)]
-    short = [(file, one) for file, one in each if not decorated(one, COMMAND)]
-    long = [f"{file} {one.name} {lines}" for file, one in short if (lines := one.end_lineno - one.lineno + 1) > 60]
+    plain = [(file, one) for file, one in each if not decorated(one, COMMAND)]
+    long = [f"{file} {one.name} {lines}" for file, one in plain if (lines := one.end_lineno - one.lineno + 1) > 60]
     yield "functions of more than 60 lines", len(long), long
     internal = [(file, one) for file, one in each if file != "api.py" or one.name[0] == "_"]
     many = [f"{file} {one.name} {count}" for file, one in internal if (count := parameters(one)) > 8]
     yield "functions of more than 8 parameters", len(many), many
     for limit in (20, 15):
-        above = [f"{file} {one.name} {how}" for file, one in each if (how := complexity(one)) > limit]
+        above = [f"{file} {one.name} {how}" for file, one in plain if (how := complexity(one)) > limit]
         yield f"complexity above {limit}", len(above), above
     big = [f"{file.relative_to(package)} {lines}" for file, lines in modules.items() if lines > 300]
     yield "modules of more than 300 lines", len(big), big

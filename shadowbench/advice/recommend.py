@@ -258,13 +258,7 @@ def _status(result: Result, unit: Unit) -> str:
 
 
 def _to_search(
-    view: View,
-    truth: Truth,
-    target: Target,
-    unit: Unit,
-    known: Techniques,
-    space: Sequence[Spec],
-    survey: Needs,
+    view: View, truth: Truth, target: Target, unit: Unit, known: Techniques, space: Sequence[Spec], survey: Needs
 ) -> tuple[list[Spec], list[Exclusion]]:
     """The specs of a space that are searched, `unshadowed` alone where nothing is dark, and what is excluded."""
     kind, soft, by_rmse = view.light.hard_kind, view.light.soft, target.metric == "rmse"
@@ -273,7 +267,8 @@ def _to_search(
         left_out = Exclusion(f"all but {Unshadowed.name}", f"nothing that is seen is {dark}", len(space))
         return [Spec(Unshadowed, Unshadowed.Params())], [left_out]
     left, excluded = prune(space, survey, target.value if target.metric == "iou" else None, unit == "work")
-    return left, [*unavailable(known, kind, soft), *untried_filters(space, soft), *excluded]
+    declined = [Exclusion(name, why, 0) for name, why in unavailable(known, kind, soft).items()]
+    return left, [*declined, *untried_filters(space, soft), *excluded]
 
 
 def trial_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Trial:

@@ -48,7 +48,8 @@ def specs_of(technique: type[Technique], largest: int, soft: bool = False) -> li
 
 def full_space(known: Techniques, light: LightKind, largest: int, soft: bool = False) -> list[Spec]:
     """All specs that support a kind of light, with or without a size, as an exhaustive search would measure them."""
-    answering = [technique for technique in known.values() if _unavailable(technique, light, soft) is None]
+    refused = unavailable(known, light, soft)
+    answering = [technique for name, technique in known.items() if name not in refused]
     return [spec for technique in answering for spec in specs_of(technique, largest, soft)]
 
 
@@ -65,26 +66,25 @@ def technique_names(texts: Sequence[str], known: Techniques) -> tuple[str, ...]:
 
 def chosen_techniques(known: Techniques, names: Sequence[str], light: LightKind, soft: bool = False) -> Techniques:
     """The named techniques, all of them if none is named. Raises InputError if no named one can be searched."""
-    named = {name: known[name] for name in names}
-    whys = [f"{one.what} {one.why}" for one in unavailable(named, light, soft)]
-    if named and len(whys) == len(named):
-        able = [name for name, technique in known.items() if _unavailable(technique, light, soft) is None]
-        raise InputError(f"nothing to search: {'; '.join(whys)}; allowed: {', '.join(able)}")
-    return named or known
+    refused = unavailable(known, light, soft)
+    if names and refused.keys() >= set(names):
+        whys = "; ".join(f"{name} {refused[name]}" for name in names)
+        able = ", ".join(name for name in known if name not in refused)
+        raise InputError(f"nothing to search: {whys}; allowed: {able}")
+    return {name: known[name] for name in names} or known
 
 
-def unavailable(known: Techniques, light: LightKind, soft: bool = False) -> list[Exclusion]:
-    """Techniques that are never in the space for this light, with the reason."""
-    reasons = {name: _unavailable(technique, light, soft) for name, technique in known.items()}
-    return [Exclusion(name, why, 0) for name, why in reasons.items() if why is not None]
-
-
-def _unavailable(technique: type[Technique], light: LightKind, soft: bool) -> str | None:
-    if technique.catalogue.never_recommended:
-        return technique.catalogue.never_recommended
-    if light not in technique.lights:
-        return f"supports {' and '.join(sorted(technique.lights))} light, not {light}"
-    return "is for lights with a size" if technique.catalogue.soft_only and not soft else None
+def unavailable(known: Techniques, light: LightKind, soft: bool = False) -> dict[str, str]:
+    """Why techniques are never in the space for this light, by name."""
+    whys = {}
+    for name, technique in known.items():
+        if technique.catalogue.never_recommended:
+            whys[name] = technique.catalogue.never_recommended
+        elif light not in technique.lights:
+            whys[name] = f"supports {' and '.join(sorted(technique.lights))} light, not {light}"
+        elif technique.catalogue.soft_only and not soft:
+            whys[name] = "is for lights with a size"
+    return whys
 
 
 def untried_filters(space: Sequence[Spec], soft: bool) -> list[Exclusion]:

@@ -1,30 +1,20 @@
 """Computation behind `tune`: a parameter search measured into a folder."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 from shadowbench.advice.tune_search import ParameterSearch, Setting, Tuning, TuningCells
 from shadowbench.advice.tune_space import SearchSpace, searched_parameters, split_scenes
 from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.drawer import Failure
-from shadowbench.measure.rows import Record, Result
+from shadowbench.measure.rows import Record
 from shadowbench.plugin.spec import Spec, spec_of
 from shadowbench.results.folder import write_cells
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.run import check_sizes
 from shadowbench.studies.study import Study, scenes_of
-
-
-@dataclass(frozen=True, eq=False)
-class TuningResult:
-    """Result of a parameter search, and all cells measured for it; failures: what was left out, with `keep_going`."""
-
-    tuning: Tuning
-    results: tuple[Result, ...]
-    failures: tuple[Failure, ...]
 
 
 def tune_parameters(
@@ -37,7 +27,7 @@ def tune_parameters(
     trials: int = 100,
     map_size: Sequence[int] = (2048,),
     **others: Any,
-) -> TuningResult:
+) -> Tuning:
     """Search a technique's parameters, from the default and the presets on.
 
     scenes: by default the built-in ones whose lights have no size; held_out: names of scenes for the last score, by
@@ -65,10 +55,9 @@ def tune_parameters(
         split = split_scenes([scene.name for scene in scenes_of(blocks)], held_out)
         space = SearchSpace(base, names, cells.unsupported_components(base, names, blocks))
         found = ParameterSearch(space, cells, blocks, split).run(trials, presets)
-    results = tuple(cells.results.values())
-    campaign.finish(study.facts, [], [result.score["key"] for result in results])
+    campaign.finish(study.facts, [], [result.score["key"] for result in found.results])
     write_cells(campaign.folder, {})
-    return TuningResult(found, results, tuple(campaign.failures))
+    return found
 
 
 def no_image(row: Record) -> bool:

@@ -162,11 +162,12 @@ class TuningCells:
 
 @dataclass(frozen=True)
 class Tuning:
-    """What a search found: the Pareto-optimal settings by increasing cost, and the default's scores."""
+    """What a search found: the Pareto-optimal settings by increasing cost, and the default; all cells it measured."""
 
     split: SceneSplit
     front: tuple[Setting, ...]
     default: Setting
+    results: tuple[Result, ...]
 
 
 class ParameterSearch:
@@ -268,7 +269,8 @@ class ParameterSearch:
         scores = self._measure_scores(chosen, self.held_out)
         default = self._scores_of[self.default]
         settings = {spec: Setting.of(spec, self._scores_of[spec], found, default) for spec, found in scores.items()}
-        return Tuning(self.split, tuple(settings[spec] for spec in best if spec in settings), settings[self.default])
+        front = tuple(settings[spec] for spec in best if spec in settings)
+        return Tuning(self.split, front, settings[self.default], tuple(self.cells.results.values()))
 
     def _stage(self, name: str, specs: int, blocks: Sequence[Block]) -> None:
         self.reporter.stage(name, specs * len(self.cells.cells_of(self.default)) * len(blocks))

@@ -73,17 +73,18 @@ def obstacles(found: Recommendation) -> list[str]:
         met = found.met[0]
         return [line, f"obstacle: the budget; {_name(met)} reaches {_error(found, met)} in {met.cost:.3g} ms"]
     soft = target.metric == "rmse" and is_soft(near.result.score["metrics"])
-    return [line, *(f"obstacle: {one}" for one in (_soft_faults if soft else _hard_faults)(found, near))]
+    faults = _soft_faults(near) if soft else _hard_faults(found, near)
+    return [line, *(f"obstacle: {one}" for one in faults)]
 
 
-def _soft_faults(found: Recommendation, near: Trial) -> list[str]:
+def _soft_faults(near: Trial) -> list[str]:
     """What is wrong with the penumbrae of the closest trial."""
-    row, largest = near.result.score, max(trial.spec.map_size or 0 for trial in found.trials)
+    row = near.result.score
     faults = [f"{fault.name}, {fault.line}" for fault in soft_faults(row["metrics"], row.get("width_bias"))]
     worst = faults[:1] or [f"an RMSE of {row['metrics']['rmse_pen']:.2g} in the penumbra (rmse_pen)"]
-    is_widest = near.spec.map_size == largest == SIZES[-1]
-    size = f"map size; the closest has {largest} texels a side, the most that are tried"
-    return [*worst, *([size] if is_widest else [])]
+    if near.spec.map_size == SIZES[-1]:
+        worst.append(f"map size; the closest has {SIZES[-1]} texels a side, the most that are tried")
+    return worst
 
 
 def _hard_faults(found: Recommendation, near: Trial) -> list[str]:

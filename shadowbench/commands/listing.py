@@ -1,6 +1,6 @@
 """`list`: every technique, scene, metric, study and stress axis."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,6 +8,8 @@ from shadowbench.commands import console, options
 from shadowbench.errors import InputError, alternatives
 
 if TYPE_CHECKING:
+    from shadowbench.extremes.model import Axis
+    from shadowbench.plugin.base import Technique
     from shadowbench.plugin.params import Component, TechniqueParams
 
 Entry = dict[str, Any]
@@ -57,56 +59,57 @@ def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> d
     plugins: Python files that add techniques and metrics; what: only this kind; name: only this entry. Raises
     InputError for an unknown kind or name.
     """
+    if what and what not in KINDS:
+        raise InputError(f"list: found {what!r:.60}{alternatives(what, KINDS)}")
+    found = {kind: _entries(kind, plugins) for kind in KINDS if what in ("", kind)}
+    if name:
+        for kind, entries in found.items():
+            names = [entry["name"] for entry in entries]
+            if name not in names:
+                raise InputError(f"list {kind}: found {name!r:.60}{alternatives(name, names)}")
+            found[kind] = [entries[names.index(name)]]
+    return found
+
+
+def _entries(kind: str, plugins: Sequence[Path]) -> list[Entry]:
     from shadowbench.extremes.axes import AXES
-    from shadowbench.extremes.model import value_label
     from shadowbench.measure.flips import ROW_METRICS
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
     from shadowbench.studies.study import find_study, read_study, study_names
 
     known = techniques_with(plugins)
-    makers: dict[str, Callable[[], list[Entry]]] = {
-        "techniques": lambda: [
-            {
-                "name": one.name,
-                "help": _help(one),
-                "lights": sorted(one.lights),
-                "parameters": _parameters(one.Params),
-                "presets": one.presets,
-            }
-            for one in known.values()
-        ],
-        "scenes": lambda: [
-            {"name": scene, "light": builtin_light(scene), "about": builtin_about(scene)} for scene in builtin_names()
-        ],
-        "metrics": lambda: [
-            {"name": one.name, "better": one.better, "for": one.kind, "tolerance": one.tolerance, "help": one.help}
-            for one in ROW_METRICS.values()
-        ],
-        "studies": lambda: [
-            {"name": study, "about": read_study(find_study(study), known).about} for study in study_names()
-        ],
-        "axes": lambda: [
-            {
-                "name": axis.name,
-                "unit": axis.unit,
-                "values": [value_label(value) for value in axis.values],
-                "home": value_label(axis.default),
-                "lights": list(axis.lights),
-                "about": axis.about,
-            }
-            for axis in AXES.values()
-        ],
+    if kind == "techniques":
+        return [_technique(one) for one in known.values()]
+    if kind == "scenes":
+        return [{"name": name, "light": builtin_light(name), "about": builtin_about(name)} for name in builtin_names()]
+    if kind == "studies":
+        return [{"name": name, "about": read_study(find_study(name), known).about} for name in study_names()]
+    if kind == "axes":
+        return [_axis(axis) for axis in AXES.values()]
+    return [
+        {"name": one.name, "better": one.better, "for": one.kind, "tolerance": one.tolerance, "help": one.help}
+        for one in ROW_METRICS.values()
+    ]
+
+
+def _technique(one: "type[Technique]") -> Entry:
+    parameters = _parameters(one.Params)
+    lights = sorted(one.lights)
+    return {"name": one.name, "help": _help(one), "lights": lights, "parameters": parameters, "presets": one.presets}
+
+
+def _axis(axis: "Axis") -> Entry:
+    from shadowbench.extremes.model import value_label
+
+    return {
+        "name": axis.name,
+        "unit": axis.unit,
+        "values": [value_label(value) for value in axis.values],
+        "home": value_label(axis.default),
+        "lights": list(axis.lights),
+        "about": axis.about,
     }
-    if what and what not in makers:
-        raise InputError(f"list: found {what!r:.60}{alternatives(what, makers)}")
-    found = {kind: make() for kind, make in makers.items() if what in ("", kind)}
-    for kind, entries in found.items() if name else ():
-        names = [entry["name"] for entry in entries]
-        if name not in names:
-            raise InputError(f"list {kind}: found {name!r:.60}{alternatives(name, names)}")
-        found[kind] = [entries[names.index(name)]]
-    return found
 
 
 def _help(described: type) -> str:
@@ -118,20 +121,15 @@ def _parameters(model: "type[TechniqueParams] | type[Component]") -> list[Entry]
     from shadowbench.plugin.params import Component, allowed
     from shadowbench.plugin.spec import format_value
 
-    found = []
+    found: list[Entry] = []
     for name, info in model.model_fields.items():
-        entry: Entry = {
-            "name": name,
-            "default": format_value(info.default),
-            "allowed": allowed(info),
-            "help": info.description,
-        }
+        default = format_value(info.default)
+        found.append({"name": name, "default": default, "allowed": allowed(info), "help": info.description})
         if isinstance(info.default, Component):
-            entry["values"] = [
+            found[-1]["values"] = [
                 {"name": one.name, "help": _help(one), "parameters": _parameters(one)}
                 for one in info.default.family().table.values()
             ]
-        found.append(entry)
     return found
 
 

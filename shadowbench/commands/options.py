@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable
 from dataclasses import Field, dataclass, fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
@@ -110,54 +111,31 @@ def _option_of(field: "Field[Any]", heading: str | None = None) -> Any:
     return typer.Option(*names, min=least, max=most, **metadata)
 
 
-def technique(help: str, metavar: str = "SPEC", **others: Any) -> Any:
-    """The option -t of a group of options."""
-    return option(help, metavar, names=("-t", "--technique"), complete=techniques, **others)
-
-
-def output(help: str, metavar: str = "DIR", **others: Any) -> Any:
-    """The option -o of a group of options."""
-    return option(help, metavar, names=("-o", "--output"), **others)
-
-
-def plugins() -> Any:
-    """The option --plugin of a group of options."""
-    return option(_PLUGIN, "FILE.py", default=())
-
-
-def view_size() -> Any:
-    """The option --view-size of a group of options."""
-    return option("Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
-
-
-def flag(help: str) -> Any:
-    """An option without a value of a group of options."""
-    return option(help, default=False)
+# Options that several groups have.
+technique = partial(option, metavar="SPEC", names=("-t", "--technique"), complete=techniques)
+output = partial(option, metavar="DIR", names=("-o", "--output"))
+plugins = partial(option, _PLUGIN, "FILE.py", default=())
+view_size = partial(option, "Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
+flag = partial(option, default=False)
+part = partial(
+    option,
+    "Measure only part K of N, such as 3/16, for machines that share nothing, or array jobs; each needs a folder of "
+    "its own, and `merge` joins them.",
+    "K/N",
+    heading="Machines",
+)
+keep_going = partial(
+    option,
+    "Leave out scenes that cannot be read, and what else would stop the command, and measure the rest; a summary names "
+    "them, and the exit code is 3. A cell that fails never stops it.",
+    default=False,
+    heading="Measurement",
+)
 
 
 def argument(metavar: str, help: str, complete: Callable[..., Any] | None = None) -> Any:
     """An argument of a command; complete: lists its values."""
     return typer.Argument(metavar=metavar, autocompletion=complete, help=help, show_default=False)
-
-
-def part() -> Any:
-    """The option --part of a group of options."""
-    return option(
-        "Measure only part K of N, such as 3/16, for machines that share nothing, or array jobs; each needs a folder "
-        "of its own, and `merge` joins them.",
-        "K/N",
-        heading="Machines",
-    )
-
-
-def keep_going() -> Any:
-    """The option --keep-going of a group of options."""
-    return option(
-        "Leave out scenes that cannot be read, and what else would stop the command, and measure the rest; a summary "
-        "names them, and the exit code is 3. A cell that fails never stops it.",
-        default=False,
-        heading="Measurement",
-    )
 
 
 def scene(help: str) -> Any:

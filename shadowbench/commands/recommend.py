@@ -70,7 +70,7 @@ class RecommendOptions:
     techniques: list[str] = options.technique(
         "Name of a technique to search (shadowbench list techniques), such as one that your engine has; repeatable  "
         "[all].",
-        "TECHNIQUE",
+        metavar="TECHNIQUE",
         default=(),
     )
     view_size: int | None = options.view_size()

@@ -13,7 +13,7 @@ class RenderOptions:
     """The technique, and the files that are written."""
 
     technique: list[str] = options.technique(f"The technique to draw with: {options.SPEC}.", default=options.REQUIRED)
-    output: Path = options.output("File for the shaded picture.", "PICTURE.png", default=options.REQUIRED)
+    output: Path = options.output("File for the shaded picture.", metavar="PICTURE.png", default=options.REQUIRED)
     mask: Path | None = option("File for the shadow mask: visibility as 16-bit grey, white is lit.", "MASK.png")
     map: Path | None = option("File for the shadow map: linear depth, near is dark.", "MAP.png")
     tint: bool = options.flag("Show the technique's debug colours, such as one per cascade.")

@@ -16,7 +16,7 @@ class ReportOptions:
     """What is made of folders, and where it goes."""
 
     output: Path | None = options.output(
-        "Output file, or folder if --format png  [report.html, report.md, report.csv, or report/].", "FILE"
+        "Output file, or folder if --format png  [report.html, report.md, report.csv, or report/].", metavar="FILE"
     )
     format: str = option(
         "html: a single page that needs no network; md: tables; csv: one row per cell; png: the charts, "

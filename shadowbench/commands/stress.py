@@ -38,7 +38,7 @@ class StressOptions:
     "  shadowbench stress --quick\n"
     "  shadowbench stress -t shadow-map -t 'shadow-map:bias=slope' --axis elevation"
 )
-def stress(machines: options.Machines, asked: StressOptions, printed: options.Printed) -> int:
+def stress(asked: StressOptions, machines: options.Machines, printed: options.Printed) -> int:
     """Find where each technique breaks.
 
     Varies one property of a scene at a time, along an axis: elevation of the light, distance from the origin, gap

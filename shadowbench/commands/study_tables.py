@@ -42,22 +42,28 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     for section in made:
         _print_section(section, times if found.study.rounds else "", found.sweep_positions)
     kinds = by_kind(made) if found.run.last.frame["renderer"].nunique() == 1 else []  # no mean over renderers
-    for kind in kinds:
-        if len(kind) > 1:
-            what = _kind_of(kind, kinds)
-            title = f"mean over the {len(kind)} {what}scenes, of what has a score in each"
-            _print_configurations(title, mean_section(kind, title).configurations)
-            console.print_text("")
-    table, width = folder / "table.csv", console.out().width
-    drawn = [drawn for section in made if (drawn := [one for one in section.configurations if one.cells])]
-    if drawn and width < _WIDE:
-        names = [name for shown in drawn for name in _columns(shown, False) if name not in _columns(shown, True)]
-        where = f"see {table}, or widen the terminal to {_WIDE}"
-        dropped = ", ".join(dict.fromkeys(names))
-        console.print_line(f"columns left out at a width of {width} characters ({where}): {dropped}")
+    for kind in (kind for kind in kinds if len(kind) > 1):
+        title = f"mean over the {len(kind)} {_kind_of(kind, kinds)}scenes, of what has a score in each"
+        _print_configurations(title, mean_section(kind, title).configurations)
+        console.print_text("")
+    drawn = any(one.cells for section in made for one in section.configurations)
+    _print_dropped(made, folder / "table.csv")
     if not quiet:
         beside = "; masks/ and pictures/ are beside it" if drawn else ""
-        console.print_line(f"{table}: {counted(len(found.run.rows), 'cell')}{beside}")
+        console.print_line(f"{folder / 'table.csv'}: {counted(len(found.run.rows), 'cell')}{beside}")
+
+
+def _print_dropped(made: "Sequence[Section]", table: Path) -> None:
+    """Say which columns a narrow terminal lacks."""
+    width, names = console.out().width, dict[str, None]()
+    for section in made:
+        drawn = [one for one in section.configurations if one.cells]
+        if drawn and width < _WIDE:
+            shown = _columns(drawn, True)
+            names |= dict.fromkeys(name for name in _columns(drawn, False) if name not in shown)
+    if names:
+        where = f"see {table}, or widen the terminal to {_WIDE}"
+        console.print_line(f"columns left out at a width of {width} characters ({where}): {', '.join(names)}")
 
 
 def _kind_of(kind: "Sequence[Section]", kinds: Sequence[object]) -> str:

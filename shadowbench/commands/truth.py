@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 class TruthOptions:
     """The file, and what is traced for it."""
 
-    output: Path = options.output("File for the arrays.", "FILE.npz", default=options.REQUIRED)
+    output: Path = options.output("File for the arrays.", metavar="FILE.npz", default=options.REQUIRED)
     view_size: int | None = options.view_size()
     pixel_samples: int = option("`area` averages N × N rays per pixel.", "N", default=4, bounds=PIXEL_SAMPLES)
 

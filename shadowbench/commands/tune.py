@@ -87,12 +87,12 @@ def tune(asked: TuneOptions, view: SceneOptions, machines: options.Machines, pri
             **asdict(view),
         )
     if printed.json:
-        console.print_json(values(found.tuning))
+        console.print_json(values(found))
     else:
-        _print(found.tuning)
+        _print(found)
         if not printed.quiet:
             console.print_line(f"{asked.output / 'table.csv'}: {counted(len(found.results), 'cell')}")
-    return console.exit_code_of(found.results, found.failures)
+    return console.exit_code_of(found.results, campaign.failures)
 
 
 def _print(found: "Tuning") -> None:

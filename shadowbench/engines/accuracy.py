@@ -40,10 +40,8 @@ from shadowbench.truths.trace import Truth
 
 _ROUNDING = 1 / (255 * math.sqrt(12))  # root mean square, of 8 bits
 _RMSE = ("rmse", "rmse_pen")
-_NOTED_CLIPPED = 0.01
-"""Share of clipped pixels among the scored ones above which a warning is given."""
-_SOFT_EDGE = 4.0
-"""Width in pixels above which a mask's edges are softer than antialiasing or a small filter makes them."""
+_NOTED_CLIPPED = 0.01  # share of clipped pixels among the scored ones above which a warning is given
+_SOFT_EDGE = 4.0  # width in pixels above which a mask's edges are softer than antialiasing or a small filter makes them
 _ALIKE_IOU, _COMMON = 0.2, 0.5
 """IoU, and common share of the smaller shadow, below which a mask may be of another scene. At 256², three in four masks
 of other built-in scenes are below, and none of the built-in techniques', even without bias."""

@@ -21,36 +21,25 @@ _TURNS = {
     "flipped horizontally": (slice(None), slice(None, None, -1)),
     "rotated by 180°": (slice(None, None, -1), slice(None, None, -1)),
 }
-_CORRELATED = 0.5
-"""Least absolute correlation with the truth for a mask to be reported as flipped, rotated or inverted."""
+_CORRELATED = 0.5  # least absolute correlation with the truth for a mask to be reported as flipped, rotated or inverted
 
-_STEPS = 100
-"""Steps of a pixel in which a shift is found."""
-_FEWEST_AT_EDGES = 64
-"""Edge pixels needed to estimate a shift."""
-_FARTHEST = 8.0
-"""Largest shift in pixels; a mask that seems shifted farther shows something else."""
-_SMALLEST = 0.2
-"""Smallest shift in pixels; a filter alone may seem to shift a mask by less."""
-_UNDONE = 0.5
-"""Largest share of the squared misfit left after undoing the shift; a bias leaves more."""
-_ALIKE = 0.8
-"""Least correlation at edges after undoing the shift."""
+_STEPS = 100  # steps of a pixel in which a shift is found
+_FEWEST_AT_EDGES = 64  # edge pixels needed to estimate a shift
+_FARTHEST = 8.0  # largest shift in pixels; a mask that seems shifted farther shows something else
+_SMALLEST = 0.2  # smallest shift in pixels; a filter alone may seem to shift a mask by less
+_UNDONE = 0.5  # largest share of the squared misfit left after undoing the shift; a bias leaves more
+_ALIKE = 0.8  # least correlation at edges after undoing the shift
 
-_FEWEST = 100
-"""Soft pixels needed for a decision: a hard mask is the same in both encodings."""
+_FEWEST = 100  # soft pixels needed for a decision: a hard mask is the same in both encodings
 _BLURS = (0.0, 0.7, 1.4, 2.8, 5.6)
 """Standard deviations in pixels: a mask may be smoother than the truth by an unknown amount."""
 _ALL_BLURS = (*_BLURS, 1.0, 2.0, 4.0, 8.0, 11.0)
 _CLEAR = 0.75
 """Largest misfit of another encoding, relative to that of the mask as it is, to be reported. Over the built-in scenes
 at 256², decoding left 1.13 and more of a linear mask's, 0.41 and less of an encoded one's."""
-_RAISED = (0.05, 0.95)
-"""Visibility in the umbra that is neither a shadow of 0 nor a missing shadow."""
-_DARKEST = 5
-"""Percentile of the umbra that must be raised to speak of ambient light."""
-_FITS = 0.04
-"""Largest misfit in the umbra, of the truth at the best blur and of the mask without its ambient light."""
+_RAISED = (0.05, 0.95)  # visibility in the umbra that is neither a shadow of 0 nor a missing shadow
+_DARKEST = 5  # percentile of the umbra that must be raised to speak of ambient light
+_FITS = 0.04  # largest misfit in the umbra, of the truth at the best blur and of the mask without its ambient light
 _DEEP = 12  # px from the true edge
 
 

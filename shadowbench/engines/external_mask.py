@@ -10,13 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from shadowbench.errors import InputError
 from shadowbench.scores.masks import LEVELS, open_png, quantise, read_mask
 
-LARGEST = 4096
-"""Most pixels along a side of a mask: a small PNG may hold many, and scoring takes 130 bytes for each."""
+LARGEST = 4096  # most pixels along a side of a mask: a small PNG may hold many, and scoring takes 130 bytes for each
 
-DARKEST = 1 / 64
-"""Least difference of linear luminance between a lit and an ambient pixel for it to be scored."""
-CLIPPED = 0.999
-"""Linear luminance from which a pixel may be clipped."""
+DARKEST = 1 / 64  # least difference of linear luminance between a lit and an ambient pixel for it to be scored
+CLIPPED = 0.999  # linear luminance from which a pixel may be clipped
 
 _PICTURE = "allowed: a PNG, grey or RGB"
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB; ITU-R BT.709

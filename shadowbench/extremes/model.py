@@ -15,10 +15,8 @@ Value = float | str
 
 VIEW_SIZE = 256
 MAP_SIZE = 1024
-EXTENT = 6.0
-"""Side of the base scene's ground, in metres."""
-TEXEL = EXTENT / MAP_SIZE
-"""Approximate size of a texel in the base scene, in metres."""
+EXTENT = 6.0  # side of the base scene's ground, in metres
+TEXEL = EXTENT / MAP_SIZE  # approximate size of a texel in the base scene, in metres
 NAMES: dict[LightKind, str] = {"directional": "sun", "spot": "spot", "point": "lamp"}
 _AZIMUTH = math.radians(165.0)  # from the left: the camera sees a lit side of casters and their shadows
 _DISTANCES: dict[LightKind, float] = {"directional": 1.0, "spot": 6.0, "point": 3.3}

@@ -21,8 +21,7 @@ from shadowbench.extremes.model import (
 from shadowbench.scenes.model import Camera, Coordinates, LightKind, Scene, View, view_of
 from shadowbench.scenes.vectors import Floats, unit, vec3
 
-FRAMES = 5
-"""Frames of an animation, the first at rest."""
+FRAMES = 5  # frames of an animation, the first at rest
 _DIRECTION = np.array([0.8, 0.36, -0.48])  # unit length, along no axis
 _REVERSED = "d32f-reversed"
 

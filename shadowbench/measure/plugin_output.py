@@ -45,7 +45,7 @@ def forward_output(pipe: IO[bytes]) -> threading.Thread:
     def read() -> None:
         decoder = codecs.getincrementaldecoder("utf-8")("replace")
         # By file descriptor: sys.stderr may be redirected by then. Read on if nobody reads stderr: plug-ins print on.
-        stderr = io.BufferedWriter(SafeStream(2))
+        stderr = io.BufferedWriter(SafeStream(io.FileIO(2, "w", closefd=False)))
         with pipe, io.TextIOWrapper(stderr, encoding="utf-8") as text:
             stream = TruncatedStream(text)
             while data := os.read(pipe.fileno(), 1 << 16):

@@ -22,7 +22,6 @@ from shadowbench.measure.rows import Record
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits, fault_lines, median_text
 from shadowbench.results.configurations import Configuration, Section
-from shadowbench.results.folder import Folder
 from shadowbench.results.ranges import value_text
 from shadowbench.scores.difference import difference_over, weight
 from shadowbench.scores.masks import read_mask
@@ -160,11 +159,6 @@ def _cell(folder: Path, row: Record, about: dict[str, Any], shaded: bool, place:
         "mask": mask,
         "picture": None if mask and shaded else _image(folder / "pictures" / f"{row['key']}.png", None, place),
     }
-
-
-def no_pictures(folder: Folder) -> str:
-    """A note that a folder has no pictures."""
-    return f"No pictures: {folder.folder.name} has neither pictures/ nor masks/ of these cells."
 
 
 def difference(

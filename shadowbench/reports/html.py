@@ -14,7 +14,7 @@ from shadowbench.extremes.model import NAMES
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports import stability, sweep_charts, verdict, words
-from shadowbench.reports.gallery import Place, breaking_cells, gallery, no_pictures
+from shadowbench.reports.gallery import Place, breaking_cells, gallery
 from shadowbench.reports.panels import panel_data, panels_of
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.vega import COLORS, MAX_SHOWN, OUTLINES, SHAPES, styles_of
@@ -70,7 +70,6 @@ def html_report(
         split=beside,
         stabilities=swept,
         galleries=[data[f"stability-{index}"]["gallery"] for index in range(len(swept))],
-        no_pictures=no_pictures,
         light_names=NAMES,
         metrics=ROW_METRICS.values(),
         presets=words.presets_of(specs),

@@ -7,7 +7,7 @@ from typing import Any
 
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
-from shadowbench.reports.gallery import Place, gallery, no_pictures, scored_cells
+from shadowbench.reports.gallery import Place, gallery, scored_cells
 from shadowbench.reports.verdict import accuracy_text, cell_texts, real_time, verdict_candidate
 from shadowbench.reports.words import COLUMNS, digits
 from shadowbench.results.configurations import Configuration, Section, by_kind
@@ -137,7 +137,6 @@ def panel_data(panel: Panel, place: Place) -> dict[str, Any]:
         "shown": [_COST, "map", error, *over_scenes, *COLUMNS[panel.soft].values()],
         "rows": [_row(panel, one, (one.mean.spec, one.mean.map_size) in on_front) for one in panel.candidates],
         "gallery": None if several else gallery(section.run.folder, scored_cells(section), place),
-        "no_gallery": no_pictures(section.run),
     }
 
 

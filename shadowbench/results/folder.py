@@ -1,6 +1,5 @@
 """Reading run folders: rows, `run.json`, and the cells of the last command."""
 
-import gc
 import re
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
@@ -135,13 +134,7 @@ def read_folders(folders: Sequence[Path], fields: Set[str] | None = None) -> tup
     paths = list(dict.fromkeys(folder.resolve() for folder in folders))
     names = [path.name for path in paths]
     labels = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
-    collecting = gc.isenabled()
-    gc.disable()  # rows have no cycles, and the search for them would take a third of the time
-    try:
-        found = [_read(path, label, fields) for path, label in zip(paths, labels, strict=True)]
-    finally:
-        if collecting:
-            gc.enable()
+    found = [_read(path, label, fields) for path, label in zip(paths, labels, strict=True)]
     return [one for one in found if isinstance(one, Run)], [one for one in found if isinstance(one, Sweep)]
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -109,24 +108,17 @@ def compare_runs(first: Sequence[Result], second: Sequence[Result]) -> RepeatRes
 
 
 def _ranking(block: str, times: Sequence[tuple[Record, Record]]) -> Ranking:
-    sharp = swapped = 0
-    for first, second in combinations(times, 2):
-        orders = [_order(first[run], second[run]) for run in range(2)]
-        if 0 not in orders:
-            sharp += 1
-            swapped += orders[0] != orders[1]
-    ratios = np.array([[side["ratio"] for side in pair] for pair in times]).T
+    ratios = np.array([[side["ratio"] for side in pair] for pair in times]).T  # (2, N)
+    low, high = np.array([[side["ratio_quartiles"] for side in pair] for pair in times]).T
+    one, other = np.triu_indices(len(times), 1)
+    slower, quicker = (
+        (ratios[:, a] > LEAST_RATIO * ratios[:, b]) & (low[:, a] > high[:, b]) for a, b in ((one, other), (other, one))
+    )
+    sharp = (slower | quicker).all(axis=0)
+    swapped = sharp & (slower[0] != slower[1])
     tau = kendalltau(*ratios).statistic if len(times) > 1 else np.nan
-    return Ranking(block, len(times), sharp, swapped, None if np.isnan(tau) else float(tau))
-
-
-def _order(first: Record, second: Record) -> int:
-    """1 if the first of two times of a run is larger, −1 if the second is, 0 if they do not differ sharply."""
-    quicker, slower = sorted((first, second), key=lambda time: float(time["ratio"]))
-    near = slower["ratio"] <= LEAST_RATIO * quicker["ratio"]
-    if near or slower["ratio_quartiles"][0] <= quicker["ratio_quartiles"][1]:
-        return 0
-    return 1 if slower is first else -1
+    counts = int(np.count_nonzero(sharp)), int(np.count_nonzero(swapped))
+    return Ranking(block, len(times), *counts, None if np.isnan(tau) else float(tau))
 
 
 def _label(score: Record) -> str:

@@ -13,8 +13,7 @@ import pandas as pd
 
 from shadowbench.errors import counted
 
-ROUGH = 1 / 3
-"""IQR of a time relative to its median above which the time is marked as rough."""
+ROUGH = 1 / 3  # IQR of a time relative to its median above which the time is marked as rough
 
 DRIFT = 1.25
 """Ratio of the longest to the shortest reference time in one view and light above which a table has a warning."""

@@ -199,11 +199,15 @@ def _unique(name: str | None, default: str, taken: set[str]) -> str:
 def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
     """A note for each kind of feature that is ignored or simplified."""
     hidden = [node.data for node in nodes if not node.visible]
-    materials, primitives = _materials(layout), [primitive for mesh in layout.meshes for primitive in mesh.primitives]
+    primitives = layout.primitives
+    used = {each.material for each in primitives}
     found = [
         ([node.mesh is not None for node in hidden], "mesh(es) of hidden nodes left out"),
         ([node.light is not None for node in hidden], "light(s) of hidden nodes left out"),
-        (materials, "see-through material(s) drawn opaque"),
+        (
+            [one.see_through for k, one in enumerate(layout.materials) if k in used],
+            "see-through material(s) drawn opaque",
+        ),
         ([True] * len(layout.animations), "animation(s) drawn still, as the nodes stand"),
         ([node.skin is not None for node in layout.nodes], "skinned mesh(es) drawn still, undeformed"),
         ([each.targets is not None for each in primitives], "morphed primitive(s) drawn still, in their base shape"),
@@ -214,13 +218,6 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
         ([INSTANCING in node.extensions for node in layout.nodes], "GPU-instanced node(s) drawn once"),
     ]
     return [f"{where}: {sum(which)} {line}" for which, line in found if any(which)] + _ignored(layout, where)
-
-
-def _materials(layout: Layout) -> list[bool]:
-    """Whether each used material is see-through."""
-    used = {primitive.material for mesh in layout.meshes for primitive in mesh.primitives} - {None}
-    materials = [layout.materials[index] for index in used if index is not None]
-    return [one.alphaMode != "OPAQUE" or "KHR_materials_transmission" in one.extensions for one in materials]
 
 
 def _ignored(layout: Layout, where: str) -> list[str]:

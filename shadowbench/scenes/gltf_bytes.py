@@ -62,9 +62,8 @@ def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str)
         _buffer(layout, number, chunk if number == 0 else None, path, f"{where}: buffers {number + 1}")
         for number in range(len(layout.buffers))
     ]
-    primitives = [(number, each) for number, mesh in enumerate(layout.meshes) for each in mesh.primitives]
-    decoded = _decompressed(layout, buffers, [primitive for _, primitive in primitives], where)
-    for number, each in primitives:
+    decoded = _decompressed(layout, buffers, where)
+    for number, each in [(number, each) for number, mesh in enumerate(layout.meshes) for each in mesh.primitives]:
         if each.mode not in (TRIANGLES, STRIP):
             continue
         mesh_where = f"{where}: mesh {layout.meshes[number].name or number + 1!r:.60}"
@@ -79,12 +78,10 @@ def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str)
         yield TrianglePrimitive(number, each, _dequantized(positions, layout.accessors[position]), faces)
 
 
-def _decompressed(
-    layout: Layout, buffers: list[bytes], primitives: list[Primitive], where: str
-) -> dict[tuple[int, int | None], Decoded]:
+def _decompressed(layout: Layout, buffers: list[bytes], where: str) -> dict[tuple[int, int | None], Decoded]:
     """All primitives of KHR_draco_mesh_compression, decoded once each, by bufferView and id of the positions."""
     blobs = {}
-    for each in primitives:
+    for each in layout.primitives:
         if each.draco is not None and each.draco_position is not None:
             view = layout.bufferViews[each.draco]
             data = buffers[view.buffer][view.byteOffset : view.end]

@@ -146,6 +146,10 @@ class _Material(_JsonObject):
     )
     extensions: dict[str, Any] = {}
 
+    @property
+    def see_through(self) -> bool:
+        return self.alphaMode != "OPAQUE" or "KHR_materials_transmission" in self.extensions
+
 
 class _Camera(_JsonObject):
     name: str | None = None
@@ -181,6 +185,11 @@ class Layout(_JsonObject):
     extensionsUsed: list[str] = []
     extensionsRequired: list[str] = []
     extensions: dict[str, Any] = {}
+
+    @property
+    def primitives(self) -> list[Primitive]:
+        """The primitives of all meshes."""
+        return [primitive for mesh in self.meshes for primitive in mesh.primitives]
 
     @model_validator(mode="after")
     def _sizes_fit(self) -> Self:

@@ -83,8 +83,7 @@ def _objects(objects: Lines, faces: Lines) -> tuple[Integers, tuple[str | None, 
 
 
 def _left_out(others: Lines) -> str:
-    """A note with the numbers of unsupported statements, such as curves; empty without."""
-    # The line may be a damaged one: no control sequences for the terminal.
+    """A note with the numbers of unsupported statements, such as curves or damaged lines; empty without."""
     words = (printable(others.line(k).split(None, 1)[0]) for k in range(len(others.starts)))
     found = Counter(word for word in words if word.lower() not in NO_SHAPE)
     counts = ", ".join(f"{count} {word:.20}" for word, count in found.most_common(5)) + ", ..." * (len(found) > 5)

@@ -19,9 +19,10 @@ REACH = 12.0  # pixels, from a handle or the wipe's line, that count as on it
 GAP = 6.0  # pixels between panes
 TURN = math.pi  # by which a drag over a whole pane turns
 ZOOM = 1.12  # by a step of the wheel
-_YELLOW, _DARK, _WHITE = 0xFF33DDFF, 0xFF202020, 0xFFFFFFFF  # ABGR
-_DIMMED = (0.45, 0.45, 0.45, 1.0)
+_YELLOW, _DARK, _WHITE, _DIMMED = 0xFF33DDFF, 0xFF202020, 0xFFFFFFFF, 0xFF737373  # ABGR
 _CORNERS = 48  # of the horizon's circle
+_BUTTONS = imgui.ButtonFlags_
+_ALL_BUTTONS = _BUTTONS.mouse_button_left | _BUTTONS.mouse_button_right | _BUTTONS.mouse_button_middle
 
 Gesture = Literal["", "orbit", "pan", "look", "wipe", "light", "aim"]
 
@@ -87,26 +88,21 @@ class Canvas:
                 self.viewer.rest()
         if state.layout == "wipe":
             self._show_wipe(self.panes[0], *sources)
-        else:
-            for pane, source in zip(self.panes, sources, strict=False):
+        for pane, source in zip(self.panes, sources, strict=False):
+            if state.layout != "wipe":
                 self._show(pane, source, 0.0, 1.0)
-        for pane in self.panes:
             self._show_handles(pane)
 
     def _show(self, pane: Pane, source: Source, start: float, end: float) -> None:
         """Show a part of a source's picture, between two shares of its width."""
         draw_list, viewer = imgui.get_window_draw_list(), self.viewer
-        left, right = pane.x + start * pane.side, pane.x + end * pane.side
-        draw_list.add_rect_filled((left, pane.y), (right, pane.y + pane.side), 0xFF303030)
-        picture = viewer.pictures.get(source)
-        failures = viewer.mask_failures()
-        failure = viewer.broken or (failures["AB".index(source)] if source in "AB"[: len(failures)] else "")
+        left, right, bottom = pane.x + start * pane.side, pane.x + end * pane.side, pane.y + pane.side
+        draw_list.add_rect_filled((left, pane.y), (right, bottom), 0xFF303030)
+        failure = viewer.broken or dict(zip("AB", viewer.mask_failures(), strict=False)).get(source, "")
         dimmed = bool(failure) or (source == "truth" and viewer.judge.traced(viewer.state) is None)
-        if picture is not None:
-            color = imgui.color_convert_float4_to_u32(_DIMMED if dimmed else (1, 1, 1, 1))
-            draw_list.add_image(
-                NUMBERS[source], (left, pane.y), (right, pane.y + pane.side), (start, 1), (end, 0), color
-            )
+        if source in viewer.pictures:
+            color = _DIMMED if dimmed else _WHITE
+            draw_list.add_image(NUMBERS[source], (left, pane.y), (right, bottom), (start, 1), (end, 0), color)
         self._write(left, pane.y, right - left, label(viewer, source))
         if failure:
             self._write(left, pane.y + 24, right - left, failure)
@@ -221,10 +217,3 @@ def _caption(spec: Spec) -> str:
     """A spec by the name of its preset, if it is one."""
     preset = preset_of(spec)
     return spec.text if preset in (DEFAULT, CUSTOM) else f"{spec.technique.name}:preset={preset}"
-
-
-_ALL_BUTTONS = (
-    imgui.ButtonFlags_.mouse_button_left
-    | imgui.ButtonFlags_.mouse_button_right
-    | imgui.ButtonFlags_.mouse_button_middle
-)

@@ -21,14 +21,7 @@ from shadowbench.viewer.state_files import adopted, append_to_study, save_state
 from shadowbench.viewer.technique_panel import choice, tooltip
 
 WIDTH = 100.0  # of a list, in pixels
-HINTS = (
-    "drag: orbit",
-    "Shift + drag: pan",
-    "right drag: look",
-    "wheel: zoom",
-    "WASD, QE: walk",
-    "yellow dot: light",
-)
+HINTS = "drag: orbit;  Shift + drag: pan;  right drag: look;  wheel: zoom;  WASD, QE: walk;  yellow dot: light"
 LAYOUT_HELP: Mapping[Layout, str] = {
     "one": "one picture",
     "wipe": "two pictures, with a line between them to drag",
@@ -69,8 +62,7 @@ def below(viewer: Viewer, frame_ms: float) -> list[str]:
     """The lines below the pictures: the meaning of the colours, and a message or what the mouse does."""
     overlay = viewer.state.overlay
     legend = [] if overlay == "picture" else [f"{overlay}: {OVERLAY_HELP[overlay]}"]
-    message = viewer.broken or viewer.message
-    return [*legend, message or ";  ".join((f"{frame_ms:.0f} ms a frame", *HINTS))]
+    return [*legend, viewer.broken or viewer.message or f"{frame_ms:.0f} ms a frame;  {HINTS}"]
 
 
 def _choice(label: str, name: str, names: Mapping[Any, str]) -> Any:

@@ -58,18 +58,9 @@ def test_a_benchmark_selection_saves_its_scores_and_two_runs_can_be_compared(tmp
         assert set(METRICS) <= set(told)
         assert (told["ssim"], told["iou"]) == tuple(second[name]["extra_info"][key] for key in ("ssim", "iou"))
         assert told["frame_ms"] / 1e3 <= entry["stats"]["median"] * 1.01
-    command = [
-        sys.executable,
-        "-m",
-        "shadowbench",
-        "run",
-        "cube-on-plane",
-        "-t",
-        "shadow-map:size=512",
-        "--rounds",
-        "0",
-    ]
-    subprocess.run([*command, "-o", tmp_path / "run"], check=True, capture_output=True, timeout=200)
+    study = ["run", "cube-on-plane", "-t", "shadow-map:size=512", "--rounds", "0", "-o"]
+    command = [sys.executable, "-m", "shadowbench", *study, tmp_path / "run"]
+    subprocess.run(command, check=True, capture_output=True, timeout=200)
     (ran,) = csv.DictReader((tmp_path / "run" / "table.csv").read_text().splitlines())
     told = first["test_frame[cube-on-plane-shadow-map-512]"]["extra_info"]
     assert {name: told[name] for name in METRICS} == {name: float(ran[name]) if ran[name] else None for name in METRICS}

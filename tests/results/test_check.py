@@ -114,6 +114,11 @@ def test_update_refuses_a_folder_without_a_cell_of_its_table(
     assert read(baseline) == [cell()] if before else not (baseline / "rows.jsonl").exists()
 
 
+def test_tolerances_are_the_metrics_or_ones_own(check: Callable[..., Any]) -> None:
+    assert check([cell(metrics=WORSE)], [cell()], "--tolerance", "iou=0.2").code == 1
+    assert check([cell(metrics=WORSE)], [cell()], "--tolerance", "iou=0.2", "--tolerance", "ssim=0.1").code == 0
+
+
 def test_times_warn_and_fail_only_when_asked(check: Callable[..., Any]) -> None:
     now, then = [cell(), timed(cell(), ratio=2.5)], [cell(), timed(cell())]
     answer = check(now, then)

@@ -86,26 +86,22 @@ def test_a_scene_that_was_given_no_ground_loses_none() -> None:
     assert bare.meshes == scene.meshes and bare.notes[-1] == "no-ground: no ground was assumed in stairs"
 
 
-def test_needs_tells_the_map_size_without_the_ground_where_that_decides(box: Path) -> None:
+def test_needs_tells_the_map_sizes_with_and_without_the_ground(tmp_path: Path, box: Path) -> None:
+    """A table beside a post: a short shadow on the table, a long one on the ground; a box has the latter alone."""
     found, bare = (needs(chosen_view(str(box), 64, ViewOptions(no_ground=no_ground))) for no_ground in (False, True))
     assert found.without_ground == bare.texels and bare.without_ground is None
-    assert found.texels.edge_size is not None and bare.texels.edge_size is None
-    told = {row.need: row.reason for row in explanations_of(found)}
-    assert "no shadow's edge is visible" in told["without ground"]
+    rows = {row.need: row.reason for row in explanations_of(found)}
+    assert "no shadow's edge is visible" in rows["without ground"]
     assert "without ground" not in {row.need for row in explanations_of(bare)}
-
-
-def test_needs_tells_both_map_sizes(tmp_path: Path) -> None:
-    """A table beside a post: a short shadow on the table, a long one on the ground."""
     table = trimesh.creation.box(bounds=[(-1, 0.1, -1), (1, 1.1, 1)])
     post = trimesh.creation.box(bounds=[(-0.1, 1.1, -0.1), (0.1, 2.1, 0.1)])
     path = tmp_path / "table.obj"
     trimesh.util.concatenate([table, post]).export(path)
-    found = needs(chosen_view(str(path), 128))
-    assert found.texels.edge_size and found.without_ground and found.without_ground.edge_size
-    row = next(row for row in explanations_of(found) if row.need == "without ground")
-    assert row.number == f"{found.without_ground.edge_size.value:.0f}"
-    assert row.reason.endswith(f"(--no-ground), instead of {found.texels.edge_size.value:.0f} with it")
+    both = needs(chosen_view(str(path), 128))
+    assert both.texels.edge_size and both.without_ground and both.without_ground.edge_size
+    row = next(row for row in explanations_of(both) if row.need == "without ground")
+    assert row.number == f"{both.without_ground.edge_size.value:.0f}"
+    assert row.reason.endswith(f"(--no-ground), instead of {both.texels.edge_size.value:.0f} with it")
 
 
 def test_every_command_that_takes_a_mesh_file_can_leave_the_ground_out() -> None:

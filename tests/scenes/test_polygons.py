@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import mapbox_earcut
 import numpy as np
 import pytest
 
@@ -226,18 +225,6 @@ def test_any_ring_keeps_its_area_vector_and_its_projected_area_unless_a_note_say
         size = float(np.linalg.norm(expected))
         if size > 0.0 and not any("cross themselves" in note for note in notes):
             assert np.abs(vectors @ expected).sum() == pytest.approx(size**2, rel=1e-5)
-
-
-def test_concave_quads_are_cut_from_their_reflex_corner_without_earcut(
-    mesh_file: MeshFile, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(mapbox_earcut, "triangulate_float64", None)
-    dart = [(0.8, 0.0), (0.2, 0.2), (0.0, 0.8), (0.0, 0.0)]
-    rings = [ring[k:] + ring[:k] for ring in (dart, dart[::-1]) for k in range(4)]
-    contents = read_meshes(mesh_file("a.obj", flat_obj(*rings)))
-    assert contents.notes == ()
-    assert area(contents) == pytest.approx(sum(shoelace(np.array(ring)) for ring in rings))
-    assert len(corners_of(contents)) == 2 * len(rings)
 
 
 def test_a_star_of_twelve_thousand_corners_is_cut_and_a_larger_one_is_told_what_is_allowed() -> None:

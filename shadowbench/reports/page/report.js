@@ -25,9 +25,10 @@ async function showPicture(spec, size, scene) {
 
 // asked: what an address says, which goes before the cell.
 async function openGallery(id, cell, asked) {
-  const { gallery, no_gallery } = await loaded(id), sameScene = id === pictureScene;
+  const { gallery } = await loaded(id), sameScene = id === pictureScene;
   for (const node of document.querySelectorAll("#viewer, #errors")) node.hidden = !gallery;
-  byId("no-pictures").textContent = gallery ? gallery.notes.join(" ") : no_gallery;
+  byId("notes").textContent = gallery?.notes.join(" ");
+  byId("no-pictures").hidden = Boolean(gallery);
   if (!gallery) return;
   if (!sameScene) {
     const sizes = [...new Set(gallery.cells.map((one) => one.size).filter(Boolean))].sort((a, b) => a - b), choice = byId("errors-size");
