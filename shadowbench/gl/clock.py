@@ -20,8 +20,7 @@ Changes = Literal["light", "view", "frame"]
 QUERIES = "gl_time_elapsed"
 WALL = "finish+wall"
 
-# GL_ARB_pipeline_statistics_query
-_STATISTICS = {
+_STATISTICS = {  # GL_ARB_pipeline_statistics_query
     "vertices": 0x82F0,  # vertex shader invocations
     "geometry": 0x887F,  # geometry shader invocations
     "primitives": 0x82F6,  # clipping input primitives: the output depends on the driver's batches

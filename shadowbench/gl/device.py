@@ -104,11 +104,6 @@ class Device:
         return f"{info['GL_RENDERER']}, {info['GL_VERSION']}"
 
     @cached_property
-    def vendor(self) -> str:
-        """Vendor string of the driver."""
-        return str(self.context.info["GL_VENDOR"])
-
-    @cached_property
     def software(self) -> bool:
         """Whether the renderer runs on the CPU, where timer queries are meaningless and times are not a GPU's."""
         return any(word in self.renderer.lower() for word in _SOFTWARE)

@@ -39,11 +39,7 @@ class Texture(Protocol):
 
 @dataclass(frozen=True)
 class Sampling:
-    """Sampler state.
-
-    border: value or (4,) components outside the texture with wrap "border"; compare: hardware depth comparison; mips:
-    of mip levels the nearest, else the first only.
-    """
+    """Sampler state. border: outside the texture; compare: by hardware; mips: the nearest level, else the first."""
 
     linear: bool = False
     wrap: Wrap = "edge"
@@ -57,11 +53,7 @@ StencilOp = Literal["keep", "zero", "replace", "increment", "decrement"]
 
 @dataclass(frozen=True)
 class Stencil:
-    """Stencil test and operations.
-
-    front, back: operations for front and back faces if (stencil fails, depth fails, both pass); increments and
-    decrements wrap.
-    """
+    """Stencil test, and operations for front and back faces if (stencil fails, depth fails, both pass); counts wrap."""
 
     test: Literal["always", "==", "!="] = "always"
     reference: int = 0
@@ -73,8 +65,7 @@ class Stencil:
 class State:
     """Fixed-function state of one draw, reset after it.
 
-    polygon_offset: (factor, units); zero_to_one: clip-space depth from 0 to 1; blend: operator that combines the output
-    with the target; clip_distances: number of clip distances that the shaders write.
+    polygon_offset: (factor, units); zero_to_one: clip-space depth; clip_distances: how many the shaders write.
     """
 
     depth_test: Comparison = ""
@@ -106,10 +97,9 @@ class Program:
                 device.raw("glUniform1i", location, self._units[name])
 
     def set(self, **values: Value) -> None:
-        """Set uniforms by name: numbers, tuples as vectors, (4, 4) row-major arrays as matrices.
+        """Set uniforms by name: numbers, tuples as vectors, (4, 4) row-major arrays as matrices; arrays of these.
 
-        Shader arrays take (n, 4, 4) arrays for matrices, (n, k) for vectors, (n,) for floats. A uniform that the
-        compiler removed is skipped. Raises KeyError for a name that the source does not declare.
+        A uniform that the compiler removed is skipped. Raises KeyError for a name that the source does not declare.
         """
         for name, value in values.items():
             if name not in self._types:

@@ -69,10 +69,9 @@ class DepthTexture:
 
 @dataclass(frozen=True, eq=False)
 class DepthTarget:
-    """A depth texture and its framebuffers.
+    """A depth texture and its framebuffers: `target` of all layers, `layer_targets` of each, none for a 2-D texture.
 
-    target: all layers, to clear all and to draw with `gl_Layer`; layer_targets: one framebuffer per layer, empty for a
-    2-D texture; step: spacing of stored values near 1; bytes: device memory.
+    step: spacing of stored values near 1; bytes: device memory.
     """
 
     texture: DepthTexture

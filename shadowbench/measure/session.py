@@ -92,7 +92,7 @@ class Session:
         device = self.device
         return DeviceInfo(
             renderer=renderer_of(device.renderer, arithmetic(device) if device.software else None),
-            vendor=device.vendor,
+            vendor=str(device.context.info["GL_VENDOR"]),
             version=device.version,
             software=device.software,
             clock=self.clock.name,

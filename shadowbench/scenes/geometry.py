@@ -117,12 +117,8 @@ class Geometry:
     @cached_property
     def normals(self) -> Floats:
         """(F, 3) float64 unit normals, towards the side seen counter-clockwise; 0 for areas that round to 0."""
-        normals = np.empty((len(self.faces), 3))
-        for part in in_slices(len(self.faces)):
-            lengths = np.linalg.norm(self.crosses[:, part], axis=0)
-            lengths[lengths == 0] = 1.0
-            normals[part] = (self.crosses[:, part] / lengths).T
-        return normals
+        lengths = np.linalg.norm(self.crosses, axis=0)
+        return np.ascontiguousarray((self.crosses / np.where(lengths == 0.0, 1.0, lengths)).T)
 
     @cached_property
     def bounds(self) -> Floats:

@@ -88,8 +88,8 @@ def _polygons(elements: list[Element], columns: dict[str, dict[str, Column]], no
     if not lists and rows.get("face"):
         raise InputError(f"{where}: element face: found no list; {INDICES[0]} is needed")
     none = np.zeros(0, dtype=np.int64)
-    values, counts = lists[0] if lists else Column(none, none)
-    assert counts is not None
+    values, counts = lists[0] if lists else Column(none, None)
+    counts = none if counts is None else counts
     corners = check_indices(values, len(vertices), where)
     return Polygons(vertices, corners, counts, np.zeros(len(counts), dtype=np.int64), (None,), notes)
 

@@ -205,8 +205,7 @@ def straight(gradient, rows, columns, tangent, reach, least):  # type: ignore[no
 def variances_along(values, valid, rows, columns, tangent, reach):  # type: ignore[no-untyped-def]
     """(P,) float64 squares by which values differ from their mean along segments, n/(n − 1) times; see `Isolines`.
 
-    Arguments as of `straight`. A point's value is its sample over its weight, and a pair counts by the product of its
-    two weights; NaN for segments with no more than half a pair.
+    Arguments as of `straight`. A pair of points counts by the product of its weights; NaN for no more than half a pair.
     """
     one, squares = np.float32(1), np.empty(len(rows))
     for i in range(len(rows)):

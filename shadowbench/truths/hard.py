@@ -1,9 +1,8 @@
 """Visibility of a light without a size: one shadow ray per sample, and tests of what that ray cannot decide.
 
 A pixel is undecided if its visibility changes within the rasteriser's subpixel grid or with the shadow ray's offset δ.
-Under grazing light a shadow ray starts so far along L that it misses casters lower than δ; these are found by tests
-from the surface itself (`near`), which are made for N·L below LOW_LIGHT only. Above it, a receiver counts as lit even
-if a caster lower than δ/4 above its plane, at most 2.5 δ along L, blocks it.
+For N·L below LOW_LIGHT, casters lower than δ, which the ray misses, are found by tests from the surface (`near`). Above
+it, a receiver counts as lit even if a caster lower than δ/4 above its plane, at most 2.5 δ along L, blocks it.
 """
 
 from itertools import product

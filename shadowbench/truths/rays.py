@@ -28,10 +28,9 @@ SUBPIXEL_OFFSETS = tuple(product((0.5 - SUBPIXEL, 0.5 + SUBPIXEL), repeat=2))
 
 
 class ShadowRays(NamedTuple):
-    """Rays from points near surfaces to the light.
+    """Rays from points near surfaces to the light: (3, N) origins; (3, N) directions, or (3, 1) if shared.
 
-    origins: (3, N); directions: (3, N), or (3, 1) if shared; offset: (N,) distance of the origin from the surface along
-    L; reach: (N,) or a number, distance from the origin to the light.
+    offset: (N,) distance of the origin from the surface along L; reach: from the origin to the light, (N,) or a number.
     """
 
     origins: Floats
@@ -43,8 +42,8 @@ class ShadowRays(NamedTuple):
 class Receivers(NamedTuple):
     """Hits on surfaces that face both the camera and the light.
 
-    rays: (R,) index of each camera ray; triangle: (R,); point: (3, R); to_light: (3, R) unit vectors, (3, 1) for a
-    directional light; distance: to the light, (R,) or a number; cosine: (R,) N·L.
+    rays: (R,) index of each camera ray; to_light: (3, R) unit vectors, (3, 1) for a directional light; distance: to the
+    light, (R,) or a number; cosine: N·L.
     """
 
     rays: Indices
@@ -56,8 +55,8 @@ class Receivers(NamedTuple):
 
     def select(self, chosen: Mask | Indices | slice) -> "Receivers":
         """The selected subset; chosen: (R,) bool, indices or a slice."""
-        part = {name: values[..., chosen] for name, values in self._asdict().items() if name not in self._shared}
-        return self._replace(**part)
+        index, own = np.arange(len(self.rays))[chosen], set(self._fields) - set(self._shared)
+        return self._replace(**{name: getattr(self, name).take(index, axis=-1) for name in own})
 
     @property
     def _shared(self) -> tuple[str, ...]:

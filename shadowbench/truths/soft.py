@@ -1,10 +1,9 @@
 """Visibility of a light that has a size: the share of its points that a receiver sees, with a standard error.
 
 A pilot of 64 points finds the penumbra, which is widened by 2 pixels; an audit of the rest with 4096 points repeats the
-pilot with 256 points if it missed anything; a warning says so if these miss anything too. A second pilot of eight
-replications decides how many points each pixel of the penumbra needs, and the estimate is made from fresh points, since
-stopping on the sample itself would make the error look too small. Each replication and each pixel has points of its own
-(`light_samples`); their spread is the standard error.
+pilot with 256 points if it missed anything, and warns if these do too. A second pilot decides how many points a pixel
+of the penumbra needs; the estimate is made from fresh points, since stopping on the sample itself would make the error
+look too small. Each replication and each pixel has points of its own; their spread is the standard error.
 
 A pixel is undecided if its receiver or its triangle changes within the rasteriser's subpixel grid, or its visibility,
 at the same points of the light, changes there by more than 1/64; likewise, in low light, if it does so with rays that
@@ -31,8 +30,7 @@ Single = NDArray[np.float32]
 REPLICATIONS = 8
 PILOT = 64  # points of the first pilot
 FEWEST = 32  # points of a replication of the estimate: 256 in all, so that 1/256 bounds its error from below
-MOST = 2048
-"""Most points of a replication, 16,384 rays a pixel in all, however large the standard error."""
+MOST = 2048  # points of a replication, 16,384 rays a pixel in all, however large the standard error
 AUDITED = 0.01  # share of the pixels outside the penumbra that are audited
 MISSED = 1e-3  # share of the audited pixels in penumbra above which the pilot is repeated
 DILATION = 2  # pixels
@@ -102,11 +100,7 @@ class Estimator:
 def soft_shadows(
     rays: ViewRays, light: Light, triangle: Indices, delta: float, pixel_samples: int, standard_error: float
 ) -> dict[str, NDArray[Any]]:
-    """Truth's per-pixel arrays except `triangle`, flattened, in local lengths.
-
-    triangle: (size²,) hit triangle of each pixel, −1 for a miss; light, delta: in local lengths; standard_error: that
-    95% of the penumbra's pixels stay below, unless they reach MOST points.
-    """
+    """Truth's per-pixel arrays except `triangle`, (size²,), −1 for a miss; flattened, in local lengths as the light."""
     centres, _ = _receivers(rays, triangle=triangle)
     estimator = Estimator(rays, light, delta)
     value, penumbra = find_penumbra(estimator, centres, rays.size)
@@ -234,10 +228,7 @@ def _depends_on_offset(estimator: Estimator, centres: Receivers) -> Mask:
 
 
 def _differ(estimator: Estimator, one: Receivers, other: Receivers, along_normal: bool = False) -> Mask:
-    """(R,) whether visibility at the same points of the light differs by more than 1/64; more points confirm it.
-
-    along_normal: whether the rays of `other` start along the normal.
-    """
+    """(R,) whether visibility at the same points of the light differs by more than 1/64; more points confirm it."""
     differ = np.ones(len(one.rays), dtype=bool)
     for samples in (PILOT, 16 * PILOT):
         first = estimator.sums(one.select(differ), samples, 1, _FIRST).visibility
@@ -249,16 +240,13 @@ def _differ(estimator: Estimator, one: Receivers, other: Receivers, along_normal
 def _area(
     rays: ViewRays, estimator: Estimator, in_penumbra: Mask, visibility: NDArray[Any], pixel_samples: int
 ) -> Single:
-    """(size²,) visibility averaged over the pixel's samples that hit receivers, `visibility` where none does.
-
-    AREA_SAMPLES points of the light for each sample in the penumbra; elsewhere all of them answer as one does.
-    """
+    """(size²,) visibility averaged over the pixel's samples that hit receivers, `visibility` where none does."""
     total, count = np.zeros(len(visibility)), np.zeros(len(visibility))
     steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
     for number, (across, down) in enumerate(product(steps, repeat=2)):
         receivers, _ = _receivers(rays, across, down)
         penumbra = in_penumbra[receivers.rays]
-        for chosen, samples in ((penumbra, AREA_SAMPLES), (~penumbra, 1)):
+        for chosen, samples in ((penumbra, AREA_SAMPLES), (~penumbra, 1)):  # where all points answer as one does
             part = receivers.select(chosen)
             value = estimator.sums(part, samples, 1, _AREA + number).visibility
             defined = ~np.isnan(value)

@@ -26,7 +26,6 @@ def test_device_says_what_it_is(device) -> None:
     major, minor = device.raw.integer(MAJOR_VERSION), device.raw.integer(MINOR_VERSION)
     assert device.version == 100 * major + 10 * minor >= 410
     assert re.search(r"\d+\.\d+", device.renderer), "rows of different drivers must not mix"
-    assert device.vendor
     assert device.max_map_size >= 4096
     assert 4 <= device.subpixel_bits <= 16
 

@@ -1,4 +1,4 @@
-"""Every combination of shader components compiles and links; under `make test-slow` with OpenGL 4.1 too.
+"""Every combination of shader components compiles, links and draws; under `make test-slow` with OpenGL 4.1 too.
 
 Choices that a shader's text depends on, by an include slot or a define, are crossed; the others are tried alone.
 """
@@ -21,8 +21,10 @@ KNOWN = techniques()
 SHADERS = "\n".join(file.read_text(encoding="utf-8") for file in data_folder("shaders").rglob("*.*"))
 LIGHTS = {
     "directional": Light("sun", "directional", (0.5, -1.0, -0.3)),
+    "spot": Light("spot", "spot", (1.7, -3.0, -1.5), (-1.7, 3.2, 1.3), 1.0),
     "point": Light("lamp", "point", position=(-1.0, 2.2, 0.8)),
 }
+DRAWN = 7  # one in so many compositions is drawn too, as the driver compiles its shaders anew
 MORE = {"bias": ["receiver-plane(gradient=derivative)"], "filter": ["pcf(taps=5)"]}
 
 
@@ -56,14 +58,20 @@ def compositions(technique: Any) -> Iterator[str]:
 
 @pytest.mark.parametrize("technique", own_techniques(), ids=lambda technique: technique.name)
 def test_every_combination_of_components_compiles(technique, builtin, studio, build, device) -> None:
+    """Under each kind of light in turn."""
     scene = builtin("cube-on-plane").scene
-    light = next(light for kind, light in LIGHTS.items() if kind in technique.lights)
-    shot = studio.shot(view_of(scene, scene.cameras[0], light, 16))
+    lights = [light for kind, light in LIGHTS.items() if kind in technique.lights]
+    shots = [studio.shot(view_of(scene, scene.cameras[0], light, 16)) for light in lights]
     size = "size=16," if "size" in technique.Params.model_fields else ""
-    for items in compositions(technique):
+    for number, items in enumerate(compositions(technique)):
         try:
             spec = parse_spec(f"{technique.name}:{size}{items}".rstrip(",:"), KNOWN)
         except InputError:
             continue
+        shot = shots[number % len(shots)]
         if technique.declines(spec.params, shot.view, device) is None:
-            build(spec.text, shot).stage.release()
+            one = build(spec.text, shot)
+            if number % DRAWN == 0:
+                mask = one.draw(shot)
+                assert mask.min() >= 0 and mask.max() <= 1 and (mask[shot.triangle < 0] == 1).all(), spec.text
+            one.stage.release()

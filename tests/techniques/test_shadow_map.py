@@ -1,64 +1,13 @@
 """Settings of the shadow map, good and bad: each has the effect that it demonstrates."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 
-from shadowbench.maps.biases import Bias
-from shadowbench.maps.filters import Filter
-from shadowbench.maps.fits import Fit
 from shadowbench.scenes.model import Light
 from shadowbench.truths.trace import trace
 
 SIZE = 96
 SCENES = {"directional": "sphere-and-torus", "spot": "spot-lamp"}
-CHOICES = {
-    "fit": sorted(Fit.table),
-    "bias": sorted(Bias.table),
-    "filter": sorted(name for name, row in Filter.table.items() if "2d" in row.maps),
-    "wrap": ["border", "edge", "repeat"],
-    "far_rule": ["lit", "none"],
-    "depth": ["d16", "d24", "d32f"],
-    "reversed": ["false", "true"],
-}
-
-
-def pairwise(choices: dict[str, list[str]]) -> list[dict[str, str]]:
-    """Few combinations that contain every pair of values of different keys, chosen greedily and deterministically."""
-    keys = list(choices)
-    missing = {
-        frozenset([(a, x), (b, y)])
-        for i, a in enumerate(keys)
-        for b in keys[i + 1 :]
-        for x, y in product(choices[a], choices[b])
-    }
-    found = []
-    while missing:
-        cell = dict(min(missing, key=sorted))
-        for key in keys:
-            if key not in cell:
-                gain = {x: sum(frozenset([(key, x), item]) in missing for item in cell.items()) for x in choices[key]}
-                cell[key] = max(choices[key], key=gain.get)
-        pairs = {frozenset(pair) for pair in product(cell.items(), repeat=2) if len(set(pair)) == 2}
-        missing -= pairs
-        found.append({key: cell[key] for key in keys})
-    return found
-
-
-CELLS = pairwise(CHOICES)
-
-
-@pytest.mark.parametrize("kind", SCENES)
-@pytest.mark.parametrize("cell", CELLS, ids=lambda cell: "-".join(cell.values()))
-def test_every_two_settings_together_draw_a_mask(cell, kind, studio, build, builtin, device) -> None:
-    if cell["reversed"] == "true" and not device.clip_control:
-        pytest.skip("no clip control")
-    shot = studio.shot(builtin(SCENES[kind], SIZE))
-    mask = build("shadow-map:size=64," + ",".join(f"{key}={value}" for key, value in cell.items()), shot).draw(shot)
-    assert np.isfinite(mask).all() and mask.min() >= 0 and mask.max() <= 1
-    assert (mask[shot.triangle < 0] == 1).all()
-    assert (mask == 1).any()
 
 
 @pytest.mark.parametrize("filter_", ["hard", "hardware", "pcf(5)", "dither-4"])
