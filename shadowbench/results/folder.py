@@ -166,8 +166,8 @@ def rows_file(folder: Path) -> Path:
     return file
 
 
-def _rows(folder: Path, fields: Set[str] | None) -> tuple[list[Record], list[Record], bool]:
-    """Scores and times of a folder, and whether the last line is incomplete. Raises InputError for bad rows."""
+def _rows(folder: Path, fields: Set[str] | None, empty: bool) -> tuple[list[Record], list[Record], bool]:
+    """Scores and times of a folder, and whether the last line is incomplete. Raises InputError."""
     file = rows_file(folder)
     wanted = None if fields is None else _READ_HERE | fields
     found: dict[str, list[Record]] = {"score": [], "time": []}
@@ -176,6 +176,8 @@ def _rows(folder: Path, fields: Set[str] | None) -> tuple[list[Record], list[Rec
         complete = end
         kept = row if wanted is None else {name: value for name, value in row.items() if name in wanted}
         found[row["kind"]].append(kept)
+    if not found["score"] and not empty:
+        raise InputError(f"{file}: found no cell; allowed: rows of a run or a sweep that measured something")
     if len({"axis" in row for row in found["score"]}) > 1:
         raise InputError(f"{file}: found cells of `run` and of `stress`; allowed: those of one, in a folder of its own")
     return found["score"], found["time"], complete < file.stat().st_size
@@ -183,10 +185,7 @@ def _rows(folder: Path, fields: Set[str] | None) -> tuple[list[Record], list[Rec
 
 def _read(folder: Path, label: str, fields: Set[str] | None, empty: bool = False) -> Run | Sweep:
     """A folder; empty: whether it may be without cells. Raises InputError."""
-    scores, times, cut_off = _rows(folder, fields)
-    if not scores and not empty:
-        file = folder / "rows.jsonl"
-        raise InputError(f"{file}: found no cell; allowed: rows of a run or a sweep that measured something")
+    scores, times, cut_off = _rows(folder, fields, empty)
     about, table = read_run_file(folder / "run.json"), _table_keys(folder / "table.csv")
     keys = set(about["keys"]) if "keys" in about else table  # older versions tabled the last command only
     last, count = _with_keys(scores, keys), len({row["key"] for row in scores})

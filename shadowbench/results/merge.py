@@ -86,8 +86,7 @@ def merge(folders: Sequence[Path], output: Path) -> MergeResult:
     rows = _read(sources)
     conflicts = [conflict for scores in rows.cells.values() for conflict in _conflicts(scores)]
     written = [] if conflicts else _write(rows, output)
-    machines = {machine for _, _, machine in rows.times.values()}
-    counts = len(rows.cells), len(rows.times), len(machines)
+    counts = len(rows.cells), len(rows.times), len({machine for _, _, machine in rows.times.values()})
     return MergeResult(*counts, (*rows.notes, *written), tuple(conflicts))
 
 
@@ -123,7 +122,7 @@ def _read(sources: Sequence[Path]) -> _Rows:
         for key, score in scores.items():
             rows.cells.setdefault(key, []).append(score)
     if not rows.cells:
-        raise InputError(f"{sources[0]}: found no cell, nor in another folder; allowed: cells of one command")
+        raise InputError(f"{sources[0]}: found no cell, as in all others; allowed: cells of one command")
     return rows
 
 

@@ -24,11 +24,6 @@ def test_every_item_is_in_one_part_and_parts_are_of_equal_size(items: list[int],
     assert max(map(len, parts)) - min(map(len, parts)) <= 1
 
 
-def test_a_part_does_not_depend_on_the_order_of_its_items() -> None:
-    forth, back = ([*range(100)], [*reversed(range(100))])
-    assert sorted(Part(2, 3).of(back, str)) == Part(2, 3).of(forth, str)
-
-
 def test_blocks_of_two_lights_are_dealt_alike_in_any_order() -> None:
     scene = load_scene("stairs")
     lights = [replace(scene.lights[0], name=f"sun-{number}") for number in range(12)]
