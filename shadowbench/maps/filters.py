@@ -39,8 +39,7 @@ class Filter(Component):
 
     @classmethod
     def missing(cls) -> list[str]:
-        shader = [] if cls.shader else ["shader, a file or text with the functions of filter.glsl"]
-        return super().missing() + shader
+        return [] if cls.shader else ["shader, a file or text with the functions of filter.glsl"]
 
     @abstractmethod
     def radius(self, size: int) -> float:

@@ -150,10 +150,19 @@ def _checked(one: object, where: str) -> Plugged:
     if not _named(one):
         raise InputError(f"{where}: {one.__name__} has no name")
     _check_name(one.name, where)
-    missing = one.missing() if issubclass(one, Component) else sorted(one.__abstractmethods__)
+    missing = [_signature(one, name) for name in sorted(one.__abstractmethods__)]
+    missing += one.missing() if issubclass(one, Component) else []
     if missing:
-        raise InputError(f"{where}: {one.__name__} lacks {', '.join(missing)}")
+        raise InputError(f"{where}: {one.__name__} lacks {'; '.join(missing)}")
     return one
+
+
+def _signature(one: Plugged, name: str) -> str:
+    """A method, or a property, as a subclass has to define it."""
+    found = inspect.getattr_static(one, name)
+    getter = found.fget if isinstance(found, property) else None
+    signature = re.sub(r"\b\w+\.(?=\w)", "", str(inspect.signature(getter or found)))
+    return f"the property {name}{signature[6:]}" if getter else f"{name}{signature}"
 
 
 def _check_name(name: str, where: str) -> None:

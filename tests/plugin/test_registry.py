@@ -174,12 +174,12 @@ BROKEN = {
     "a nameless filter": ("from shadowbench.maps.moments import VSM\nclass A(VSM):\n    pass", "A has no name"),
     "an incomplete filter": (
         "from shadowbench.maps.filters import Filter\nclass A(Filter):\n    name = 'a'\n",
-        "A lacks radius, reads, shader, a file or text",
+        r"A lacks radius\(self, size: int\) -> float; the property reads -> int; shader, a file or text",
     ),
     "a misnamed filter": (FILTER.format(name="no such!", shader=FILTER_SHADER), "name 'no such!' is not a valid name"),
     "incomplete": (
         "from shadowbench.plugin.base import Technique\nclass A(Technique):\n    name = 'a'\n",
-        "A lacks build, draw",
+        r"A lacks build\(self, stage: Stage\) -> None; draw\(self, frame: Frame\) -> ",
     ),
 }
 
