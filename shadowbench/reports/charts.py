@@ -147,9 +147,12 @@ def bias_charts(section: Section) -> dict[str, Chart]:
                 continue
             point = chart_point(section, one)
             told = {"spec": one.spec, "× bias": f"{factor:g}", "contact": digits(contact)} | point["told"]
-            swept = {"factor": factor, "label": f"×{factor:g}", "best": factor == curve.best}
-            point |= swept | {"map": told["map"], "contact": contact, "acne": acne, "told": told}
-            points.setdefault(curve.base, []).append(point)
+            place = {"map": told["map"], "contact": contact, "acne": acne}
+            point |= place | {"factor": factor, "label": f"×{factor:g}", "best": factor == curve.best, "told": told}
+            drawn = points.setdefault(curve.base, [])
+            if drawn and place.items() <= drawn[-1].items():  # one label where points coincide, as without acne
+                point["label"], drawn[-1]["label"] = f"{drawn[-1]['label']}, {point['label']}", ""
+            drawn.append(point)
     return {base: _bias_chart(f"Acne against contact of {base} in {section.title}", of) for base, of in points.items()}
 
 
