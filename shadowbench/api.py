@@ -31,7 +31,7 @@ from shadowbench.advice.recommend import Recommendation, has_penumbra
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.space import technique_names
 from shadowbench.advice.target import target_of
-from shadowbench.engines.external_mask import mask_from_array
+from shadowbench.engines.external_mask import visibility_of
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.measure.gl_drawer import render as draw_once
@@ -44,6 +44,7 @@ from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.results.ranges import ranges_frame
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import chosen_view, opened
+from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
 from shadowbench.shared_worker import campaign, shared_worker
 from shadowbench.shared_worker import close as close
@@ -143,9 +144,13 @@ def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
     lit. It is quantised to 16 bits first, as stored masks are. Raises InputError.
     """
     options.instance_of(truth, "truth", "what truth returns", Truth)
-    mask, prepared = mask_from_array(visibility, "visibility").visibility, prepare_truth(truth)
+    try:
+        mask = quantise(visibility_of(visibility, "visibility"))
+    except ValueError as error:
+        raise InputError(f"visibility: {error}") from None
     if mask.shape != truth.visibility.shape:
         raise InputError(f"visibility: found shape {mask.shape}; allowed: {truth.visibility.shape}, that of the truth")
+    prepared = prepare_truth(truth)
     return score_mask(mask, prepared) | truth_record(prepared)
 
 

@@ -49,8 +49,11 @@ def mask_from_file(file: Path) -> ExternalMask:
     return ExternalMask(str(file), read_mask(file))
 
 
-def mask_from_array(values: ArrayLike, name: str = "mask") -> ExternalMask:
-    """Mask of an (N, N) array: bool, float in [0, 1], uint8 or uint16, 1 or full scale = lit. Raises InputError."""
+def visibility_of(values: ArrayLike, name: str) -> NDArray[np.floating | np.bool_]:
+    """Visibility of an (N, N) array: bool or float unchanged, uint8 or uint16 divided by full scale = lit.
+
+    Raises InputError for others. Values are not checked.
+    """
     array = np.asarray(values)
     full = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS}.get(array.dtype, 1)
     masked = np.ma.isMaskedArray(values)
@@ -62,8 +65,13 @@ def mask_from_array(values: ArrayLike, name: str = "mask") -> ExternalMask:
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.size == 0:
         across = " × ".join(map(str, (*array.shape[1::-1], *array.shape[2:])))
         raise InputError(f"{name}: found {across} pixels; allowed: a square, as the view is")
+    return array if full == 1 else array.astype(np.float64) / full
+
+
+def mask_from_array(values: ArrayLike, name: str = "mask") -> ExternalMask:
+    """Mask of an (N, N) array: bool, float in [0, 1], uint8 or uint16, 1 or full scale = lit. Raises InputError."""
     try:
-        return ExternalMask(name, quantise(array.astype(np.float64) / full))
+        return ExternalMask(name, quantise(visibility_of(values, name).astype(np.float64)))
     except ValueError as error:
         raise InputError(f"{name}: {error}; allowed: numbers in [0, 1]") from None
 

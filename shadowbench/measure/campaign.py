@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Protocol, Self
@@ -23,7 +23,6 @@ from shadowbench.measure.rows import Record, Result, StudyFacts
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.time_rows import time_row
 from shadowbench.scenes.model import View
-from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 from shadowbench.truths.trace import Truth
 
@@ -44,27 +43,6 @@ class Reporter(Protocol):
 
     def step(self, what: str) -> None:
         """Count one step of the stage as done."""
-
-
-class _Truths:
-    """Truths of a block's views by index, each traced, or read from the cache, when it is first asked for.
-
-    Only the first one's `area` is sampled finely, since no other is scored. InputError for a view that shows nothing.
-    """
-
-    def __init__(self, views: Sequence[View]) -> None:
-        self.views = views
-        self._found: dict[int, Truth] = {}
-
-    def __getitem__(self, index: int) -> Truth:
-        if index not in self._found:
-            self._found[index] = cached_truth(self.views[index], _FLIP_SAMPLES if index else PIXEL_SAMPLES)
-        return self._found[index]
-
-    @cached_property
-    def prepared(self) -> PreparedTruth:
-        """The first as the input of metrics."""
-        return prepare_truth(self[0])
 
 
 class Campaign:
@@ -93,7 +71,7 @@ class Campaign:
         self._sweep, self._keeps_images, self._time_again = sweep, keeps_images, time_again
         self._pictures = Pictures(folder)
         self._keys = WeakKeyDictionary[Block, dict[Cell, str]]()  # a scene takes long to hash
-        self._truths = _Truths(())
+        self._views: tuple[View, ...] = ()  # those of the last block, whose truths are kept
 
     def __enter__(self) -> Self:
         self.store = RowStore(self.folder, self._sweep)
@@ -169,13 +147,16 @@ class Campaign:
     def _score(self, block: Block) -> None:
         """Make the score rows that are missing."""
         missing, view, pictures = self.unscored(block), block.view, self._pictures
-        if self._truths.views != (view, *block.later):
-            self._truths = _Truths((view, *block.later))
+        if self._views != (views := (view, *block.later)):
+            # Only the first one's `area` is sampled finely, since no other is scored.
+            self._views = views
+            self._truth = cache(lambda index: cached_truth(views[index], _FLIP_SAMPLES if index else PIXEL_SAMPLES))
+            self._prepared = cache(lambda: prepare_truth(self._truth(0)))
         surface = cache(partial(self.drawer.surface, block))
         shown = False
         with Writer() as writer:
             if self._keeps_images is None:
-                writer.add(partial(pictures.write_truth, view, self._truths[0]))
+                writer.add(partial(pictures.write_truth, view, self._truth(0)))
             for cell, key in missing.items():
                 if block.times(cell):
                     writer.finish()  # its build is timed: nothing may run beside it
@@ -184,7 +165,7 @@ class Campaign:
                 writes: list[Callable[[], None]] = []
                 if rendering is not None and self._keeps(row):
                     if not shown:
-                        writes.append(partial(pictures.write_truth, view, self._truths[0]))
+                        writes.append(partial(pictures.write_truth, view, self._truth(0)))
                         writes.append(partial(pictures.write_shading, view, surface()))
                         shown = True
                     writes.append(partial(pictures.write_cell, key, rendering))
@@ -213,7 +194,7 @@ class Campaign:
         except (Unsupported, CellFailed) as reason:
             return row | {"status": status_of(reason)}, None
         try:
-            scores = mask_record(first.visibility, self._truths[0], self._truths.prepared, triangle)
+            scores = mask_record(first.visibility, self._truth(0), self._prepared(), triangle)
         except MetricError as error:
             return row | {"status": f"failed: {error}"}, None
         row |= {"status": "ok", **scores}
@@ -222,7 +203,7 @@ class Campaign:
         if later:
             masks = [drawn.visibility for drawn in (first, *later)]
             count = Stepped(block.view, block.step).count if block.step else flips
-            row["flips"] = count(masks, [self._truths[index] for index in range(len(masks))])
+            row["flips"] = count(masks, [self._truth(index) for index in range(len(masks))])
         return row | ({"step": block.step} if block.step else {}), first
 
     def _time(self, block: Block) -> None:

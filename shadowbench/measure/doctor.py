@@ -2,9 +2,7 @@
 
 import dataclasses
 import os
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,8 +24,7 @@ SERIES = 5
 MAX_NOISE = 1.05
 
 
-@dataclass(frozen=True)
-class Noise:
+class Noise(NamedTuple):
     """Median ratio of a cell's time to its own over interleaved rounds, inverted if below 1; 1 means no noise.
 
     ratio: over all `n` rounds; worst: largest ratio over the SERIES series of ROUNDS rounds.
@@ -90,20 +87,12 @@ def diagnosis() -> dict[str, dict[str, Any]]:
         "mib": round(sum(file.stat().st_size for file in files) / 2**20, 1),
         "at_most_mib": KEPT_BYTES // 2**20,
     }
-    problem = _cache_problem(cache)
-    if problem is not None:
-        found["truth_cache"]["problem"] = problem
-    return found
-
-
-def _cache_problem(folder: Path) -> str | None:
-    """Why truths cannot be cached in a folder; None if they can."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        check_outputs(".npz", folder / "truth.npz")
+        cache.mkdir(parents=True, exist_ok=True)
+        check_outputs(".npz", cache / "truth.npz")
     except (OSError, InputError) as error:
-        return str(error)
-    return None
+        found["truth_cache"]["problem"] = str(error)
+    return found
 
 
 def clock_noise(worker: Worker, info: DeviceInfo) -> dict[str, Any]:
@@ -112,14 +101,13 @@ def clock_noise(worker: Worker, info: DeviceInfo) -> dict[str, Any]:
         found = measure_noise(worker)
     except CellFailed as error:  # the rest of the diagnosis still counts
         return {"noise": f"not measured: {error}"}
-    values: dict[str, Any] = {}
-    if found.clock != info.clock:
-        values |= {"clock": found.clock, "why_this_clock": _clock_reason(info, found.clock)}
-    values |= {
+    values: dict[str, Any] = {
         "noise": round(found.ratio, 4),
         f"noise_worst_of_{ROUNDS}_rounds": round(found.worst, 4),
         "noise_is": f"the ratio of {SPEC} on {SCENE} to itself, timed as if it were two, over {found.n} rounds",
     }
+    if found.clock != info.clock:
+        values = {"clock": found.clock, "why_this_clock": _clock_reason(info, found.clock), **values}
     if found.ratio > MAX_NOISE:
         values["noise_is"] += f"; more than {MAX_NOISE}: something else runs here, and smaller differences mean nothing"
     return values

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -43,11 +44,8 @@ def machine_key(drawer: Drawer) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of shadowbench, Python and the libraries that results depend on."""
-    return {
-        "shadowbench": VERSION,
-        "python": platform.python_version(),
-        **{name: installed(name) for name in _LIBRARIES},
-    }
+    libraries = {name: installed(name) for name in _LIBRARIES}
+    return {"shadowbench": VERSION, "python": platform.python_version(), **libraries}
 
 
 def write_run_file(file: Path, drawer: Drawer, notes: Sequence[str], study: StudyFacts, keys: Iterable[str]) -> None:
@@ -70,9 +68,6 @@ def write_run_file(file: Path, drawer: Drawer, notes: Sequence[str], study: Stud
 
 
 def _processor() -> str:
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():  # platform.processor() is empty on Linux
-        for line in cpuinfo.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return platform.processor() or "unknown"
+    cpuinfo = Path("/proc/cpuinfo")  # platform.processor() is empty on Linux
+    named = re.search(r"^model name\s*: *(.*)", cpuinfo.read_text() if cpuinfo.exists() else "", re.MULTILINE)
+    return named[1].strip() if named else platform.processor() or "unknown"

@@ -5,6 +5,7 @@ import os
 import shlex
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -30,34 +31,33 @@ def stream_rows(file: Path) -> Iterator[tuple[Record, int]]:
     Raises InputError, with the line number, for a line that is no row, and for a file that cannot be read.
     """
     end = 0
-    try:
-        with _opened(file) as stream:
-            for number, line in enumerate(stream, start=1):
-                if line.endswith(b"\n"):
-                    end += len(line)
-                    yield _valid(ROW, line[:-1], f"{file} line {number}"), end
-                elif not (line.startswith(_HEAD) or _HEAD.startswith(line)):
-                    raise InputError(f"{file} line {number}: found no valid row; allowed: a row of schema {SCHEMA}")
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from None
+    with _opened(file) as stream:
+        for number, line in enumerate(stream, start=1):
+            if line.endswith(b"\n"):
+                end += len(line)
+                yield _valid(ROW, line[:-1], f"{file} line {number}"), end
+            elif not (line.startswith(_HEAD) or _HEAD.startswith(line)):
+                raise InputError(f"{file} line {number}: found no valid row; allowed: a row of schema {SCHEMA}")
 
 
 def read_run_file(file: Path) -> RunFile:
     """Contents of a `run.json`; empty if there is no file. Raises InputError for any other content."""
     if not file.exists():
         return {}
-    try:
-        with _opened(file) as stream:
-            found: RunFile = _valid(RUN_FILE, stream.read(), str(file))
-            return found
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from None
+    with _opened(file) as stream:
+        found: RunFile = _valid(RUN_FILE, stream.read(), str(file))
+    return found
 
 
-def _opened(file: Path) -> BinaryIO:
+@contextmanager
+def _opened(file: Path) -> Iterator[BinaryIO]:
     if not file.is_file():  # reading a named pipe would block
         raise InputError(f"{file}: is not a file")
-    return file.open("rb")
+    try:
+        with file.open("rb") as stream:
+            yield stream
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from None
 
 
 def _valid(schema: Any, text: bytes, where: str) -> Any:

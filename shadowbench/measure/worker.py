@@ -178,24 +178,21 @@ class Worker:
 
     def _answer(self, seconds: float) -> tuple[str, Any]:
         assert self._process is not None
-        watched = psutil.Process(self._process.pid)
+        watched, most = psutil.Process(self._process.pid), self.limits.bytes
         end = time.monotonic() + seconds
         while not self._pipe.connection.poll(_POLL_S):
-            if time.monotonic() > end:
+            used = 0
+            with suppress(psutil.NoSuchProcess):  # it died; the next read of the pipe reports that
+                used = watched.memory_info().rss
+            late = time.monotonic() > end
+            if used > most or late:
                 self.stop()
+            if used > most:
+                raise MemoryExceeded(f"ate memory: {used / 2**30:.2f} GiB, allowed are {most / 2**30:g}")
+            if late:
                 raise CellFailed(f"hung: no answer within {seconds:g} s")
-            self._check_memory(watched)
         answer: tuple[str, Any] = self._pipe.receive()
         return answer
-
-    def _check_memory(self, watched: psutil.Process) -> None:
-        try:
-            used = watched.memory_info().rss
-        except psutil.NoSuchProcess:
-            return  # it died; the next read of the pipe reports that
-        if used > self.limits.bytes:
-            self.stop()
-            raise MemoryExceeded(f"ate memory: {used / 2**30:.2f} GiB, allowed are {self.limits.bytes / 2**30:g}")
 
     def _exit_reason(self) -> str:
         assert self._process is not None
@@ -212,7 +209,9 @@ class Worker:
         if self._process is None or self._owner != os.getpid():
             self._process = None
             return
-        family = _descendants(self._process.pid)
+        family: list[psutil.Process] = []
+        with suppress(psutil.NoSuchProcess):
+            family = psutil.Process(self._process.pid).children(recursive=True)
         with suppress(ProcessLookupError):  # no process group yet, or no longer
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.kill()
@@ -240,14 +239,6 @@ def spawn(pipe: Connection, module: str) -> subprocess.Popen[bytes]:
         stderr=subprocess.STDOUT,
         pass_fds=[handle],
     )
-
-
-def _descendants(worker: int) -> list[psutil.Process]:
-    """All descendants of the worker process."""
-    try:
-        return psutil.Process(worker).children(recursive=True)
-    except psutil.NoSuchProcess:
-        return []
 
 
 @contextmanager

@@ -59,7 +59,8 @@ def _scored_cell(row: Record, one: Configuration, software: bool) -> dict[str, A
     if is_soft(metrics):
         others = [f"{METRICS['rmse_pen'].text(metrics.get('rmse_pen'), digits, row)} in the penumbra", _iou(metrics)]
     else:
-        others = ["edge –" if metrics["edge_px"] is None else f"edge {digits(metrics['edge_px'])} px"]
+        edge = metrics.get("edge_px")  # rows of an older version may lack it
+        others = ["edge –" if edge is None else f"edge {digits(edge)} px"]
     untimed = one.value("frame_ms") is None
     cost = "not timed" if untimed else f"{one.text('frame_ms', digits)} ms{' (software renderer)' if software else ''}"
     score, caption = own, ", ".join([own, *others, cost])

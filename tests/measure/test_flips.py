@@ -35,48 +35,28 @@ SIZE = 64
 Frames = tuple[Stepped, np.ndarray, np.ndarray, Truth, Truth]
 
 
-Rows = dict[str, dict[str, Any]]
-
-
-def rows_of(shadowbench: Any, records: Any, folder: Path, text: str) -> Rows:
+def rows_of(shadowbench: Any, records: Any, folder: Path, text: str) -> dict[str, dict[str, Any]]:
     """Score rows of a study by spec."""
     (folder / "study.toml").write_text(text, encoding="utf-8")
     assert shadowbench("run", "-s", folder / "study.toml", "-o", folder / "out", "-q").code == 0
     return {row["spec"]: row for row in records(folder / "out", "score")}
 
 
-@pytest.fixture(scope="module")
-def found() -> dict[str, Rows]:
-    return {}
-
-
-@pytest.fixture
-def stepped_rows(
-    shadowbench: Any, records: Any, found: dict[str, Rows], tmp_path_factory: pytest.TempPathFactory
-) -> Callable[[str], Rows]:
-    def rows(step: str) -> Rows:
-        if step not in found:
-            found[step] = rows_of(shadowbench, records, tmp_path_factory.mktemp(step), STUDY.format(step=step))
-        return found[step]
-
-    return rows
-
-
-def test_what_does_not_depend_on_the_camera_does_not_shimmer_when_it_turns(stepped_rows) -> None:
-    rows = stepped_rows("camera")
+def test_only_a_window_that_follows_the_camera_shimmers_when_it_turns_unless_it_is_snapped(
+    shadowbench: Any, records: Any, tmp_path: Path
+) -> None:
+    rows = rows_of(shadowbench, records, tmp_path, STUDY.format(step="camera"))
     for spec in ("ray-traced", "shadow-volume", "shadow-map:fit=scene,filter=hard"):
         assert rows[spec]["flips"] == 0, spec
-
-
-def test_a_window_that_follows_the_camera_shimmers_unless_it_is_snapped(stepped_rows) -> None:
-    rows = stepped_rows("camera")
     loose, snapped = (rows[f"cascades:count=1,box=sphere{more},filter=hard"]["flips"] for more in ("", ",stable=true"))
     assert min(loose, rows["shadow-map:fit=view,filter=hard"]["flips"]) > 0.02
     assert snapped < loose / 20  # found: one pixel, where a texel's corner lies between the four around it
 
 
-def test_what_is_exact_does_not_shimmer_when_the_light_moves_and_a_map_does(stepped_rows) -> None:
-    rows = stepped_rows("light")
+def test_what_is_exact_does_not_shimmer_when_the_light_moves_and_a_map_does(
+    shadowbench: Any, records: Any, tmp_path: Path
+) -> None:
+    rows = rows_of(shadowbench, records, tmp_path, STUDY.format(step="light"))
     assert rows["ray-traced"]["flips"] == rows["shadow-volume"]["flips"] == 0
     for spec, row in rows.items():
         if row["map_size"]:
@@ -124,14 +104,10 @@ def test_an_edge_that_moves_by_a_pixel_flips_one_line_of_the_four_beside_the_tru
     assert stepped.count([before, after], [was, now]) == pytest.approx(1 / 4, abs=1 / SIZE)
 
 
-def test_an_edge_far_from_every_true_one_counts_nothing(turned) -> None:
-    stepped, before, after, was, now = turned(10.0, 1.0, 0.0)
-    assert stepped.count([before, after], [was, now]) == 0
-
-
-def test_without_a_true_edge_flips_are_undefined(turned) -> None:
-    stepped, before, after, was, now = turned(0.0, 1.0, 1000.0)
-    assert stepped.count([before, after], [was, now]) is None
+@pytest.mark.parametrize(("at", "true_at", "found"), [(10.0, 0.0, 0), (0.0, 1000.0, None)])
+def test_flips_are_counted_near_true_edges_alone(turned, at: float, true_at: float, found: float | None) -> None:
+    stepped, before, after, was, now = turned(at, 1.0, true_at)
+    assert stepped.count([before, after], [was, now]) == found
 
 
 def test_a_pixel_that_changes_in_the_truth_too_is_not_counted(turned) -> None:

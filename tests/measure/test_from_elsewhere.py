@@ -8,145 +8,94 @@ from typing import Any
 import numpy as np
 import pytest
 
+from shadowbench.errors import InputError
+from shadowbench.measure.row_store import read_run_file, stream_rows
+from shadowbench.results.tables import read_sweep_positions
 from shadowbench.scores.masks import write_mask
 
 Shadowbench = Callable[..., Any]
-Spoil = Callable[[dict[str, Any]], Any]
 
 SIZE = ("--view-size", "16", "--rounds", "1", "-q")
 RUN = ("run", "cube-on-plane", "-t", "shadow-map:size=16", *SIZE)
 STRESS = ("stress", "--quick", "--axis", "elevation", "-t", "unshadowed", "-q")
 NESTED = "[" * 200_000 + "]" * 200_000
-
-
-def put(*place: str, value: Any) -> Spoil:
-    """A change that replaces the value at a path."""
-
-    def spoil(row: dict[str, Any]) -> None:
-        for name in place[:-1]:
-            row = row[name]
-        row[place[-1]] = value
-
-    return spoil
-
-
-def lacking(*place: str) -> Spoil:
-    """A change that removes the value at a path."""
-
-    def spoil(row: dict[str, Any]) -> None:
-        for name in place[:-1]:
-            row = row[name]
-        del row[place[-1]]
-
-    return spoil
-
-
-def text(line: str | bytes) -> Spoil:
-    """A change that replaces the whole file."""
-    return lambda row: line
-
-
 NAN, INFINITY = float("nan"), float("inf")
-SCORES: dict[str, Spoil] = {
-    "NaN in a metric": put("metrics", "iou", value=NAN),
-    "infinity in a metric": put("metrics", "iou", value=INFINITY),
-    "a metric as text": put("metrics", "iou", value="0.9"),
-    "metrics as a list": put("metrics", value=[0.9]),
-    "no metrics": lacking("metrics"),
-    "a key that leads out of the folder": put("key", value="../../secret"),
-    "a key that is a number": put("key", value=7),
-    "a scene that leads out of the folder": put("scene", value="../../secret"),
-    "a light that is a path": put("light", value="/etc/light"),
-    "no scene": lacking("scene"),
-    "no full spec": lacking("full_spec"),
-    "a spec that is a list": put("spec", value=["shadow-map"]),
-    "a map size as text": put("map_size", value="16"),
-    "a map size of half a texel": put("map_size", value=0.5),
-    "a view size below 1": put("view_size", value=-16),
-    "a phase that is null": put("phase", value=None),
-    "coordinates of no kind": put("coordinates", value="polar"),
-    "another status": put("status", value="fine"),
-    "a status that is a number": put("status", value=1),
-    "no renderer": lacking("renderer"),
-    "bytes that are null": put("gpu_bytes", value=None),
-    "bytes beyond 64 bits": put("gpu_bytes", value=2**70),
-    "work as text": put("work", value="much"),
-    "a count of work that is half": put("work", "draws", value=0.5),
-    "NaN in a fact": put("facts", value={"planes": NAN}),
-    "assumptions as text": put("assumptions", value="no camera"),
-    "input as text": put("input", value="mask.png"),
-    "warnings that are a number": put("input", value={"warnings": 3}),
-    "NaN beside the warnings": put("input", value={"warnings": [], "gamma": NAN}),
-    "infinity in a field that is unknown": put("novel", value=[{"deep": INFINITY}]),
-    "another schema": put("schema", value=2),
-    "another kind": put("kind", value="opinion"),
-    "no kind": lacking("kind"),
-    "half a place on an axis": put("axis", value="elevation"),
-    "a list": text("[]"),
-    "200,000 brackets": text(NESTED),
-    "half of a surrogate": text('{"schema": 1, "kind": "score", "key": "\\ud800"}'),
-    "bytes that are no UTF-8": text(b'{"schema": 1, "kind": "score", "key": "\xff"}'),
-    "a number of 5,000 digits": text('{"schema": 1, "kind": "score", "phase": 1' + 5000 * "0" + "}"),
+NONE = object()  # a field is left out
+
+Spoilt = dict[str, tuple[str, Any] | str | bytes]
+"""What is wrong: a field, by names with dots between them, and its value; or the whole text."""
+
+SCORES: Spoilt = {
+    "NaN in a metric": ("metrics.iou", NAN),
+    "a metric as text": ("metrics.iou", "0.9"),
+    "no metrics": ("metrics", NONE),
+    "a key that leads out of the folder": ("key", "../../secret"),
+    "a scene that leads out of the folder": ("scene", "../../secret"),
+    "a light that is a path": ("light", "/etc/light"),
+    "no full spec": ("full_spec", NONE),
+    "a map size of half a texel": ("map_size", 0.5),
+    "a view size below 1": ("view_size", -16),
+    "coordinates of no kind": ("coordinates", "polar"),
+    "another status": ("status", "fine"),
+    "bytes that are null": ("gpu_bytes", None),
+    "bytes beyond 64 bits": ("gpu_bytes", 2**70),
+    "a count of work that is half": ("work.draws", 0.5),
+    "NaN in a fact": ("facts", {"planes": NAN}),
+    "NaN beside the warnings": ("input", {"warnings": [], "gamma": NAN}),
+    "infinity in a field that is unknown": ("novel", [{"deep": INFINITY}]),
+    "another schema": ("schema", 2),
+    "no kind": ("kind", NONE),
+    "half a place on an axis": ("axis", "elevation"),
+    "200,000 brackets": NESTED,
+    "half of a surrogate": '{"schema": 1, "kind": "score", "key": "\\ud800"}',
+    "bytes that are no UTF-8": b'{"schema": 1, "kind": "score", "key": "\xff"}',
+    "a number of 5,000 digits": '{"schema": 1, "kind": "score", "phase": 1' + 5000 * "0" + "}",
 }
-TIMES: dict[str, Spoil] = {
-    "infinity in a time": put("frame_ms", value=INFINITY),
-    "a time as text": put("frame_ms", value="3 ms"),
-    "a time below 0": put("frame_ms", value=-1.0),
-    "no rounds": lacking("n"),
-    "0 rounds": put("n", value=0),
-    "a ratio below 0": put("ratio", value=-2.0),
-    "no ratio and no reason": put("ratio", value=None),
-    "no IQR of a ratio": lacking("ratio_iqr"),
-    "three quartiles": put("ratio_quartiles", value=[1.0, 2.0, 3.0]),
-    "passes as a list": put("passes", value=[1.0]),
-    "a pass without its time": put("passes", value={"depth": {"iqr_ms": 1.0}}),
-    "NaN beside the time of a pass": put("passes", value={"depth": {"ms": 1.0, "novel": NAN}}),
-    "a key in capitals": put("key", value="A" * 24),
+TIMES: Spoilt = {
+    "infinity in a time": ("frame_ms", INFINITY),
+    "a time below 0": ("frame_ms", -1.0),
+    "0 rounds": ("n", 0),
+    "no ratio and no reason": ("ratio", None),
+    "no IQR of a ratio": ("ratio_iqr", NONE),
+    "three quartiles": ("ratio_quartiles", [1.0, 2.0, 3.0]),
+    "NaN beside the time of a pass": ("passes", {"depth": {"ms": 1.0, "novel": NAN}}),
 }
-ABOUT: dict[str, Spoil] = {
-    "device as text": put("device", value="a GPU"),
-    "software as text": put("device", "software", value="yes"),
-    "a version as text": put("device", "version", value="4.5"),
-    "machine as a list": put("machine", value=["a processor"]),
-    "a machine's key that is a number": put("machine_key", value=7),
-    "assumptions that are numbers": put("assumptions", value=[1, 2]),
-    "assumptions that are null": put("assumptions", value=None),
-    "versions as text": put("versions", value="0.1"),
-    "a command that is a list": put("command", value=["shadowbench", "run"]),
-    "a study that is null": put("study", value=None),
-    "rounds as text": put("study", "rounds", value="nine"),
-    "keys as text": put("keys", value="all"),
-    "a key that leads out": put("keys", value=["../../secret"]),
-    "another schema": put("schema", value=2),
-    "no JSON": text("{"),
-    "200,000 brackets": text(NESTED),
-    "an array": text("[]"),
+ABOUT: Spoilt = {
+    "device as text": ("device", "a GPU"),
+    "software as text": ("device.software", "yes"),
+    "machine as a list": ("machine", ["a processor"]),
+    "assumptions that are numbers": ("assumptions", [1, 2]),
+    "a command that is a list": ("command", ["shadowbench", "run"]),
+    "rounds as text": ("study.rounds", "nine"),
+    "a key that leads out": ("keys", ["../../secret"]),
+    "another schema": ("schema", 2),
+    "no JSON": "{",
+    "200,000 brackets": NESTED,
 }
-POINTS: dict[str, Spoil] = {
-    "no axis value": lacking("axis_value"),
-    "an axis value that is a list": put("axis_value", value=[1.0]),
-    "NaN on the axis": put("axis_value", value=NAN),
-    "a light of no kind": put("light_kind", value="moon"),
-    "no home": lacking("home_spec"),
-    "no IoU": lacking("metrics", "iou"),
-    "infinity in the flips": put("flips", value=INFINITY),
-    "a key that leads out": put("key", value="../secret"),
+POINTS: Spoilt = {
+    "no axis value": ("axis_value", NONE),
+    "NaN on the axis": ("axis_value", NAN),
+    "a light of no kind": ("light_kind", "moon"),
+    "no IoU": ("metrics.iou", NONE),
+    "infinity in the flips": ("flips", INFINITY),
 }
 
 
-def cases(spoils: dict[str, Spoil]) -> list[Any]:
-    return [pytest.param(spoil, id=name) for name, spoil in spoils.items()]
+def spoilt(line: str, spoil: tuple[str, Any] | str | bytes) -> bytes:
+    if not isinstance(spoil, tuple):
+        return spoil if isinstance(spoil, bytes) else spoil.encode()
+    whole = json.loads(line)
+    *places, last = spoil[0].split(".")
+    row = whole
+    for name in places:
+        row = row[name]
+    row[last] = spoil[1]
+    if spoil[1] is NONE:
+        del row[last]
+    return json.dumps(whole).encode()
 
 
-def spoilt(line: str, spoil: Spoil) -> bytes:
-    row = json.loads(line)
-    whole = spoil(row)
-    if whole is None:
-        whole = json.dumps(row)
-    return whole if isinstance(whole, bytes) else whole.encode()
-
-
-def spoil_row(folder: Path, kind: str, spoil: Spoil) -> str:
+def spoil_row(folder: Path, kind: str, spoil: tuple[str, Any] | str | bytes) -> str:
     """Changes the last row of a kind, and returns the message that must name it."""
     file = folder / "rows.jsonl"
     lines = file.read_text().splitlines()
@@ -157,7 +106,7 @@ def spoil_row(folder: Path, kind: str, spoil: Spoil) -> str:
 
 
 @pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
+def measured() -> dict[str, dict[str, bytes]]:
     """Files of run folders, measured once, by command."""
     return {}
 
@@ -185,53 +134,55 @@ def assert_refused(answer: Any, where: str) -> None:
     assert len(answer.err) < len(where) + 300
 
 
-@pytest.mark.parametrize(("kind", "spoil"), [
-    *(pytest.param("score", *case.values, id=f"score: {case.id}") for case in cases(SCORES)),
-    *(pytest.param("time", *case.values, id=f"time: {case.id}") for case in cases(TIMES)),
-])  # fmt: skip
-def test_a_row_that_no_run_writes_is_one_line(
-    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, kind: str, spoil: Spoil
+def test_what_no_command_writes_is_one_line_of_its_reader(folder: Callable[..., Path]) -> None:
+    for command, kind, table in ((RUN, "score", SCORES), (RUN, "time", TIMES), (STRESS, "score", POINTS)):
+        for what, spoil in table.items():
+            bad = folder(*command)
+            where = spoil_row(bad, kind, spoil)
+            with pytest.raises(InputError) as error:
+                list(stream_rows(bad / "rows.jsonl"))
+            assert str(error.value).startswith(where) and len(str(error.value)) < len(where) + 300, what
+    for what, spoil in ABOUT.items():
+        file = folder(*RUN) / "run.json"
+        file.write_bytes(spoilt(file.read_text(), spoil))
+        with pytest.raises(InputError) as error:
+            read_run_file(file)
+        assert str(error.value).startswith(f"{file}: ") and len(str(error.value)) < len(str(file)) + 300, what
+
+
+def test_every_command_refuses_it_and_leaves_it_as_it_is(
+    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path
 ) -> None:
     good, bad = folder(*RUN).rename(tmp_path / "good"), folder(*RUN)
-    where = spoil_row(bad, kind, spoil)
+    report = ("report", bad, "-o", tmp_path / "report.html")
+    about = (bad / "run.json").read_bytes()
+    (bad / "run.json").write_text("{")
+    for command in (("check", bad, "--baseline", good), report):
+        assert_refused(shadowbench(*command), f"{bad / 'run.json'}: ")
+    (bad / "run.json").write_bytes(about)
+    where = spoil_row(bad, "time", TIMES["a time below 0"])
     before = (bad / "rows.jsonl").read_bytes()
-    assert_refused(shadowbench("check", bad, "--baseline", good), where)
-    assert_refused(shadowbench("check", good, "--baseline", bad), where)
-    assert_refused(shadowbench("report", bad, "-o", tmp_path / "report.html"), where)
-    assert_refused(shadowbench(*RUN, "-o", bad), where)
+    for command in (("check", bad, "--baseline", good), ("check", good, "--baseline", bad), report, (*RUN, "-o", bad)):
+        assert_refused(shadowbench(*command), where)
     assert (bad / "rows.jsonl").read_bytes() == before and not (tmp_path / "report.html").exists()
+    swept = folder(*STRESS)
+    where = spoil_row(swept, "score", POINTS["no axis value"])
+    for command in (("report", swept, "-o", tmp_path / "report.html"), (*STRESS, "-o", swept)):
+        assert_refused(shadowbench(*command), where)
 
 
-@pytest.mark.parametrize("spoil", cases(ABOUT))
-def test_a_run_json_that_no_run_writes_is_one_line(
-    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, spoil: Spoil
-) -> None:
-    good, bad = folder(*RUN).rename(tmp_path / "good"), folder(*RUN)
-    file = bad / "run.json"
-    file.write_bytes(spoilt(file.read_text(), spoil))
-    assert_refused(shadowbench("check", bad, "--baseline", good), f"{file}: ")
-    assert_refused(shadowbench("report", bad, "-o", tmp_path / "report.html"), f"{file}: ")
-
-
-@pytest.mark.parametrize(
-    ("table", "named"),
-    [
-        ("scene,iou\ns,0.9\n", "no column `key`"),
-        ("key\n\xff\xfe\n", "no column `key`"),
-        ("key,bias_of\nk,b\n", "no sweep"),
-        ("key,spec,map_size,bias_of,bias_factor\nk,s,16,s,twice\n", "no sweep"),
-        ("key,spec,map_size,bias_of,bias_factor\nk,s,inf,s,2\n", "no sweep"),
-        ("key,spec,map_size,bias_of,bias_factor,bias_also\nk,s,16,s,2,s × much\n", "no sweep"),
-    ],
-)
 def test_a_table_that_no_command_writes_is_one_line(
-    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, table: str, named: str
+    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path
 ) -> None:
-    bad = folder(*RUN)
-    (bad / "table.csv").write_bytes(table.encode("latin-1"))
-    answer = shadowbench("report", bad, "-o", tmp_path / "report.html")
-    assert_refused(answer, f"{bad / 'table.csv'}: ")
-    assert named in answer.err
+    file = folder(*RUN) / "table.csv"
+    file.write_text("scene,iou\ns,0.9\n")
+    answer = shadowbench("report", file.parent, "-o", tmp_path / "report.html")
+    assert_refused(answer, f"{file}: ")
+    assert "no column `key`" in answer.err
+    for text in ("bias_of,bias_factor\nk,16,s,twice\n", "bias_of,bias_factor,bias_also\nk,16,s,2,s × much\n"):
+        file.write_text(f"spec,map_size,{text}", encoding="utf-8")
+        with pytest.raises(InputError, match="no sweep"):
+            read_sweep_positions(file)
 
 
 @pytest.mark.parametrize("kind", ["masks", "truth", "pictures"])
@@ -256,15 +207,3 @@ def test_an_image_that_no_run_writes_is_one_line(
         assert answer.code == 0, "a picture is only shown"
     else:
         assert_refused(answer, f"{files[kind]}: ")
-
-
-@pytest.mark.parametrize("spoil", cases(POINTS))
-def test_a_row_that_no_sweep_writes_is_one_line(
-    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, spoil: Spoil
-) -> None:
-    bad = folder(*STRESS)
-    where = spoil_row(bad, "score", spoil)
-    before = (bad / "rows.jsonl").read_bytes()
-    assert_refused(shadowbench("report", bad, "-o", tmp_path / "report.html"), where)
-    assert_refused(shadowbench(*STRESS, "-o", bad), where)
-    assert (bad / "rows.jsonl").read_bytes() == before

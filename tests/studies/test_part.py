@@ -24,11 +24,6 @@ def test_every_item_is_in_one_part_and_parts_are_of_equal_size(items: list[int],
     assert max(map(len, parts)) - min(map(len, parts)) <= 1
 
 
-def test_a_part_does_not_depend_on_the_order_of_its_items() -> None:
-    forth, back = ([*range(100)], [*reversed(range(100))])
-    assert sorted(Part(2, 3).of(back, str)) == Part(2, 3).of(forth, str)
-
-
 def test_blocks_of_two_lights_are_dealt_alike_in_any_order() -> None:
     scene = load_scene("stairs")
     lights = [replace(scene.lights[0], name=f"sun-{number}") for number in range(12)]
@@ -44,15 +39,9 @@ def test_what_is_no_part_is_an_error(text: str) -> None:
         Part.named(text)
 
 
-def test_more_parts_than_cells_are_an_error() -> None:
-    with pytest.raises(
-        InputError,
-        match=r"^--part 4/4: found 3 to divide, as the cells of a view stay together; allowed: 1 to 3 parts$",
-    ):
-        Part(4, 4).of("abc", str)
-
-
-def test_the_estimate_of_the_whole_is_not_given_for_a_part(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+def test_more_parts_than_views_are_an_error_without_an_estimate_of_the_whole(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
     answer = shadowbench("run", "-t", "unshadowed", "--view-size", 16, "--part", "4/4", "-o", tmp_path / "out")
     assert answer.code == 2
     line = "shadowbench: --part 4/4: found 3 to divide, as the cells of a view stay together; allowed: 1 to 3 parts"
