@@ -19,8 +19,7 @@ from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.files import read_document
 from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer.drawing import Drawing, Drawn, Mask, moving_size, told
-from shadowbench.viewer.lights import Path as LightPath
-from shadowbench.viewer.lights import travelled
+from shadowbench.viewer.lights import LightPath, travelled
 from shadowbench.viewer.panes import Panes
 from shadowbench.viewer.state import History, Origin, Source, ViewerState
 from shadowbench.viewer.truth import Judge, TruthTask
@@ -29,8 +28,7 @@ REST_S = 0.15
 """Time without a change after which a motion has ended, in seconds."""
 FILES_S = 0.5
 """How often files are looked at, in seconds."""
-SHOWN_FRAMES = 120
-"""Frames in the history of times."""
+_SHOWN_FRAMES = 120  # in the history of times
 _SHADERS = (".glsl", ".vert", ".frag", ".geom")
 Result = TypeVar("Result")
 
@@ -63,9 +61,8 @@ def scene_files(origin: Origin | None) -> list[Path]:
 class Viewer:
     """The window's state and everything that is drawn of it. `change` is the only way to another state.
 
-    message: the last error or result of an action; broken: why nothing can be drawn; map_of, shows_map: the spec whose
-    map is shown, and whether it is; travel, turns_a_minute: the light's path and its speed; pass_ms: of the last frames
-    that were drawn, the milliseconds of A's and B's passes; names: of files to write.
+    message: the last error or result of an action; broken: why nothing can be drawn; travel: the light's path; map_of,
+    shows_map: the spec whose map is shown, and whether it is; names: of files to write; pass_ms: of the last frames.
     """
 
     def __init__(
@@ -89,7 +86,7 @@ class Viewer:
         self.map_of, self.shows_map = 0, False
         self.names = {"study file": "view-study.toml", "picture": "view.png", "state": "view.toml"}
         self.work: dict[Spec, Mapping[str, int]] = {}
-        self.pass_ms: deque[Sequence[Mapping[str, float]]] = deque(maxlen=SHOWN_FRAMES)
+        self.pass_ms: deque[Sequence[Mapping[str, float]]] = deque(maxlen=_SHOWN_FRAMES)
         self._seconds, self._changed_at, self._stepped_at = seconds, -math.inf, seconds()
         self._rested_ms = 0.0
         # Of what the masks, the pictures and the last question are.

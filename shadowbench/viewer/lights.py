@@ -15,7 +15,7 @@ from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.viewer.navigation import distance, projected, ray
 
 Handle = Literal["light", "aim"]
-Path = Literal["rest", "day", "circle"]
+LightPath = Literal["rest", "day", "circle"]
 LOWEST = math.radians(1.0)
 """Least elevation to which a sun is dragged, in radians."""
 _CONE = math.radians(60.0)
@@ -89,7 +89,7 @@ def azimuth_elevation(light: Light) -> tuple[float, float]:
     return math.atan2(-z, x), math.asin(float(np.clip(y, -1.0, 1.0)))
 
 
-def travelled(light: Light, scene: Scene, path: Path, turns: float) -> Light:
+def travelled(light: Light, scene: Scene, path: LightPath, turns: float) -> Light:
     """The light after so many turns of its path around the scene's centre.
 
     circle: about the vertical axis; day: from the hour at which a sun is as far in the east (+x), along an arc over the

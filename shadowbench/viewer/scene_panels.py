@@ -16,8 +16,7 @@ from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.viewer.app import Viewer
-from shadowbench.viewer.lights import Path as LightPath
-from shadowbench.viewer.lights import azimuth_elevation, sun_at, with_kind
+from shadowbench.viewer.lights import LightPath, azimuth_elevation, sun_at, with_kind
 from shadowbench.viewer.state import Origin, materials
 from shadowbench.viewer.technique_panel import choice, number, tooltip
 
