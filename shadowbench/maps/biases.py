@@ -68,6 +68,7 @@ class Bias(Component):
     swept: ClassVar[tuple[str, ...]] = ()
     effects: ClassVar[dict[str, str]] = {}
     shader = "bias/none.glsl"
+    of_number = "constant"
 
     @classmethod
     def from_value(cls, value: "Component | str | Call") -> "Bias":

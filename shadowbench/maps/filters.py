@@ -35,6 +35,7 @@ class Filter(Component):
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
     radius_shader: ClassVar[str] = "filter/radius.glsl"  # defines `radius`, for the bias
+    of_number = "pcf"
 
     @classmethod
     def missing(cls) -> list[str]:

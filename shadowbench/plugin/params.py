@@ -5,10 +5,11 @@ its family's table, and so to the allowed values of every technique parameter of
 """
 
 import inspect
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pydantic import Field, ModelWrapValidatorHandler, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError, alternatives
@@ -59,6 +60,7 @@ class Component(Strict):
     name: ClassVar[str]
     shader: ClassVar[str] = ""  # file that fills the include slot of the parameter, or its text of several lines
     table: ClassVar[dict[str, type[Self]]]
+    of_number: ClassVar[str] = ""  # of a family, the member that a number alone suggests
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -99,9 +101,20 @@ class Component(Strict):
         if call.name == "+":
             raise ValueError(f"{family}s cannot be added, only biases can; allowed: one of {', '.join(cls.table)}")
         if call.name not in cls.table:
-            raise ValueError(f"unknown {family} {call.name!r}{alternatives(call.name, cls.table)}")
+            hint = cls._hint_of_number(value)
+            raise ValueError(f"unknown {family} {call.name!r}{alternatives(call.name, cls.table)}{hint}")
         component = cls.table[call.name]
         return component(**call.keywords(list(component.model_fields)))
+
+    @classmethod
+    def _hint_of_number(cls, value: object) -> str:
+        """How a number alone is written, if it can be; empty otherwise."""
+        component = cls.table.get(cls.of_number)
+        if component is not None and type(value) in (int, float):
+            with suppress(ValidationError):  # out of its range
+                component(**{next(iter(component.model_fields)): value})
+                return f"; a number alone is written {component.name}({value})"
+        return ""
 
     @model_validator(mode="wrap")
     @classmethod

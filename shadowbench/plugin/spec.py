@@ -22,6 +22,18 @@ if TYPE_CHECKING:
     from shadowbench.plugin.base import Technique
 
 
+WRITTEN = {
+    **dict.fromkeys(("csm", "pssm", "cascade", "cascaded-shadow-maps"), "cascades"),
+    **dict.fromkeys(("sm", "pcf-shadow-map", "shadow-mapping", "depth-map"), "shadow-map"),
+    "sdsm": "shadow-map:fit=visible",
+    **dict.fromkeys(("rt", "rtx", "dxr", "raytracing", "ray-tracing", "ray-query", "embree"), "ray-traced"),
+    **dict.fromkeys(("sv", "stencil", "stencil-shadows", "stencil-volume", "z-fail", "z-pass"), "shadow-volume"),
+    **dict.fromkeys(("omni", "omnidirectional", "cube", "point-shadow-map"), "cube-map"),
+    **dict.fromkeys(("planar", "projected", "projected-shadows"), "planar-projection"),
+    **dict.fromkeys(("none", "off", "no-shadows"), "unshadowed"),
+}
+"""Other names of techniques in the field, and what a spec calls them."""
+
 _RETIRED = {("shadow-volume", "build"): ("geometry", "cpu")}
 """Parameters that specs once had, and values that made no difference to masks: read, and left out."""
 _RETIRED_ITEM = re.compile(r"(?<=[:(,])build=(?:geometry|cpu),")
@@ -104,6 +116,8 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     if name not in techniques:
         families = [family.__name__.lower() for family in Component.__subclasses__() if name in family.table]
         hint = f"; {name} is a {families[0]}: {families[0]}={name}" if families else ""
+        if written := WRITTEN.get(name.casefold().replace("_", "-")):
+            hint = f"; {name} is written {written}"
         raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}{hint}")
     return _parsed(text, techniques[name])
 

@@ -1,6 +1,7 @@
 """Charts of a section, for the interactive page and for PNG figures."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from shadowbench.reports.vega import (
     COLORS,
@@ -20,6 +21,7 @@ from shadowbench.reports.vega import (
 )
 from shadowbench.reports.words import digits
 from shadowbench.results.configurations import Section
+from shadowbench.results.curves import curves
 
 _BAR = 36  # height in pixels
 _PASS_TIMES = [
@@ -28,6 +30,8 @@ _PASS_TIMES = [
     "so that their sum may exceed the frame;",
     "tick: the whole frame, timed separately",
 ]
+_LEAST_SHARE = 1e-3  # axes of shares are linear below, so as to include 0, and logarithmic above
+_SHARES = (0.0, _LEAST_SHARE, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 _CHANGES = {"light": "when the light moves", "view": "when light or camera moves", "frame": "every frame"}
 # Wheel and touch alone scroll the page; the page has buttons for zoom and reset.
 _ZOOM = {
@@ -131,6 +135,53 @@ def size_chart(section: Section, styles: Styles | None) -> Chart | None:
         mark("point", at | look | TOLD, *mapped, filled=True, size=70),
     ]
     return chart_of(f"Error against map size in {section.title}", points, layer, 400)
+
+
+def bias_charts(section: Section) -> dict[str, Chart]:
+    """Acne against contact over the factors of each bias sweep, by its spec; none for soft shadows."""
+    points: dict[str, list[Chart]] = {}
+    for curve in [] if section.soft else curves(section.scored, section.run.sweep_positions):
+        for factor, one in curve.points:
+            contact, acne = one.value("contact"), one.value("acne")
+            if contact is None or acne is None:
+                continue
+            point = chart_point(section, one)
+            told = {"spec": one.spec, "× bias": f"{factor:g}", "contact": digits(contact)} | point["told"]
+            place = {"map": told["map"], "contact": contact, "acne": acne}
+            point |= place | {"factor": factor, "label": f"×{factor:g}", "best": factor == curve.best, "told": told}
+            drawn = points.setdefault(curve.base, [])
+            if drawn and place.items() <= drawn[-1].items():  # one label where points coincide, as without acne
+                point["label"], drawn[-1]["label"] = f"{drawn[-1]['label']}, {point['label']}", ""
+            drawn.append(point)
+    return {base: _bias_chart(f"Acne against contact of {base} in {section.title}", of) for base, of in points.items()}
+
+
+def _bias_chart(about: str, points: Sequence[Chart]) -> Chart:
+    """A line for each map size, and the factors beside its points."""
+    maps = list(dict.fromkeys(point["map"] for point in points))
+    color = {
+        "field": "map",
+        "title": "map size",
+        "scale": {"domain": maps, "range": [COLORS[index % len(COLORS)] for index in range(len(maps))]},
+        "legend": {"orient": "top"},
+    }
+    titles = {"x": ("contact", "contact shadow lost (peter-panning)"), "y": ("acne", "acne")}
+    at = {channel: _share(points, *names) for channel, names in titles.items()}
+    best = {"condition": {"test": "datum.best", "value": INK}, "value": None}
+    layer: list[Chart] = [
+        mark("line", {**at, "color": color, "order": {"field": "factor"}}, strokeWidth=1.5),
+        mark("point", {**at, "color": color, "stroke": best} | TOLD, filled=True, size=70, strokeWidth=2),
+        mark("text", {**at, "text": {"field": "label"}}, align="left", dx=7, dy=-7, fontSize=11, color=INK),
+    ]
+    return chart_of(about, points, layer, 320)
+
+
+def _share(points: Sequence[Chart], field: str, title: str) -> Chart:
+    """A channel of shares from 0 to the first label beyond all of them."""
+    most = max(_LEAST_SHARE, *(point[field] for point in points))
+    ticks = [0.0, *(tick for below, tick in pairwise(_SHARES) if below < most)]
+    scale = {"type": "symlog", "constant": _LEAST_SHARE, "domain": [0, ticks[-1]], "nice": False}
+    return quantity(field, title, scale=scale, axis={"values": ticks, "format": "~g", "grid": True})
 
 
 def pass_chart(section: Section, size: int | None) -> Chart | None:

@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from shadowbench.measure.flips import ROW_METRICS
-from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.gallery import Place, gallery, scored_cells
 from shadowbench.reports.verdict import accuracy_text, cell_texts, real_time, verdict_candidate
 from shadowbench.reports.words import COLUMNS, digits
@@ -130,6 +130,7 @@ def panel_data(panel: Panel, place: Place) -> dict[str, Any]:
         "charts": {
             "front": front_chart(section, None),
             "sizes": size_chart(section, None),
+            "biases": {} if several else bias_charts(section),
             "passes": [(size, chart) for size in sizes or [None] if (chart := pass_chart(section, size)) is not None],
             "pass_size": default_size(section),
         },
@@ -155,6 +156,7 @@ def _row(panel: Panel, one: Candidate, on_front: bool) -> dict[str, Any]:
         "cells": (mean.cells, str(mean.cells)),
     }
     return {
+        "technique": mean.technique,
         "spec": mean.spec,
         "label": mean.name,
         "map": mean.map_size,

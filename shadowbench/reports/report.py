@@ -16,7 +16,7 @@ from PIL import Image
 
 from shadowbench.errors import InputError
 from shadowbench.files import check_outputs, make_folder, replace_file
-from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.gallery import Place
 from shadowbench.reports.html import Scenes, html_report
 from shadowbench.reports.markdown import markdown_report
@@ -141,8 +141,8 @@ def _write_figures(folder: Path, scenes: Scenes, swept: Sequence[Stability]) -> 
 def figures(scenes: Scenes, swept: Sequence[Stability]) -> Iterator[tuple[str, Chart]]:
     """Generate (name, chart) of every figure.
 
-    Per section: SCENE.VIEW-SIZE.KIND, where KIND is front, sizes or passes; per sweep: stability and stability.AXIS.
-    With several runs or sweeps, their label comes before the last part.
+    Per section: SCENE.VIEW-SIZE.KIND, where KIND is front, sizes, passes, or bias-1, … for bias sweeps; per sweep:
+    stability and stability.AXIS. With several runs or sweeps, their label comes before the last part.
     """
     every = [section for parts in scenes.values() for section in parts]
     several = len({section.run.label for section in every}) > 1
@@ -157,6 +157,8 @@ def figures(scenes: Scenes, swept: Sequence[Stability]) -> Iterator[tuple[str, C
         ):
             if chart is not None:
                 yield f"{stem}.{kind}", titled(chart, section.title, *about)
+        for number, (spec, chart) in enumerate(bias_charts(section).items(), start=1):
+            yield f"{stem}.bias-{number}", titled(chart, section.title, f"bias of {spec}, multiplied", *about)
     for found in swept:
         stem = "stability" + (f".{found.sweep.label}" if len(swept) > 1 else "")
         styles = styles_of(found.specs)

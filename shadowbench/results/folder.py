@@ -148,7 +148,8 @@ def read_runs(folders: Sequence[Path], fields: Set[str] | None = None) -> list[R
 
 def write_cells(folder: Path, positions: SweepPositions) -> Run:
     """Write `table.csv`, a line per cell of the folder, which is returned; positions: of specs in new bias sweeps."""
-    (run,) = read_runs([folder])
+    run = _read(folder, folder.name, None, empty=True)
+    assert isinstance(run, Run)
     names = ["spec", "map_size"]
     cells = pd.DataFrame([[row[name] for name in names] for row in run.rows], columns=names)
     factors = add_factor_columns(cells, {**run.sweep_positions, **positions}).drop(columns=names)
@@ -165,8 +166,8 @@ def rows_file(folder: Path) -> Path:
     return file
 
 
-def _rows(folder: Path, fields: Set[str] | None) -> tuple[list[Record], list[Record], bool]:
-    """Scores and times of a folder, and whether the last line is incomplete. Raises InputError without a score."""
+def _rows(folder: Path, fields: Set[str] | None, empty: bool) -> tuple[list[Record], list[Record], bool]:
+    """Scores and times of a folder, and whether the last line is incomplete. Raises InputError."""
     file = rows_file(folder)
     wanted = None if fields is None else _READ_HERE | fields
     found: dict[str, list[Record]] = {"score": [], "time": []}
@@ -175,19 +176,20 @@ def _rows(folder: Path, fields: Set[str] | None) -> tuple[list[Record], list[Rec
         complete = end
         kept = row if wanted is None else {name: value for name, value in row.items() if name in wanted}
         found[row["kind"]].append(kept)
-    if not found["score"]:
+    if not found["score"] and not empty:
         raise InputError(f"{file}: found no cell; allowed: rows of a run or a sweep that measured something")
     if len({"axis" in row for row in found["score"]}) > 1:
         raise InputError(f"{file}: found cells of `run` and of `stress`; allowed: those of one, in a folder of its own")
     return found["score"], found["time"], complete < file.stat().st_size
 
 
-def _read(folder: Path, label: str, fields: Set[str] | None) -> Run | Sweep:
-    scores, times, cut_off = _rows(folder, fields)
+def _read(folder: Path, label: str, fields: Set[str] | None, empty: bool = False) -> Run | Sweep:
+    """A folder; empty: whether it may be without cells. Raises InputError."""
+    scores, times, cut_off = _rows(folder, fields, empty)
     about, table = read_run_file(folder / "run.json"), _table_keys(folder / "table.csv")
     keys = set(about["keys"]) if "keys" in about else table  # older versions tabled the last command only
     last, count = _with_keys(scores, keys), len({row["key"] for row in scores})
-    if "axis" in scores[0]:
+    if scores and "axis" in scores[0]:
         points = _points(scores if table is None else _with_keys(scores, table), last)
         return Sweep(label, folder, about, tuple(points), count - len(points), cut_off)
     machine = about.get("machine_key") or (times[-1].get("machine") if times else None)

@@ -86,8 +86,7 @@ def merge(folders: Sequence[Path], output: Path) -> MergeResult:
     rows = _read(sources)
     conflicts = [conflict for scores in rows.cells.values() for conflict in _conflicts(scores)]
     written = [] if conflicts else _write(rows, output)
-    machines = {machine for _, _, machine in rows.times.values()}
-    counts = len(rows.cells), len(rows.times), len(machines)
+    counts = len(rows.cells), len(rows.times), len({machine for _, _, machine in rows.times.values()})
     return MergeResult(*counts, (*rows.notes, *written), tuple(conflicts))
 
 
@@ -113,6 +112,8 @@ def _read(sources: Sequence[Path]) -> _Rows:
             rows.notes.append(f"{folder}: the last row is cut off: its command was stopped; {_AGAIN}")
         elif not rows.abouts[folder]:
             rows.notes.append(f"{folder}: found no run.json; if its command was stopped, {_AGAIN}")
+        if not commands and rows.abouts[folder].get("keys") == []:
+            continue  # of a part without views
         if len(commands) != 1:
             found = "cells of `run` and of `stress`" if commands else "no cell"
             raise InputError(f"{folder}: found {found}; allowed: cells of one command")
@@ -120,6 +121,8 @@ def _read(sources: Sequence[Path]) -> _Rows:
         _check_kind(folder, "renderer", renderers, kinds)
         for key, score in scores.items():
             rows.cells.setdefault(key, []).append(score)
+    if not rows.cells:
+        raise InputError(f"{sources[0]}: found no cell, as in all others; allowed: cells of one command")
     return rows
 
 
@@ -273,7 +276,7 @@ def _run_file(rows: _Rows, cells: Mapping[str, _Score]) -> dict[str, Any]:
     keys: dict[str, None] = {}
     for folder, about in rows.abouts.items():
         notes |= dict.fromkeys(about.get("assumptions", ()))
-        keys |= dict.fromkeys(about.get("keys") or [key for key, one in cells.items() if one.folder == folder])
+        keys |= dict.fromkeys(about.get("keys", [key for key, one in cells.items() if one.folder == folder]))
     return {
         **main,
         "schema": SCHEMA,

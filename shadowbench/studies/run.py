@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.campaign import Campaign, Reporter
 from shadowbench.measure.cells import UNSHADOWED, Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Failure
 from shadowbench.measure.flips import size_after
@@ -47,21 +47,22 @@ class Part:
         return part
 
     def of(self, items: Sequence[T], identity: Callable[[T], object]) -> list[T]:
-        """The items of this part, in their order; parts differ in length by at most one.
+        """The items of this part, in their order; parts differ in length by at most one, and may be empty.
 
         They are dealt in the order of hashes, which mixes large and small ones, and is the same on every machine.
-        identity: a JSON value unique to an item. Raises InputError for fewer items than parts.
+        identity: a JSON value unique to an item.
         """
-        if len(items) < self.count:
-            raise InputError(
-                f"--part {self.number}/{self.count}: found {len(items)} to divide, as the cells of a view stay "
-                f"together; allowed: 1 to {len(items)} parts"
-            )
 
         def digest(index: int) -> bytes:
             return hashlib.sha256(json.dumps(identity(items[index])).encode()).digest()
 
         return [items[index] for index in sorted(sorted(range(len(items)), key=digest)[self.number - 1 :: self.count])]
+
+    def announce(self, items: Sequence[object], reporter: Reporter) -> None:
+        """Note if this part, of several, has no items: there were more parts than views."""
+        if not items and self.count > 1:
+            told = "nothing to measure, as the cells of a view stay together"
+            reporter.note(f"--part {self.number}/{self.count}: {told}")
 
 
 WHOLE = Part()
@@ -97,6 +98,7 @@ def measure(study: Study, campaigns: Sequence[Campaign], part: Part = WHOLE) -> 
     failures: list[Failure] = []
     blocks = readable_blocks(study, failures) if campaigns[0].keep_going else [*study.blocks()]
     blocks = part.of(blocks, names_of)
+    part.announce(blocks, campaigns[0].reporter)
     keys: dict[str, None] = {}
     notes: dict[str, None] = {}
     for campaign in campaigns:
@@ -127,7 +129,7 @@ def _measured(
     yield from (("note", line) for line in _notes(study, blocks))
     # Before anything is written: a view that shows nothing raises InputError.
     traced = [(block, shows) for block, shows in zip(blocks, campaign.trace(blocks), strict=True) if shows]
-    if not traced:
+    if blocks and not traced:
         raise _nothing("is left to measure", campaign.failures)
     for block, shows in traced:
         if shows != "with edges":
@@ -142,7 +144,7 @@ def _measured(
                 yield "key", result.score["key"]
                 if shows == "with edges" and (line := _uniform_mask(result)):
                     yield "note", f"{block.view.name}: {line}"
-    if not some:
+    if blocks and not some:
         raise _nothing("was measured", campaign.failures)
 
 

@@ -94,9 +94,11 @@ def stress(
     """
     points = part.of(points_of(axes, quick), lambda point: [point[0].name, *point[1:]])
     homes = {(axis, light): len(block_at(specs, (axis, light, axis.default)).cells) for axis, light, _ in points}
+    points = [point for point in points if homes[point[:2]]]
+    part.announce(points, campaign.reporter)
     campaign.reporter.stage("stress", sum(homes[axis, light] for axis, light, _ in points))
     with campaign:
-        measured = campaign.measure(block_at(specs, point) for point in points if homes[point[:2]])
+        measured = campaign.measure(block_at(specs, point) for point in points)
         rows = [result.score for found in measured for result in found]
     if not rows and campaign.failures:
         first = campaign.failures[0]
@@ -105,6 +107,7 @@ def stress(
     write_table(campaign.folder / "ranges.csv", [ranges_frame(ranges)])
     study = Study.of([axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0)
     campaign.finish(study.facts, [], [row["key"] for row in rows])
-    _, (whole,) = read_folders([campaign.folder])
-    write_table(campaign.folder / "table.csv", [points_frame(whole.rows)])
+    empty = not campaign.store.scores and part != WHOLE
+    shown = () if empty else read_folders([campaign.folder])[1][0].rows
+    write_table(campaign.folder / "table.csv", [points_frame(shown)])
     return StressResult(tuple(rows), tuple(ranges), tuple(dict.fromkeys(campaign.failures)))

@@ -49,10 +49,7 @@ OF_A_SCENE = [
 RUN = OF_A_SCENE[0]
 CASES: dict[str, tuple[list[str], list[str]]] = {
     "a part of none": (["run", "stairs", "--part", "0/0", "-o", "{out}"], ["--part", "'0/0'", "K/N"]),
-    "more parts than cells": (
-        ["run", "stairs", "-t", "unshadowed", "--part", "1/2", "-o", "{out}"],
-        ["--part 1/2", "found 1", "allowed: 1 to 1 parts"],
-    ),
+    "a part beyond the last": (["run", "stairs", "--part", "3/2", "-o", "{out}"], ["--part", "'3/2'", "K/N"]),
     "a folder to merge that is no run": (["merge", "{in}", "-o", "{out}"], ["no rows.jsonl", "shadowbench run"]),
     "a missing scene file": (["run", "{in}/gone.toml", "-o", "{out}"], ["gone.toml", "no such file"]),
     "broken TOML": (["run", "{in}/broken.toml", "-o", "{out}"], ["broken.toml", "not TOML", "line 1"]),
@@ -63,6 +60,10 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["camera 'camera'", "away", "shows nothing"],
     ),
     "a view's size as its name": (["needs", "post", "--view", "384x384"], ["'384x384'", "square", "--view-size 384"]),
+    "map sizes with a blank between": (
+        [*RUN, "--map-size", "512", "1024"],
+        ["--map-size: found '512' and '1024' as separate arguments; allowed: 512,1024"],
+    ),
     "map size 0": ([*RUN, "--map-size", "0"], ["--map-size", "'0'", "from 1"]),
     "a map beyond the driver": ([*RUN, "-t", "shadow-map", "--map-size", "65536"], ["map size 65536", "allows 1 to"]),
     "view size 0": ([*RUN, "--view-size", "0"], ["--view-size", "1"]),

@@ -15,7 +15,7 @@ from shadowbench.plugin.base import Technique
 from shadowbench.plugin.grammar import parse_value
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import techniques
-from shadowbench.plugin.spec import Spec, format_value, parse_spec
+from shadowbench.plugin.spec import WRITTEN, Spec, format_value, parse_spec
 
 ALL = techniques()
 
@@ -157,6 +157,8 @@ def test_with_changes_one_value_and_validates_it() -> None:
 
 MISTAKES = {
     "": "expected a technique's name",
+    "csm": "unknown technique 'csm'.*; csm is written cascades$",
+    "Ray_Tracing": "unknown technique 'Ray_Tracing'.*; Ray_Tracing is written ray-traced$",
     "pcss": "unknown technique 'pcss'.*; pcss is a filter: filter=pcss$",
     "texel:scale=2": "unknown technique 'texel'.*; texel is a bias: bias=texel$",
     "shadow-mop": "unknown technique 'shadow-mop'; did you mean 'shadow-map'. allowed: .*shadow-map",
@@ -180,6 +182,11 @@ MISTAKES = {
     "shadow-map:depth=d8": "depth: .*'d16', 'd24' or 'd32f'",
     "shadow-map:bias=heavy": "bias: unknown bias 'heavy'; allowed: none, constant",
     "shadow-map:bias=3": "bias: unknown bias '3'; allowed: [^;]*$",
+    "shadow-map:bias=0.005": r"unknown bias '0.005'; allowed: .*; a number alone is written constant\(0.005\)$",
+    "shadow-map:filter=4": "unknown filter '4'; allowed: [^;]*$",
+    "shadow-map:filter=5": r"unknown filter '5'; allowed: .*; a number alone is written pcf\(5\)$",
+    "shadow-map:fit=2": "unknown fit '2'; allowed: [^;]*$",
+    "cascades:split=0.5": r"unknown split '0.5'; allowed: .*; a number alone is written practical\(0.5\)$",
     "shadow-map:bias=constant(2)": "units: .*less than or equal to 1",
     "shadow-map:bias=slope(0.1,0.2,0.3)": "slope takes at most 2 parameters: max, min",
     "shadow-map:bias=none(1)": "none takes at most 0 parameters: none",
@@ -188,6 +195,12 @@ MISTAKES = {
     "shadow-map:preset=slope(1)": "unknown preset",
     "shadow-map(size=512)": "expected a comma or the end",
 }
+
+
+def test_names_of_the_field_are_those_of_no_technique_and_lead_to_specs() -> None:
+    assert not WRITTEN.keys() & ALL.keys()
+    for text in WRITTEN.values():
+        assert parse_spec(text, ALL).technique in ALL.values()
 
 
 @pytest.mark.parametrize("text", MISTAKES)

@@ -36,6 +36,9 @@ PARTED = (
 )
 RUN = ("run", *PARTED, "--phases", "2", "--view-size", "32", "--rounds", "0", "-q")
 STRESS = ("stress", "--quick", "-t", "shadow-map:size=64", "-t", "cube-map:size=64", "--axis", "gap", "-q")
+ONE_VIEW = ("run", "cube-on-plane", "-t", "unshadowed", "-t", "cube-map", *SMALL, "--rounds", "0")
+STRESS_FEW = ("stress", "--quick", "-t", "cube-map:size=64", "--axis", "lamp-distance")
+EMPTY = "note: --part {}: nothing to measure, as the cells of a view stay together"
 
 
 def images_of(folder: Path) -> dict[str, bytes]:
@@ -50,15 +53,20 @@ def by_key(rows: list[Record]) -> dict[str, Record]:
 
 
 @pytest.mark.parametrize(
-    ("command", "count"), [(RUN, 2), pytest.param(STRESS, 2, marks=pytest.mark.slow)], ids=["run", "stress"]
+    ("command", "count"),
+    [(RUN, 2), (ONE_VIEW, 2), pytest.param(STRESS, 2, marks=pytest.mark.slow), (STRESS_FEW, 4)],
+    ids=["run", "more parts than views", "stress", "more parts than points"],
 )
 def test_merged_parts_equal_the_whole(
     shadowbench: Command, records: Records, tmp_path: Path, command: tuple[str, ...], count: int
 ) -> None:
     parts = [tmp_path / f"part-{number}" for number in range(1, count + 1)]
     for number, part in enumerate(parts, start=1):
-        assert shadowbench(*command, "--part", f"{number}/{count}", "-o", part).code == 0
-        assert records(part)
+        answer = shadowbench(*command, "--part", f"{number}/{count}", "-o", part)
+        assert answer.code == 0, answer.err
+        assert {"rows.jsonl", "run.json", "table.csv"} <= {file.name for file in part.iterdir()}
+        assert bool(records(part)) != (EMPTY.format(f"{number}/{count}") in answer.err.splitlines())
+    assert any(map(records, parts)) and ("-q" in command) == all(map(records, parts))
     assert shadowbench(*command, "-o", tmp_path / "whole").code == 0
     assert shadowbench("merge", *parts, "-o", tmp_path / "merged").code == 0
     merged, whole = tmp_path / "merged", tmp_path / "whole"

@@ -1,16 +1,18 @@
 """Charts of a report: every value lies on its axes, and times of different machines are never combined."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.report import figures
 from shadowbench.reports.vega import COLORS, MAX_SHOWN, SHAPES, styles_of
-from shadowbench.results.configurations import Section, specs_of
-from tests.reports.conftest import TRUTH_ERROR, Cell, marks, texts
+from shadowbench.results.configurations import Section, sections, specs_of
+from shadowbench.results.folder import read_runs
+from tests.reports.conftest import TRUTH_ERROR, Cell, marks, texts, write_sweep
 
 Chart = dict[str, Any]
 TEXT_WIDTH = 6  # pixels of a letter, on average
@@ -109,6 +111,22 @@ def test_passes_are_those_of_one_map_size_stacked_as_each_spec_draws_them(measur
     bars = sorted(chart["data"]["values"], key=lambda bar: bar["rank"])
     assert {spec: tuple(bar["pass"] for bar in bars if bar["spec"] == spec) for spec in orders} == orders
     assert chart["layer"][0]["encoding"]["order"] == {"field": "rank"}
+
+
+def test_a_bias_sweep_of_hard_shadows_is_drawn_as_a_line_for_each_map_size(run_folder, measured) -> None:
+    factors = {"shadow-map:bias=texel(scale=4.0)": 4.0, "shadow-map": 1.0, "shadow-map:bias=texel(scale=0.5)": 0.5}
+    cells = [Cell(spec, size, 0.01 * factor, None) for spec, factor in factors.items() for size in (1024, 512)]
+    soft = [replace(cell, scene="post", rmse_pen=0.2) for cell in cells]
+    folder = run_folder([*cells, *soft, Cell("unshadowed", None, 1.0, None)])
+    write_sweep(folder, [*cells, *soft], "shadow-map", factors)
+    swept = sections(read_runs([folder]))
+    ((hard,), (other,)) = swept.values()
+    chart = bias_charts(hard)["shadow-map"]
+    drawn = [*zip(*(values(chart, name) for name in ("map", "factor", "best")), strict=True)]
+    assert drawn == [(size, factor, factor == 0.5) for size in ("512", "1024") for factor in (0.5, 1.0, 4.0)]
+    assert {"×0.5, ×1, ×4", "512", "1024", "acne"} <= set(texts(chart))
+    assert other.soft and bias_charts(other) == {} == bias_charts(measured()[0])
+    assert [name for name, _ in figures(swept, []) if "bias" in name] == [f"{hard.file_stem}.bias-1"]
 
 
 def test_no_two_of_many_passes_or_specs_look_alike(measured) -> None:

@@ -77,14 +77,14 @@ async function showErrors(shown = PAGE_ERRORS) {
 
 async function show(id, asked) {
   currentPanel = id;
-  const panel = panelOf(id), { charts, rows, columns, shown } = await loaded(id);
+  const panel = panelOf(id), found = await loaded(id);
   if (id !== currentPanel) return; // another was chosen while this was loaded
   for (const node of document.querySelectorAll("[data-panel]")) node.hidden = node.dataset.panel !== id;
   for (const node of document.querySelectorAll(".title-shown")) node.textContent = panel.title;
   byId("scene").value = id;
-  fillTable(rows, columns, shown, (row) => showPicture(row.spec, row.map, row.scene));
+  fillTable(found, (row) => showPicture(row.spec, row.map, row.scene));
   const start = panel.start ?? {}, pictured = PAGE.panels.find((one) => one.run === panel.run && one.title === asked?.get("picture"));
-  await Promise.all([drawCharts(charts), openGallery(panel.scenes ? pictured?.id ?? start.scene : id, start, asked)]);
+  await Promise.all([drawCharts(found.charts), openGallery(panel.scenes ? pictured?.id ?? start.scene : id, start, asked)]);
   remember();
 }
 
@@ -124,8 +124,9 @@ addEventListener("hashchange", () => {
   if (first && hash !== written && (!hash || new URLSearchParams(hash).has("scene"))) window.drawn = restore();
 });
 
-function drawCharts({ front, sizes, passes, pass_size }) {
+function drawCharts({ front, sizes, biases, passes, pass_size }) {
   const chartElement = (kind) => document.querySelector(`.chart.${kind}`), choice = byId("pass-size");
+  const sweeps = byId("biases"), swept = Object.entries(biases);
   const points = [front, sizes, ...passes.map(([, chart]) => chart)].flatMap((chart) => chart?.data.values ?? []);
   fillLegend(legendOf(byId("charts")), new Set(points.map((point) => point.spec)), PAGE.specs, remember);
   const rowOf = (point) => data(currentPanel).rows.find((row) => row.spec === point.spec && row.map === point.size);
@@ -134,7 +135,14 @@ function drawCharts({ front, sizes, passes, pass_size }) {
   choice.closest("label").hidden = passes.length < 2;
   chartElement("passes").closest("section").hidden = !passes.length;
   choice.onchange = () => draw(chartElement("passes"), passes[choice.value]?.[1]);
-  return Promise.all([draw(chartElement("front"), front, onClick), draw(chartElement("sizes"), sizes, onClick), choice.onchange()]);
+  sweeps.hidden = !swept.length;
+  sweeps.querySelector(".pair").replaceChildren(...swept.map(([spec]) => {
+    const caption = make("figcaption", {}, ...breakable(PAGE.names[spec] ?? spec));
+    return make("figure", {}, caption, make("div", { className: "chart bias" }));
+  }));
+  const elements = [chartElement("front"), chartElement("sizes"), ...sweeps.querySelectorAll(".chart")];
+  const jobs = [front, sizes, ...Object.values(biases)].map((chart, at) => draw(elements[at], chart, onClick));
+  return Promise.all([...jobs, choice.onchange()]);
 }
 
 async function begin() {
