@@ -46,6 +46,10 @@ class DeviceGeometry:
             for texels in (_rgba(geometry.normals, geometry.receives), _rgba(geometry.colors, 1.0))
         )
 
+    def recolor(self, colors: NDArray[np.float64]) -> None:
+        """Give the triangles other colours, (F, 3) linear RGB."""
+        self.colors.write(_rgba(colors, 1.0))
+
     def all_faces(self, program: Program) -> Drawable:
         """All triangles; `gl_PrimitiveID` is the triangle's index."""
         return self._drawable(program, self._faces)

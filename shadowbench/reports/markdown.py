@@ -42,12 +42,18 @@ def markdown_report(runs: Sequence[Run], scenes: Scenes, swept: Sequence[Stabili
             blocks += [f"- {_cell(line)}" for line in mask_warnings(section)]
     for found in swept:
         blocks += _stability(found, f": {_cell(found.sweep.label)}" if len(swept) > 1 else "")
-    blocks.append("## How the results were measured")
-    for one in (*runs, *(found.sweep for found in swept)):
-        blocks += [f"### {_cell(one.label)}", _measured(one)]
-    presets = presets_of([*specs_of(every), *(spec for found in swept for spec in found.specs)])
-    blocks += ["### Presets", "\n".join(f"- `{name}`: `{spec}`" for name, spec in presets)] if presets else []
+    specs = [*specs_of(every), *(spec for found in swept for spec in found.specs)]
+    blocks += _provenance([*runs, *(found.sweep for found in swept)], specs)
     return "\n\n".join(blocks) + "\n"
+
+
+def _provenance(folders: Sequence[Folder], specs: Iterable[str]) -> list[str]:
+    """How each folder was measured, and what the presets among the specs stand for."""
+    blocks = ["## How the results were measured"]
+    for one in folders:
+        blocks += [f"### {_cell(one.label)}", _measured(one)]
+    presets = presets_of(specs)
+    return [*blocks, "### Presets", "\n".join(f"- `{name}`: `{spec}`" for name, spec in presets)] if presets else blocks
 
 
 def _over_scenes(panel: Panel, runs: Sequence[Run]) -> list[str]:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -18,7 +19,7 @@ from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.files import read_document
 from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer.drawing import Drawing, Drawn, Mask, moving_size, told
-from shadowbench.viewer.lights import circled
+from shadowbench.viewer.lights import LightPath, travelled
 from shadowbench.viewer.panes import Panes
 from shadowbench.viewer.state import History, Origin, Source, ViewerState
 from shadowbench.viewer.truth import Judge, TruthTask
@@ -27,6 +28,7 @@ REST_S = 0.15
 """Time without a change after which a motion has ended, in seconds."""
 FILES_S = 0.5
 """How often files are looked at, in seconds."""
+_SHOWN_FRAMES = 120  # in the history of times
 _SHADERS = (".glsl", ".vert", ".frag", ".geom")
 Result = TypeVar("Result")
 
@@ -59,8 +61,8 @@ def scene_files(origin: Origin | None) -> list[Path]:
 class Viewer:
     """The window's state and everything that is drawn of it. `change` is the only way to another state.
 
-    message: the last error or result of an action; broken: why nothing can be drawn; map_of, shows_map: the spec whose
-    map is shown, and whether it is; turns_a_minute: of a travelling light; names: of files to write.
+    message: the last error or result of an action; broken: why nothing can be drawn; travel: the light's path; map_of,
+    shows_map: the spec whose map is shown, and whether it is; names: of files to write; pass_ms: of the last frames.
     """
 
     def __init__(
@@ -76,13 +78,15 @@ class Viewer:
         self.history, self.judge = History(state), Judge(task)
         self.drawing, self.panes = Drawing(device), Panes(device)
         self.message = self.broken = ""
-        self.turns_a_minute = 0.0
+        self.travel: LightPath = "rest"
+        self.turns_a_minute = 2.0
         self.drawn: Drawn | None = None
         self.pictures: dict[Source, moderngl.Texture] = {}
         self.map_picture: moderngl.Texture | None = None
         self.map_of, self.shows_map = 0, False
         self.names = {"study file": "view-study.toml", "picture": "view.png", "state": "view.toml"}
         self.work: dict[Spec, Mapping[str, int]] = {}
+        self.pass_ms: deque[Sequence[Mapping[str, float]]] = deque(maxlen=_SHOWN_FRAMES)
         self._seconds, self._changed_at, self._stepped_at = seconds, -math.inf, seconds()
         self._rested_ms = 0.0
         # Of what the masks, the pictures and the last question are.
@@ -109,7 +113,7 @@ class Viewer:
     @property
     def moving(self) -> bool:
         """Whether something has changed a moment ago, or the light travels."""
-        return self.turns_a_minute > 0 or self._seconds() - self._changed_at < REST_S
+        return self.travel != "rest" or self._seconds() - self._changed_at < REST_S
 
     @property
     def waiting(self) -> bool:
@@ -143,7 +147,7 @@ class Viewer:
         """Show another scene from its first camera, under its first light. Raises InputError."""
         scene = origin.load()
         shown = replace(self.state, scene=scene, camera=scene.cameras[0], light=scene.lights[0], origin=origin)
-        self.change(replace(shown, coordinates="relative", phase=0))
+        self.change(replace(shown, colors=(), coordinates="relative", phase=0))
 
     def step(self) -> None:
         """Bring everything up to date that a frame of the window shows."""
@@ -158,6 +162,7 @@ class Viewer:
                 self._ask(self.drawn)
             elif uncounted:
                 self._count(self.drawn, uncounted[0])
+        self.drawing.tell("")
         self._draw_panes()
 
     def mask_failures(self) -> Sequence[str]:
@@ -197,6 +202,7 @@ class Viewer:
             return False
         self._release_drawn()
         self.drawn, self.broken = drawn, ""
+        self.pass_ms.append([mask.passes.ms for mask in drawn.masks])
         self.drawing.keep_only(self.state.specs, (size, self.state.size))
         return True
 
@@ -206,11 +212,12 @@ class Viewer:
         if drawn is None or self.broken:
             return
         truth, with_map = self.judge.traced(state), self.shows_map and not self.moving
-        shading = (state.shading, state.shadows, state.overlay, state.sources)
+        shading = (state.shading, state.colors, state.shadows, state.overlay, state.sources)
         key = (drawn, truth, with_map, self.map_of, shading)
         if key == self._shown_of:
             return
         self._shown_of, start = key, self._seconds()
+        self.drawing.paint(state)
         for source in state.sources:
             picture = self._tried(partial(self.panes.draw, drawn, state, source, truth))
             if picture is not None or source != "truth":  # an earlier truth is shown as such
@@ -259,9 +266,8 @@ class Viewer:
         """Move a travelling light by the time since the last frame."""
         now = self._seconds()
         turns, self._stepped_at = (now - self._stepped_at) * self.turns_a_minute / 60, now
-        if turns > 0:
-            light = circled(self.state.light, self.state.scene, turns)
-            self.change(replace(self.state, light=light), "travel")
+        light = travelled(self.state.light, self.state.scene, self.travel, turns)
+        self.change(replace(self.state, light=light), "travel")
 
     def _read_changed_files(self) -> None:
         now, origin = self._seconds(), self.state.origin

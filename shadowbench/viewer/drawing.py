@@ -1,6 +1,7 @@
 """Drawing of a state with the passes, techniques and shaders of `run`: the G-buffer, and the masks of the specs."""
 
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -15,7 +16,7 @@ from shadowbench.measure.rendering import LoadedScene, checked_texture, declared
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
-from shadowbench.viewer.state import ViewerState
+from shadowbench.viewer.state import Colors, ViewerState, recolored
 
 SHRINKS = (1, 2, 4)
 SMOOTH_MS = 50.0
@@ -75,11 +76,16 @@ class Drawn:
 
 
 class Drawing:
-    """Draws states on one device. Techniques stay built while shown, at the sizes of a rested and a moving image."""
+    """Draws states on one device. Techniques stay built while shown, at the sizes of a rested and a moving image.
+
+    tell: called with the text of a spec before its technique is.
+    """
 
     def __init__(self, device: Device) -> None:
         self.device, self.clock = device, Clock(device)
+        self.tell: Callable[[str], object] = lambda spec: None
         self._loaded: LoadedScene | None = None
+        self._colors: Colors = ()
         self._built: dict[tuple[Spec, int], tuple[Technique, Stage]] = {}
 
     def draw(self, state: ViewerState, size: int) -> Drawn:
@@ -127,20 +133,28 @@ class Drawing:
         """Counts of work of a mask that was drawn, which is drawn once more for that."""
         technique = mask.technique
         assert technique is not None
+        self.tell(mask.spec.text)
         facts = finite_facts(mask.spec.text, technique.facts())
         self.device.reset()
         work = work_of(self.device, lambda: technique.draw(drawn.frame))
         return with_cost(work | declared_work(technique, drawn.size**2, facts))
 
+    def paint(self, state: ViewerState) -> None:
+        """Give the triangles of the drawn scene a state's colours of materials."""
+        if self._loaded is not None and self._colors != state.colors:
+            self._loaded.geometry.recolor(recolored(state.scene, dict(state.colors)))
+            self._colors = state.colors
+
     def _load(self, state: ViewerState) -> LoadedScene:
         if self._loaded is None or not self._loaded.matches(state.scene, state.coordinates):
             self.reload()
-            self._loaded = LoadedScene(self.device, state.scene, state.coordinates)
+            self._loaded, self._colors = LoadedScene(self.device, state.scene, state.coordinates), ()
         return self._loaded
 
     def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> Technique | str:
         """A built technique; or why there is none. It may raise anything, which is shown in place of its picture."""
         key = (spec, view.size)
+        self.tell(spec.text)
         try:
             reason = spec.technique.declines(spec.params, view, self.device)
             if reason is None and key not in self._built:
@@ -154,6 +168,7 @@ class Drawing:
         if isinstance(technique, str):
             return Mask(spec, failure=technique)
         self._recover()
+        self.tell(spec.text)
         try:
             visibility: list[moderngl.Texture] = []
             on_cpu = technique.draws_on_cpu(spec.params)

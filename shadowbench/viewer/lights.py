@@ -15,9 +15,12 @@ from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.viewer.navigation import distance, projected, ray
 
 Handle = Literal["light", "aim"]
+LightPath = Literal["rest", "day", "circle"]
 LOWEST = math.radians(1.0)
 """Least elevation to which a sun is dragged, in radians."""
 _CONE = math.radians(60.0)
+_TILT = math.radians(35.0)  # of the sun at noon from overhead, towards the south
+_SUNRISE = math.asin(math.sin(LOWEST) / math.cos(_TILT))  # from the east along its arc
 _SHARE = 0.8  # of the picture that the dome takes
 
 
@@ -86,9 +89,23 @@ def azimuth_elevation(light: Light) -> tuple[float, float]:
     return math.atan2(-z, x), math.asin(float(np.clip(y, -1.0, 1.0)))
 
 
-def circled(light: Light, scene: Scene, turns: float) -> Light:
-    """The light turned about the vertical axis through the scene's centre."""
+def travelled(light: Light, scene: Scene, path: LightPath, turns: float) -> Light:
+    """The light after so many turns of its path around the scene's centre.
+
+    circle: about the vertical axis; day: from the hour at which a sun is as far in the east (+x), along an arc over the
+    south to the west, then anew, a lamp at the distance that it has and shining to the centre.
+    """
+    if path == "rest":
+        return light
     center = scene.geometry.bounds.mean(axis=0)
+    if path == "day":
+        xyz, w = light.homogeneous
+        away = np.subtract(xyz, w * center)
+        hour, daylight = math.atan2(math.hypot(away[1], away[2]), away[0]), math.pi - 2 * _SUNRISE
+        hour = _SUNRISE + (hour - _SUNRISE + turns * daylight) % daylight
+        toward = np.array([math.cos(hour), *(math.sin(hour) * np.array([math.cos(_TILT), math.sin(_TILT)]))])
+        position = center + toward * np.linalg.norm(away)
+        return replace(light, direction=vec3(-toward), position=vec3(position))
     cosine, sine = math.cos(2 * math.pi * turns), math.sin(2 * math.pi * turns)
     about_y = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
     position = center + about_y @ (light.position - center)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 from imgui_bundle import imgui
 
 from shadowbench.scores.metrics import METRICS, is_soft
@@ -15,6 +16,7 @@ UNITS = {"edge_px": " (px)"}
 BETTER = imgui.ImVec4(0.55, 0.9, 0.55, 1.0)  # colour of the better of two scores
 WORK_HELP = "in one frame, the same on every machine; cost: vertices, geometry, fragments, reads and rays together"
 TIMES_HELP = "when the masks were drawn last; at rest they are not drawn again"
+GRAPH_HEIGHT = 36.0  # pixels
 
 Row = tuple[str, str, Sequence[str], Sequence[bool]]  # name, help, a text for each spec, and whether it is the better
 
@@ -84,16 +86,27 @@ def status(viewer: Viewer) -> str:
 
 
 def times_panel(viewer: Viewer) -> None:
-    """Milliseconds of each pass, and the counts of work."""
+    """Milliseconds of each pass with a short history, and the counts of work."""
     specs = viewer.state.specs
     passes = [mask.passes.ms for mask in viewer.drawn.masks] if viewer.drawn else []
     times = [{**ms, "frame": sum(ms.values())} if ms else {} for ms in (*passes, {}, {})][: len(specs)]
     works = [viewer.work.get(spec, {}) for spec in specs]
     _table("ms", viewer, _rows(times, "{:.2f}", TIMES_HELP), grey=False)
+    _graphs(viewer)
     if viewer.device.software:
         imgui.text_disabled("of a software renderer: no GPU's times")
     _table("work", viewer, _rows(works, "{:,}", WORK_HELP), grey=not viewer.judged)
     imgui.text_unformatted(f"{viewer.drawing.bytes / 2**20:.1f} MiB of maps, masks and buffers")
+
+
+def _graphs(viewer: Viewer) -> None:
+    """The last times of each pass of A and B."""
+    size = (imgui.get_content_region_avail().x, GRAPH_HEIGHT)
+    for index, source in enumerate("AB"[: len(viewer.state.specs)]):
+        frames = [frame[index] for frame in viewer.pass_ms if index < len(frame)]
+        for name in frames[-1] if frames else ():
+            values = np.array([ms.get(name, 0.0) for ms in frames], dtype=np.float32)
+            imgui.plot_lines(f"##{source} {name}", values, 0, f"{source} {name}", 0.0, 1.2 * values.max(), size)
 
 
 def _rows(columns: Sequence[Mapping[str, float]], form: str, help: str) -> list[Row]:

@@ -16,8 +16,8 @@ from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.viewer.app import Viewer
-from shadowbench.viewer.lights import azimuth_elevation, sun_at, with_kind
-from shadowbench.viewer.state import Origin
+from shadowbench.viewer.lights import LightPath, azimuth_elevation, sun_at, with_kind
+from shadowbench.viewer.state import Origin, materials
 from shadowbench.viewer.technique_panel import choice, number, tooltip
 
 KIND_HELP: Mapping[LightShape, str] = {
@@ -35,8 +35,14 @@ SHADING_LABELS = {
     "zenith": "background, zenith",
 }
 _SHADING_LIMITS = {"ambient": (0.0, 4.0), "diffuse": (0.0, 4.0), "specular": (0.0, 2.0), "shininess": (1.0, 256.0)}
+PATH_HELP: Mapping[LightPath, str] = {
+    "rest": "the light stays where it is",
+    "day": "from east (+x) over the south to the west, then anew",
+    "circle": "about the vertical axis",
+}
 _SUN = f"{math.degrees(SUN_RADIUS):.2f}°"
-_FASTEST = 60.0  # turns a minute of a travelling light
+_SPEEDS = (0.1, 60.0)  # turns a minute of a travelling light
+_MOST_MATERIALS = 40
 _SIZES = (128, 256, 512, 768, 1024, 2048)
 
 
@@ -73,10 +79,11 @@ def light_panel(viewer: Viewer) -> None:
         return
     kind = choice("kind", state.light.kind, KIND_HELP)
     viewer.change(replace(state, light=_edited(with_kind(state.light, kind, state.scene))), "light panel")
-    viewer.turns_a_minute = number("turns a minute", viewer.turns_a_minute, 0.0, _FASTEST)
-    tooltip("the light travels about the vertical axis; 0: it stays where it is")
+    viewer.travel = choice("travel", viewer.travel, PATH_HELP)
+    if viewer.travel != "rest":
+        viewer.turns_a_minute = number("turns a minute", viewer.turns_a_minute, *_SPEEDS, decades=True)
     if imgui.button("reset light"):
-        viewer.turns_a_minute = 0.0
+        viewer.travel = "rest"
         viewer.change(replace(viewer.state, light=lights.get(state.light.name, state.scene.lights[0])))
 
 
@@ -113,7 +120,15 @@ def shading_panel(viewer: Viewer) -> None:
         name, value = field.name, getattr(state.shading, field.name)
         label = SHADING_LABELS.get(name)
         values[name] = _color(f"{label}##{name}", value) if label else number(name, value, *_SHADING_LIMITS[name])
-    viewer.change(replace(state, shading=Shading(**values), shadows=shadows), "shading")
+    imgui.text_disabled("materials")
+    colors = dict(state.colors)
+    for name, own in list(materials(state.scene).items())[:_MOST_MATERIALS]:
+        shown = colors.get(name, own)
+        chosen = _color(f"{name}##material", shown)
+        if chosen != shown:
+            colors[name] = chosen
+    shading = Shading(**values)
+    viewer.change(replace(state, shading=shading, colors=tuple(colors.items()), shadows=shadows), "shading")
 
 
 def _color(label: str, color: Vec3) -> Vec3:

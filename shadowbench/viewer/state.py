@@ -1,9 +1,12 @@
 """Everything that the window shows, as one immutable value, and its history for undo and redo."""
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
+
+import numpy as np
 
 from shadowbench.files import data_folder
 from shadowbench.gl.picture import Shading
@@ -11,6 +14,7 @@ from shadowbench.options import FIRST, SceneOptions
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
+from shadowbench.scenes.vectors import Floats, Vec3
 from shadowbench.scenes.views import Named, opened
 
 Layout = Literal["one", "wipe", "side by side"]
@@ -18,7 +22,10 @@ Source = Literal["A", "B", "truth"]
 Overlay = Literal["picture", "error", "mask", "normals", "N·L", "texels", "blockers", "tint"]
 OVERLAYS = get_args(Overlay)
 
+Colors = tuple[tuple[str, Vec3], ...]
+"""Linear RGB of materials, with their names."""
 MOST_UNDO = 500
+_COPY = re.compile(r"( \d+)+$")  # what a repeated mesh's name ends with
 
 
 @dataclass(frozen=True)
@@ -44,7 +51,8 @@ class ViewerState:
     """What the window shows.
 
     size: of the image, in pixels along a side; origin: of the scene, None for one that no file has, such as a sweep's;
-    coordinates: in which it is drawn; phase: see `Phase`; wipe: the share of the picture that `left` takes.
+    coordinates: in which it is drawn; phase: see `Phase`; colors: in place of those of `materials`; wipe: the share of
+    the picture that `left` takes.
     """
 
     scene: Scene
@@ -56,6 +64,7 @@ class ViewerState:
     coordinates: Coordinates = "relative"
     phase: int = 0
     shading: Shading = field(default_factory=Shading)
+    colors: Colors = ()
     shadows: bool = True
     layout: Layout = "wipe"
     left: Source = "A"
@@ -87,6 +96,17 @@ class ViewerState:
         """With another version of its scene, whose camera and light of the same names it has unless they were moved."""
         camera = _followed(self.camera, self.scene.cameras, scene.cameras)
         return replace(self, scene=scene, camera=camera, light=_followed(self.light, self.scene.lights, scene.lights))
+
+
+def materials(scene: Scene) -> dict[str, Vec3]:
+    """Linear RGB by name of what a scene is made of: meshes, and copies of one as one."""
+    return {_COPY.sub("", mesh.name): mesh.color for mesh in reversed(scene.meshes)}
+
+
+def recolored(scene: Scene, colors: Mapping[str, Vec3]) -> Floats:
+    """(F, 3) colours of a scene's triangles, with others of some materials."""
+    shown = [colors.get(_COPY.sub("", mesh.name), mesh.color) for mesh in scene.meshes]
+    return np.repeat(np.array(shown, dtype=np.float64), [len(mesh.faces) for mesh in scene.meshes], axis=0)
 
 
 @dataclass(frozen=True)

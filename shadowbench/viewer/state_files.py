@@ -69,7 +69,7 @@ class ViewerTable(Strict):
     right: Source = "truth"
     wipe: float = Field(0.5, ge=0, le=1)
     overlay: Overlay = "picture"
-    colors: dict[str, Color] = Field({})  # of materials, which the window once changed
+    colors: dict[str, Color] = Field({})
     shading: ShadingTable = ShadingTable()
 
 
@@ -85,9 +85,9 @@ def read_state(file: Path, techniques: Techniques, assets: Path | None = None) -
         raise explain(f"{file.name}: [viewer]", error) from None
     shown = {name: getattr(table, name) for name in SHOWN}
     specs = tuple(parse_spec(text, techniques) for text in table.techniques)
+    shown |= {"shading": Shading(**dict(table.shading)), "colors": tuple(table.colors.items())}
     origin = Origin(str(file), SceneOptions(assets))
-    shading = Shading(**dict(table.shading))
-    return ViewerState(scene, scene.cameras[0], scene.lights[0], specs, origin=origin, shading=shading, **shown)
+    return ViewerState(scene, scene.cameras[0], scene.lights[0], specs, origin=origin, **shown)
 
 
 def save_state(state: ViewerState, file: Path) -> None:
@@ -101,7 +101,8 @@ def save_state(state: ViewerState, file: Path) -> None:
         raise InputError(f"{file}: the scene is drawn in absolute coordinates, which no scene file can say")
     check_outputs(".toml", file)
     own = state.origin.file if state.origin else None
-    viewer = {name: getattr(state, name) for name in SHOWN} | {"shading": asdict(state.shading)}
+    viewer = {name: getattr(state, name) for name in SHOWN}
+    viewer |= {"colors": dict(state.colors), "shading": asdict(state.shading)}
     camera = asdict(state.camera) | {"fov_y": math.degrees(state.camera.fov_y)}
     angles = {"angle": math.degrees(state.light.angle), "angular_radius": math.degrees(state.light.radius)}
     light = asdict(state.light) | angles

@@ -1,6 +1,5 @@
 """The window: GLFW through moderngl-window, its events, and the layout of panels and panes."""
 
-import faulthandler
 import re
 import time
 import warnings
@@ -21,6 +20,7 @@ from shadowbench.gl.device import before_context, device_of
 from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import Canvas
+from shadowbench.viewer.crash_reporter import crash_reporter
 from shadowbench.viewer.navigation import distance, walked
 from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.result_panels import map_panel, scores_panel, times_panel
@@ -111,13 +111,14 @@ class ViewerWindow:
 
     def run(self) -> None:
         """Show the window until it is closed."""
-        faulthandler.enable()  # plug-ins draw in this process: what crashes it is named in the terminal
-        try:
-            while not self.window.is_closing:
-                self.frame()
-                self._wait()
-        finally:
-            self.close()
+        with crash_reporter() as tell:  # plug-ins draw in this process
+            self.viewer.drawing.tell = tell
+            try:
+                while not self.window.is_closing:
+                    self.frame()
+                    self._wait()
+            finally:
+                self.close()
 
     def frame(self) -> None:
         """One frame: bring the pictures up to date, draw the interface, take events."""
@@ -130,7 +131,7 @@ class ViewerWindow:
         walks = self._walk()
         imgui.new_frame()
         self._layout()
-        if not (walks or imgui.is_any_item_active() or self.canvas.gesture or self.viewer.turns_a_minute):
+        if not (walks or imgui.is_any_item_active() or self.canvas.gesture or self.viewer.travel != "rest"):
             self.viewer.rest()
         imgui.render()
         self.viewer.step()  # after the input: what it changed is seen in this very frame

@@ -77,5 +77,5 @@ def test_a_study_gives_it_to_the_lights_of_its_scenes_and_to_its_own() -> None:
     study = Study.of(["cube-on-plane"], [parse_spec("unshadowed", techniques())], lights=("file", lamp), sun=True)
     blocks = list(study.blocks())
     assert [block.view.light.radius for block in blocks] == [math.radians(0.2665)] * 2
-    assert NOTE in blocks[0].scene.notes
+    assert NOTE in blocks[0].view.scene.notes
     assert not any(block.view.light.soft for block in study.with_(sun=False).blocks())

@@ -10,6 +10,7 @@ from typing import Any
 import moderngl
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 from PIL import Image
 
 from shadowbench.plugin.registry import techniques
@@ -17,6 +18,7 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.viewer import drawing, scene_panels
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.navigation import orbited
+from shadowbench.viewer.result_panels import times_panel
 from shadowbench.viewer.state import OVERLAYS, Origin
 from shadowbench.viewer.view_panel import _save_picture
 
@@ -48,15 +50,49 @@ def test_nothing_is_drawn_again_without_a_change(viewer: Viewer, settle: Settle)
 
 def test_a_travelling_light_moves_by_the_clock_and_undo_returns(viewer: Viewer, clock: Any) -> None:
     viewer.step()
-    before, viewer.turns_a_minute = viewer.state.light, 60.0
+    before, viewer.travel, viewer.turns_a_minute = viewer.state.light, "circle", 60.0
     for _ in range(5):
         clock.now += 0.1
         viewer.step()
     x, y, z = before.direction
     assert viewer.state.light.direction == pytest.approx((-x, y, -z)), "half a turn in half a second"
-    viewer.turns_a_minute = 0.0
+    viewer.travel = "rest"
     viewer.undo()
     assert viewer.state.light == before
+
+
+def test_materials_are_painted_without_another_mask_and_undone(
+    frame: None, viewer: Viewer, settle: Settle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settle(viewer)
+    before, drawn = viewer.pictures["A"].read(), viewer.drawn
+    red = (1.0, 0.0, 0.0)
+    monkeypatch.setattr(scene_panels, "_color", lambda label, color: red if label == "box##material" else color)
+    scene_panels.shading_panel(viewer)
+    viewer.step()
+    assert dict(viewer.state.colors) == {"box": red}
+    assert viewer.pictures["A"].read() != before and viewer.drawn is drawn and viewer.fresh
+    viewer.undo()
+    viewer.step()
+    assert viewer.pictures["A"].read() == before
+
+
+def test_times_of_passes_have_a_short_history(frame: None, viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
+    plotted, plot = {}, imgui.plot_lines
+
+    def recorded(label: str, values: np.ndarray, *how: Any) -> None:
+        plotted[label] = values
+        plot(label, values, *how)
+
+    monkeypatch.setattr(imgui, "plot_lines", recorded)
+    for turn in (0.0, 0.1, 0.2):
+        viewer.change(replace(viewer.state, camera=orbited(viewer.state.camera, turn, 0.0)))
+        viewer.step()
+    times_panel(viewer)
+    assert viewer.drawn is not None
+    passes = [(source, mask.passes.ms) for source, mask in zip("AB", viewer.drawn.masks, strict=True)]
+    assert list(plotted) == [f"##{source} {name}" for source, ms in passes for name in ms]
+    assert plotted and all(len(values) == 3 and min(values) > 0 for values in plotted.values())
 
 
 def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(viewer: Viewer, tmp_path: Path) -> None:

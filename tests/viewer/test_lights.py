@@ -14,12 +14,12 @@ from shadowbench.scenes.model import Camera, Light, LightShape, View
 from shadowbench.scenes.vectors import unit
 from shadowbench.viewer.lights import (
     azimuth_elevation,
-    circled,
     dome_radius,
     dragged,
     handles,
     is_far,
     sun_at,
+    travelled,
     with_kind,
 )
 from shadowbench.viewer.navigation import projected
@@ -82,12 +82,28 @@ def test_azimuth_and_elevation_are_those_of_the_sun(azimuth: float, elevation: f
 def test_a_lamp_that_travels_keeps_its_distance_and_returns(builtin: Callable[..., View], turns: float) -> None:
     scene = builtin("post").scene
     center = scene.geometry.bounds.mean(axis=0)
-    moved = circled(SPOT, scene, turns)
-    assert math.dist(moved.position, center) == pytest.approx(math.dist(SPOT.position, center))
-    assert moved.position[1] == pytest.approx(SPOT.position[1])
-    back = circled(moved, scene, -turns)
+    circled, later = (travelled(SPOT, scene, path, turns) for path in ("circle", "day"))
+    for moved in (circled, later):
+        assert math.dist(moved.position, center) == pytest.approx(math.dist(SPOT.position, center))
+    assert circled.position[1] == pytest.approx(SPOT.position[1])
+    assert unit(later.direction) == pytest.approx(unit(center - later.position)), "it shines to the centre"
+    back = travelled(circled, scene, "circle", -turns)
     assert (*back.position, *back.direction) == pytest.approx((*SPOT.position, *SPOT.direction))
-    assert circled(SPOT, scene, 1.0).position == pytest.approx(SPOT.position)
+    assert travelled(SPOT, scene, "circle", 1.0).position == pytest.approx(SPOT.position)
+    assert travelled(SPOT, scene, "rest", turns) is SPOT
+
+
+def test_a_day_goes_from_east_over_south_to_west_and_begins_anew(builtin: Callable[..., View]) -> None:
+    scene = builtin("post").scene
+    morning = travelled(replace(SUN, direction=(-1.0, 0.0, 0.0)), scene, "day", 0.01)
+    noon, evening, next_morning = (travelled(morning, scene, "day", turns) for turns in (0.495, 0.98, 1.0))
+    (east, low, _), (middle, high, south) = (-unit(sun.direction) for sun in (morning, noon))
+    assert east > 0.99 and 0 < low < 0.1
+    assert abs(middle) < 0.05 and high > 0.8 and south > 0.5
+    assert -unit(evening.direction)[0] < -0.99
+    assert next_morning.direction == pytest.approx(morning.direction)
+    suns = [morning := travelled(morning, scene, "day", 1 / 64) for _ in range(128)]
+    assert min(azimuth_elevation(sun)[1] for sun in suns) >= math.radians(0.999)
 
 
 @pytest.mark.parametrize("kind", get_args(LightShape))

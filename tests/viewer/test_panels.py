@@ -9,8 +9,9 @@ import pytest
 from shadowbench.gl.picture import Shading
 from shadowbench.scenes.model import Camera, Light, LightShape
 from shadowbench.viewer.canvas import Canvas, Pane
+from shadowbench.viewer.lights import LightPath
 from shadowbench.viewer.result_panels import better
-from shadowbench.viewer.scene_panels import KIND_HELP, SHADING_LABELS
+from shadowbench.viewer.scene_panels import KIND_HELP, PATH_HELP, SHADING_LABELS
 from shadowbench.viewer.state import OVERLAYS
 from shadowbench.viewer.view_panel import OVERLAY_HELP
 
@@ -36,6 +37,7 @@ def test_the_better_score_is_marked(values: list[float | None], direction: str, 
 
 def test_every_overlay_kind_of_light_and_colour_of_the_shading_is_explained() -> None:
     assert tuple(OVERLAY_HELP) == OVERLAYS and set(KIND_HELP) == set(get_args(LightShape))
+    assert set(PATH_HELP) == set(get_args(LightPath))
     assert list(SHADING_LABELS) == [one.name for one in fields(Shading) if isinstance(one.default, tuple)]
     assert all((*OVERLAY_HELP.values(), *KIND_HELP.values(), *SHADING_LABELS.values()))
 

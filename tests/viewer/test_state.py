@@ -8,7 +8,7 @@ import pytest
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import View
-from shadowbench.viewer.state import History, ViewerState
+from shadowbench.viewer.state import History, ViewerState, materials, recolored
 
 
 @pytest.fixture
@@ -48,3 +48,12 @@ def test_layouts_show_their_sources(state: ViewerState) -> None:
     beside = replace(state, layout="side by side")
     assert beside.sources == ("A", "truth")
     assert beside.with_spec(1, state.specs[0]).sources == ("A", "B", "truth")
+
+
+def test_copies_of_a_mesh_are_one_material(state: ViewerState) -> None:
+    assert set(materials(state.scene)) == {"plane", "board", "rail"}
+    red, own = recolored(state.scene, {"board": (1.0, 0.0, 0.0)}), state.scene.geometry.colors
+    boards = [mesh for mesh in state.scene.meshes if mesh.name.startswith("board")]
+    assert len(boards) > 1
+    assert (red == (1.0, 0.0, 0.0)).all(axis=1).sum() == sum(len(mesh.faces) for mesh in boards)
+    assert len(red) == len(own) and (red[0] == own[0]).all()

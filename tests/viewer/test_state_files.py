@@ -34,6 +34,7 @@ def test_a_state_is_read_as_it_was_saved(tmp_path: Path) -> None:
         "spot-lamp",
         phase=2,
         shading=Shading(ambient=0.5, sky=(0.1, 0.2, 0.3)),
+        colors=(("wall", (1.0, 0.0, 0.25)),),
         shadows=False,
         layout="wipe",
         left="B",

@@ -47,6 +47,7 @@ def test_the_tour_of_the_documentation(display: str, tmp_path: Path, shadowbench
     command = [sys.executable, str(HERE / "tour.py"), str(tmp_path)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+    assert "unexpectedly" not in done.stderr
     notes, masks = json.loads((tmp_path / "notes.json").read_text()), np.load(tmp_path / "masks.npy")
     assert notes["copied"] == notes["specs"][0]
     for number, spec in enumerate(notes["specs"]):
@@ -57,6 +58,17 @@ def test_the_tour_of_the_documentation(display: str, tmp_path: Path, shadowbench
         scored = shadowbench("score", tmp_path / "view.toml", mask, "--json")
         metrics = json.loads(scored.out)["metrics"]
         assert notes["scores"][number]["iou"] == pytest.approx(metrics["iou"], abs=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", ["leave", "segv,after=1"])  # while it is drawn, and while its work is counted
+def test_a_technique_that_ends_the_window_is_named_in_the_terminal(display: str, wild: Path, what: str) -> None:
+    environment = {**os.environ, "DISPLAY": display, "PYTHONPATH": str(ROOT)}
+    spec = f"does:what={what}"
+    words = ["view", "post", "-t", "unshadowed", "-t", spec, "--plugin", wild, "--view-size", "64"]
+    command = [sys.executable, "-m", "shadowbench", *words]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.stderr.splitlines()[-1] == f"shadowbench: the window ended unexpectedly while drawing {spec}"
 
 
 def test_the_pages_tour_is_the_one_that_is_driven() -> None:

@@ -70,7 +70,7 @@ def halve_the_map(d: Driver) -> None:
 
 
 def open_the_map(d: Driver) -> None:
-    """Open **Shadow map** and **Times and work**: the map itself, the time of each pass, and the counts of work."""
+    """Open **Shadow map** and **Times and work**: the map itself, the last times of passes, and the counts of work."""
     d.click("Times and work")
     d.click("Shadow map")
     d.until("the map", lambda: d.viewer.map_picture is not None)
