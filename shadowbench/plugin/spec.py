@@ -114,8 +114,9 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     if name is None:
         raise reader.fail("a technique's name")
     if name not in techniques:
-        families = [family.__name__.lower() for family in Component.__subclasses__() if name in family.table]
-        hint = f"; {name} is a {families[0]}: {families[0]}={name}" if families else ""
+        hint = ""
+        for what in (family.__name__.lower() for family in Component.__subclasses__() if name in family.table):
+            hint = f"; {name} is a {what}: {'cascades' if what == 'split' else 'shadow-map'}:{what}={name}"
         if written := WRITTEN.get(name.casefold().replace("_", "-")):
             hint = f"; {name} is written {written}"
         raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}{hint}")
