@@ -22,6 +22,8 @@ from shadowbench.truths.trace import Truth
 EDGE = 2  # pixels around a true edge in which flips are counted
 FINER = 3
 """Pixels along a side, after a step of the camera, for one before it."""
+SIZE_AFTER: Mapping[Step | None, int] = {"camera": FINER, "light": 1, None: 0}
+"""Pixels along a side of the image after a step, for one before it; 0 without a step."""
 RIGHT, UP = 0.5, 0.3  # pixels by which a step moves the image
 
 Mask = NDArray[np.float32]
@@ -48,11 +50,6 @@ ROW_METRICS: Mapping[str, Metric] = ChainMap({FLIPS.name: FLIPS}, METRICS)
 def row_metrics(row: Mapping[str, Any]) -> dict[str, float | None]:
     """Metrics of a score row by name, with its flips if they were measured; empty for a cell without scores."""
     return dict(row.get("metrics", {})) | ({FLIPS.name: row[FLIPS.name]} if FLIPS.name in row else {})
-
-
-def size_after(step: Step | None, size: int) -> int:
-    """Pixels along a side of the image after a step, for `size` before it; 0 without a step."""
-    return {"camera": FINER * size, "light": size, None: 0}[step]
 
 
 def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
@@ -95,7 +92,7 @@ class Stepped:
         if self.step == "camera":
             offset = distance * pixel * (np.array([RIGHT, UP, 0.0]) @ camera.basis())
             turned = replace(camera, target=vec3(np.add(camera.target, offset)))
-            return replace(before, camera=turned, size=size_after(self.step, before.size))
+            return replace(before, camera=turned, size=SIZE_AFTER[self.step] * before.size)
         across = pixel * (np.array([RIGHT, UP, 0.0]) @ perpendicular_basis(-unit(light.direction), camera.up))
         if light.kind == "directional":
             return replace(before, light=replace(light, direction=vec3(unit(light.direction) + across)))
