@@ -19,9 +19,9 @@ axis among it, from the uniforms of `caster_map.map_uniforms`, and uses two defi
 name, and LAYERS, the number of maps in an array (default 1). `shadow_map.glsl` is the whole lookup,
 `lit(bias(receiver))`, of the parts that `caster_map.FilteredMap` chooses.
 
-A plug-in may also define a filter or a bias, which every technique whose kind of map it supports then has: a subclass of
-`filters.Filter` or `biases.Bias`, whose `shader` is the text of the functions that `filter.glsl` or `bias.glsl` lists,
-or a file beside it.
+A plug-in may also define a filter or a bias, which every technique whose kind of map it supports then has: a subclass
+of `filters.Filter` or `biases.Bias`, whose `shader` is the text of the functions that `filter.glsl` or `bias.glsl`
+lists, or a file beside it.
 """
 
 from abc import ABC, abstractmethod
