@@ -26,6 +26,7 @@ def end() -> None:
     sb.close()
 
 
+@pytest.mark.slow
 def test_the_page_runs_as_a_script_without_a_guard(tmp_path: Path) -> None:
     (tmp_path / "page.py").write_text("\n".join(CODE), encoding="utf-8")
     done = subprocess.run(
