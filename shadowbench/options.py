@@ -5,6 +5,7 @@ The checks at the end are of arguments of Python functions; each raises InputErr
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
+from functools import partial
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -52,6 +53,9 @@ def option(
     return field(default=default, metadata=metadata | ({"rich_help_panel": heading} if heading else {}))
 
 
+view_size = partial(option, "Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
+
+
 @dataclass(frozen=True)
 class SceneOptions:
     """How a scene is read."""
@@ -81,7 +85,7 @@ FIRST = ViewOptions()
 class Measuring:
     """How a study is measured; None for its own value. Raises InputError."""
 
-    view_size: int | None = option("Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
+    view_size: int | None = view_size()
     rounds: int | None = option("Number of times that each cell is timed; 0 for no timing  [9].", "N", bounds=ROUNDS)
     phases: int | None = option(
         "Sub-texel offsets of the shadow map at which each cell is scored; with more than one, the table shows medians "

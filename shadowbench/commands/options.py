@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand
 
 from shadowbench.errors import InputError
-from shadowbench.options import MAP_SIZE, VIEW_SIZE, Measuring, SceneOptions, option
+from shadowbench.options import MAP_SIZE, Measuring, SceneOptions, option
 
 # What shells complete, with imports in the bodies. Where nothing matches, they complete file names.
 
@@ -115,7 +115,6 @@ def _option_of(field: "Field[Any]", heading: str | None = None) -> Any:
 technique = partial(option, metavar="SPEC", names=("-t", "--technique"), complete=techniques)
 output = partial(option, metavar="DIR", names=("-o", "--output"))
 plugins = partial(option, _PLUGIN, "FILE.py", default=())
-view_size = partial(option, "Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
 flag = partial(option, default=False)
 part = partial(
     option,
@@ -145,9 +144,10 @@ def scene(help: str) -> Any:
 
 Scene = Annotated[str, scene(f"The scene: {SCENE}.")]
 Plugins = Annotated[list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help=_PLUGIN)]
-ViewSize = Annotated[int | None, _option_of(fields(Measuring)[0])]
-Json = Annotated[bool, _option_of(fields(Printed)[0])]
-Quiet = Annotated[bool, _option_of(fields(Printed)[1])]
+_FIELDS = {one.name: one for group in (Measuring, Printed) for one in fields(group)}
+ViewSize = Annotated[int | None, _option_of(_FIELDS["view_size"])]
+Json = Annotated[bool, _option_of(_FIELDS["json"])]
+Quiet = Annotated[bool, _option_of(_FIELDS["quiet"])]
 
 
 class Command(NamedTuple):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
 from shadowbench.commands.executors import campaigns
-from shadowbench.options import ViewOptions, option
+from shadowbench.options import ViewOptions, option, view_size
 
 if TYPE_CHECKING:
     from shadowbench.advice.recommend import Recommendation
@@ -73,7 +73,7 @@ class RecommendOptions:
         metavar="TECHNIQUE",
         default=(),
     )
-    view_size: int | None = options.view_size()
+    view_size: int | None = view_size()
     plugin: list[Path] = options.plugins()
     output: Path = options.output(
         "Folder for the measured cells, which later calls reuse.", default=Path("results/recommend")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from shadowbench.commands import console, options
 from shadowbench.errors import InputError
-from shadowbench.options import ViewOptions, option
+from shadowbench.options import ViewOptions, option, view_size
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class RenderOptions:
     mask: Path | None = option("File for the shadow mask: visibility as 16-bit grey, white is lit.", "MASK.png")
     map: Path | None = option("File for the shadow map: linear depth, near is dark.", "MAP.png")
     tint: bool = options.flag("Show the technique's debug colours, such as one per cascade.")
-    view_size: int | None = options.view_size()
+    view_size: int | None = view_size()
     plugin: list[Path] = options.plugins()
 
 

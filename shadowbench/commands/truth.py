@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
-from shadowbench.options import PIXEL_SAMPLES, ViewOptions, option
+from shadowbench.options import PIXEL_SAMPLES, ViewOptions, option, view_size
 
 if TYPE_CHECKING:
     from shadowbench.truths.trace import Truth
@@ -16,7 +16,7 @@ class TruthOptions:
     """The file, and what is traced for it."""
 
     output: Path = options.output("File for the arrays.", metavar="FILE.npz", default=options.REQUIRED)
-    view_size: int | None = options.view_size()
+    view_size: int | None = view_size()
     pixel_samples: int = option("`area` averages N × N rays per pixel.", "N", default=4, bounds=PIXEL_SAMPLES)
 
 

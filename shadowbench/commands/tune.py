@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from shadowbench.commands import console, options
 from shadowbench.commands.executors import campaigns
 from shadowbench.errors import counted
-from shadowbench.options import PHASES, Bounds, SceneOptions, option
+from shadowbench.options import PHASES, Bounds, SceneOptions, option, view_size
 
 if TYPE_CHECKING:
     from shadowbench.advice.tune_search import Setting, Tuning
@@ -35,7 +35,7 @@ class TuneOptions:
     )
     trials: int = option("Number of settings that the search tries.", "N", default=100, bounds=Bounds(1, 100_000))
     map_size: str = option("Map sizes to average over.", "N,N,...", default="2048")
-    view_size: int | None = options.view_size()
+    view_size: int | None = view_size()
     phases: int = option("Sub-texel offsets of the map to average over.", "N", default=2, bounds=PHASES)
     plugin: list[Path] = options.plugins()
     output: Path = options.output("Folder for the measured cells.", default=Path("results/tune"))

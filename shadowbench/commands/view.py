@@ -8,7 +8,7 @@ from typing import Annotated
 
 from shadowbench.commands import console, options
 from shadowbench.errors import NOT_EVERYWHERE, InputError, how_to_install
-from shadowbench.options import FIRST, ViewOptions, option
+from shadowbench.options import FIRST, ViewOptions, option, view_size
 
 _MOST = 2
 LIBRARIES = "libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
@@ -23,7 +23,7 @@ class WindowOptions:
     )
     state: Path | None = option("Show a state that the window saved.", "FILE.toml")
     cell: str | None = option("Show a cell of a folder of `run` or `stress`, by its key.", "KEY")
-    view_size: int | None = options.view_size()
+    view_size: int | None = view_size()
     plugin: list[Path] = options.plugins()
 
 
