@@ -2,8 +2,6 @@
 
 import asyncio
 import logging
-import os
-import re
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from shadowbench.errors import InputError, ShadowbenchError, how_to_install, message, quoted
 from shadowbench.measure import dask_tasks as tasks
 from shadowbench.measure.campaign import Reporter
+from shadowbench.measure.dask_local import local_workers, start_local
 from shadowbench.measure.drawer import Limits
 from shadowbench.measure.worker import sigint_blocked
 
@@ -23,9 +22,9 @@ if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster
 
 CONNECT_S, WORKERS_S, _LOOK_S = 10.0, 60.0, 1.0
-_MOST_LOCAL = 256
 AHEAD = 2  # tasks that a worker has at a time, so that it need not wait for this process
 _TRIES = 4  # of a task whose worker dies, or that raises an exception that is none of ours, such as a full disk
+_GONE = RuntimeError("it has gone")
 
 
 class Cluster:
@@ -49,7 +48,7 @@ class Cluster:
             import distributed  # noqa: F401
         except ImportError:
             raise InputError(f"--dask needs Dask; {how_to_install('dask')}") from None
-        self.where, self.local = where, _local_workers(where)
+        self.where, self.local = where, local_workers(where)
         self.reporter, self.renderer, self.any_renderer = reporter, renderer, any_renderer
         self.setup = tasks.Setup([*map(tasks.plugin_files, plugins)], limits or Limits())
         self.facts: dict[str, tasks.WorkerFacts] = {}
@@ -69,7 +68,7 @@ class Cluster:
             if self.local is not None:
                 resource_tracker.ensure_running()  # when it starts, it unblocks the signal
                 with sigint_blocked():  # Ctrl-C is for this process, which ends the workers
-                    self._started = _start_local(self.local)
+                    self._started = start_local(self.local)
             self.client = self._connect()
             self._wait()
         except BaseException:
@@ -160,9 +159,19 @@ class Cluster:
                 wait([*running], timeout=_LOOK_S, return_when="FIRST_COMPLETED")
             else:
                 time.sleep(0.1)
-        ended = {future: future.exception() or future.result() for future in running if future.done()}
-        gone = {future: RuntimeError("it has gone") for future, (_, at) in running.items() if at not in self.facts}
+        gone = {future: _GONE for future, (_, at) in running.items() if at not in self.facts}
+        ended = {future: self._answer(future, at) for future, (_, at) in running.items() if future.done()}
         return gone | ended
+
+    def _answer(self, future: "Future[Any]", address: str) -> Any:
+        """Result or exception of a task that has ended, or that its worker has gone: Dask waits for that to return."""
+        timeout = _LOOK_S
+        while True:
+            with suppress(TimeoutError):
+                return future.exception(timeout) or future.result(timeout)
+            if address not in self.client.scheduler_info()["workers"]:
+                return _GONE
+            timeout *= 2
 
     def _is_idle(self, address: str) -> bool:
         """Whether no worker on the machine of a worker has a task, of whatever program."""
@@ -235,7 +244,8 @@ class Cluster:
         if patient and len(answered) < len(self._asked):
             return
         answers = {address: self._asked.pop(address) for address in answered}
-        self._judge({address: one.exception() or one.result() for address, one in answers.items()})
+        found = {address: self._answer(future, address) for address, future in answers.items()}
+        self._judge({address: answer for address, answer in found.items() if answer is not _GONE})
 
     def _judge(self, answers: "Mapping[str, tasks.WorkerFacts | Exception]") -> None:
         """Admit or refuse workers by what they are."""
@@ -262,16 +272,6 @@ class Cluster:
         )
 
 
-def _local_workers(where: str) -> int | None:
-    """N of `local:N`; None for an address."""
-    if where != "local" and not where.startswith("local:"):
-        return None
-    found = re.fullmatch(r"local:(\d{1,3})", where)
-    if found is None or not 1 <= int(found[1]) <= _MOST_LOCAL:
-        raise InputError(f"--dask {where}: allowed: local:N with N from 1 to {_MOST_LOCAL}, or a scheduler's address")
-    return int(found[1])
-
-
 async def _probe(address: str) -> None:
     """Connect and close again. Raises as Dask does; a client that fails to connect may hang when it is deleted."""
     from distributed import Security
@@ -279,20 +279,3 @@ async def _probe(address: str) -> None:
 
     arguments = Security().get_connection_args("client")  # from Dask's configuration
     await (await connect(address, timeout=CONNECT_S, **arguments)).close()
-
-
-def _start_local(count: int) -> "LocalCluster":
-    import dask
-    from distributed import LocalCluster
-
-    threads = max((os.cpu_count() or 1) // count, 1)
-    with dask.config.set({"distributed.worker.profile.enabled": False}):  # it samples every 10 ms
-        return LocalCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=":0",
-            silence_logs=logging.CRITICAL,
-            # A software renderer would otherwise use all cores in every worker.
-            env={"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},
-        )

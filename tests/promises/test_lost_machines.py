@@ -11,12 +11,17 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pandas as pd
 import psutil
 import pytest
-from distributed import Client
+from distributed import Client, Future
 from distributed.utils import open_port
+
+from shadowbench.measure import dask_tasks as tasks
+from shadowbench.measure.campaign import Reporter
+from shadowbench.measure.dask_cluster import Cluster
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")]
 
@@ -112,6 +117,26 @@ def test_killed_workers_and_a_restarted_scheduler_lose_no_row(
     assert code == 0, err
     assert len(keys := [row["key"] for row in records(out)]) == len(set(keys)) == CELLS
     assert {row["status"] for row in records(out)} == {"ok"}
+
+
+def test_a_worker_that_dies_before_its_result_is_fetched_is_not_waited_for(
+    processes: Processes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    processes.wait_for(2)
+    fetch = Future.result
+    with Cluster(processes.address, Mock(spec=Reporter)) as cluster:
+        pids = cluster.client.run(os.getpid)
+
+        def die_first(future: Any, timeout: float | None = None) -> Any:
+            monkeypatch.setattr(Future, "result", fetch)
+            (place,) = cluster.client.who_has([future])[future.key]
+            os.kill(pids[place], signal.SIGKILL)
+            return fetch(future, timeout)
+
+        monkeypatch.setattr(Future, "result", die_first)
+        answers = dict(cluster.run(lambda: [*cluster.facts], [(tasks.describe, tasks.own_versions())] * 4))
+    assert sorted(answers) == [0, 1, 2, 3]
+    assert {type(one) for one in answers.values()} == {tasks.WorkerFacts}
 
 
 def test_a_killed_client_goes_on_without_measuring_again(
