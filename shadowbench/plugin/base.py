@@ -121,8 +121,8 @@ class Entry:
     variants: Sequence[str] = ("",)
 
 
-class Technique(ABC):
-    """A way to compute visibility. A subclass with a `name` is registered; its docstring is its documentation."""
+class Subject(ABC):
+    """What a spec names and a study measures: a technique of ours, or another engine. Its docstring documents it."""
 
     name: ClassVar[str]
     Params: ClassVar[type[TechniqueParams]] = TechniqueParams
@@ -130,21 +130,6 @@ class Technique(ABC):
     lights: ClassVar[frozenset[LightKind]] = frozenset({"directional", "spot", "point"})  # supported light kinds
     phased: ClassVar[bool] = False  # whether it has a texel grid that a phase can shift
     catalogue: ClassVar[Entry] = Entry()
-
-    def __init__(self, params: TechniqueParams) -> None:
-        self.params = params
-
-    @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        """Why these parameters cannot draw this view on this device; None if they can."""
-        return None
-
-    @classmethod
-    def declines(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        """Why the technique cannot draw this view, by `unsupported` or `lights`; None if it can."""
-        kind = view.light.hard_kind
-        answers = f"a {kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
-        return cls.unsupported(params, view, device) or (None if kind in cls.lights else answers)
 
     @classmethod
     def view_slices(cls, params: TechniqueParams) -> int:
@@ -160,6 +145,25 @@ class Technique(ABC):
     def draws_on_cpu(cls, params: TechniqueParams) -> bool:
         """Whether the CPU does part of the drawing: timed by the wall clock on every device, not by the GPU's timer."""
         return False
+
+
+class Technique(Subject):
+    """A way to compute visibility. A subclass with a `name` is registered; its docstring is its documentation."""
+
+    def __init__(self, params: TechniqueParams) -> None:
+        self.params = params
+
+    @classmethod
+    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+        """Why these parameters cannot draw this view on this device; None if they can."""
+        return None
+
+    @classmethod
+    def declines(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+        """Why the technique cannot draw this view, by `unsupported` or `lights`; None if it can."""
+        kind = view.light.hard_kind
+        answers = f"a {kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
+        return cls.unsupported(params, view, device) or (None if kind in cls.lights else answers)
 
     @abstractmethod
     def build(self, stage: Stage) -> None:
