@@ -11,15 +11,18 @@ class ThreeParams(EngineParams):
 
     size: int = param(512, "texels along a side of the map: `shadow.mapSize`", ge=1, le=8192)
     filter: Literal["basic", "pcf", "vsm"] = param("pcf", "`renderer.shadowMap.type`")
-    bias: float = param(0.0, "`shadow.bias`, added to the depth in the map", ge=-1, le=1)
-    normal_bias: float = param(0.0, "`shadow.normalBias`, along the normal", ge=-10, le=10)
+    radius: float = param(1.0, "`shadow.radius` of the filters pcf and vsm", ge=0, le=100)
+    bias: float = param(0.0, "`shadow.bias`, added to the depth of the receiver, from 0 to 1", ge=-1, le=1)
+    normal_bias: float = param(0.0, "`shadow.normalBias`, along the normal, in units of the scene", ge=-10, le=10)
     cast: Literal["shipped", "front", "back", "both"] = param("shipped", "`material.shadowSide`: the sides that cast")
 
 
 class Three(Engine):
     """three.js: one shadow map with a bias and a choice of filters, on WebGL 2.
 
-    Materials that are single-sided cast by their back faces, and those that are double-sided by both.
+    By default materials that are single-sided cast by their back faces, and those that are double-sided by both: then
+    the bias, 0 as shipped, has to be negative. The filter vsm has the visible sides cast, and no point lights. Meshes
+    without normals are shaded flat, and `shadow.normalBias` has no effect on them.
     """
 
     name = "three"
@@ -29,8 +32,8 @@ class Three(Engine):
     box = "given"
     phased = True
     casts = True
-    presets = {"shipped": "", "documented": "bias=-0.0005"}
+    presets = {"shipped": "", "documented": "bias=-0.0001"}
     sources = {
         "shipped": "src/lights/LightShadow.js and src/renderers/webgl/WebGLShadowMap.js, r187",
-        "documented": "https://threejs.org/docs/#api/en/lights/shadows/LightShadow.bias",
+        "documented": "https://threejs.org/docs/#api/en/lights/shadows/LightShadow.bias, in the order of 0.0001",
     }

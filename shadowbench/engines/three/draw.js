@@ -3,30 +3,35 @@ import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 const FILTERS = { basic: THREE.BasicShadowMap, pcf: THREE.PCFShadowMap, vsm: THREE.VSMShadowMap };
-const SIDES = { front: THREE.FrontSide, back: THREE.BackSide, both: THREE.DoubleSide };
-let renderer, scene, camera, light, materials;
+const SIDES = { shipped: null, front: THREE.FrontSide, back: THREE.BackSide, both: THREE.DoubleSide };
+let renderer, scene, camera, light, meshes;
 
 export function open({ canvas, size }) {
   renderer = new THREE.WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
   renderer.setPixelRatio(1);
   renderer.setSize(size, size, false);
   renderer.toneMapping = THREE.NoToneMapping;
+  renderer.shadowMap.enabled = true;
   return THREE.REVISION;
 }
 
 export async function load({ glb, view }) {
+  light?.dispose();
+  light = null;
+  meshes?.forEach((mesh) => [mesh.geometry, mesh.material].forEach((part) => part.dispose()));
   const { scene: root } = await new GLTFLoader().parseAsync(glb, "");
   scene = new THREE.Scene().add(root);
-  materials = new Set();
+  meshes = [];
   const own = [];
   root.traverse((node) => {
     if (node.isLight || node.isCamera) own.push(node);
-    if (!node.isMesh) return;
-    node.castShadow = node.userData.casts ?? true;
-    node.receiveShadow = node.userData.receives ?? true;
-    materials.add(node.material);
+    if (node.isMesh) meshes.push(node);
   });
   own.forEach((node) => node.removeFromParent());
+  for (const mesh of meshes) {
+    mesh.castShadow = mesh.userData.casts ?? true;
+    mesh.receiveShadow = mesh.userData.receives ?? true;
+  }
   const { fov_y, near, far, position, up, target } = view.camera;
   camera = new THREE.PerspectiveCamera(fov_y, 1, near, far);
   camera.position.set(...position);
@@ -34,29 +39,36 @@ export async function load({ glb, view }) {
   camera.lookAt(...target);
 }
 
+const LIGHTS = {
+  directional: () => new THREE.DirectionalLight(),
+  spot: ({ cone }) => new THREE.SpotLight(undefined, 1, 0, THREE.MathUtils.degToRad(cone / 2), 0, 0), // no decay
+  point: () => new THREE.PointLight(undefined, 1, 0, 0),
+};
+
 export function draw({ light: lamp, box, params, shadows, exposure }) {
-  light?.dispose();
+  if (params.filter === "vsm" && lamp.kind === "point") throw new Error("three.js has no VSM of point lights");
+  light?.dispose(); // with its map
   light?.removeFromParent();
-  light = lamp.kind === "directional" ? new THREE.DirectionalLight() : lamp.kind === "spot" ? new THREE.SpotLight() : new THREE.PointLight();
+  light = LIGHTS[lamp.kind](lamp);
   scene.add(light);
-  light.intensity = Math.PI * exposure;
+  light.intensity = Math.PI * exposure; // of which a white surface reflects 1 / π
+  light.position.set(...(lamp.position ?? box.position));
+  light.target?.position.copy(light.position).add(new THREE.Vector3(...lamp.direction));
+  light.target?.updateMatrixWorld(); // it is not in the scene
   light.castShadow = shadows;
-  const { camera: lens, mapSize } = light.shadow;
-  if (box) {
-    light.position.set(...box.position);
-    light.target.position.set(...box.target);
-    scene.add(light.target);
+  const lens = light.shadow.camera;
+  Object.assign(lens, { near: box.near ?? 0, far: box.far ?? box.depth });
+  if (lamp.kind === "directional") {
+    const [x, y] = [box.width / 2, box.height / 2];
+    Object.assign(lens, { left: -x, right: x, bottom: -y, top: y });
     lens.up.set(...box.up);
-    Object.assign(lens, { left: -box.width / 2, right: box.width / 2, bottom: -box.height / 2, top: box.height / 2, near: 0, far: box.depth });
-    lens.updateProjectionMatrix();
   }
-  mapSize.set(params.map_size, params.map_size);
-  light.shadow.bias = params.bias;
-  light.shadow.normalBias = params.normal_bias;
-  renderer.shadowMap.enabled = shadows;
+  lens.updateProjectionMatrix();
+  light.shadow.mapSize.set(params.size, params.size);
+  Object.assign(light.shadow, { bias: params.bias, normalBias: params.normal_bias, radius: params.radius });
   renderer.shadowMap.type = FILTERS[params.filter];
-  for (const material of materials) {
-    material.shadowSide = params.cast === "shipped" ? null : SIDES[params.cast];
+  for (const { material } of meshes) {
+    material.shadowSide = SIDES[params.cast];
     material.needsUpdate = true;
   }
   renderer.render(scene, camera);
