@@ -100,10 +100,10 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
     """Score your engine's shadows against ray tracing.
 
     `assert shadow_accuracy("mask.png", scene="stairs").iou > 0.98`; also `view`, `light`, `assets`, `up`, `sun` and
-    `no_ground`, and `lit`, `shadowed` and `ambient` in place of a mask, all as `shadowbench score` takes them. mask: a
-    PNG, or an (N, N) array, bool or float in [0, 1], uint8 or uint16, row 0 at the top, white is lit; N is taken for
-    the view's size. A mask that is flipped, inverted or not square fails the test. A metric that is undefined in the
-    view is None: comparing it with a number raises TypeError, and the log says why.
+    `no_ground`, and `lit`, `shadowed`, `ambient` and `linear` in place of a mask, all as `shadowbench score` takes
+    them. mask: a PNG, or an (N, N) array, bool or float in [0, 1], uint8 or uint16, row 0 at the top, white is lit; N
+    is taken for the view's size. A mask that is flipped, inverted or not square fails the test. A metric that is
+    undefined in the view is None: comparing it with a number raises TypeError, and the log says why.
     """
     folder = request.config.getoption("--shadow-diffs") or tmp_path
     node = request.node
@@ -135,7 +135,8 @@ def _handed(mask: Any, screenshots: dict[str, Any]) -> Any:
     from shadowbench.engines.external_mask import from_screenshots, mask_from_array, mask_from_file
 
     if mask is None:
-        return from_screenshots(**{key: file and Path(file) for key, file in screenshots.items()})
+        linear = screenshots.pop("linear", False)
+        return from_screenshots(**{key: file and Path(file) for key, file in screenshots.items()}, linear=linear)
     if screenshots:
-        raise TypeError(f"a mask and {', '.join(screenshots)}; allowed: a mask, or lit, shadowed and ambient")
+        raise TypeError(f"a mask and {', '.join(screenshots)}; allowed: a mask, or lit, shadowed, ambient and linear")
     return mask_from_file(Path(mask)) if isinstance(mask, str | Path) else mask_from_array(mask)

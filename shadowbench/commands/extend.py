@@ -1,12 +1,13 @@
 """`new-technique` and `export`: what a technique or an engine of your own begins with."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from shadowbench.commands import console, options
-from shadowbench.options import ViewOptions
+from shadowbench.options import ViewOptions, option
 
 
 @options.command(
@@ -32,6 +33,18 @@ def new_technique(
         console.print_line(f"  shadowbench {command} cube-on-plane -t {name} -t shadow-map --plugin {file}")
 
 
+@dataclass(frozen=True)
+class Materials:
+    """Materials of the exported meshes."""
+
+    sides: Literal["closed", "double"] = option(
+        "Which materials are double-sided: those of meshes that are not closed, or all.",
+        "closed|double",
+        default="double",
+    )
+    colours: bool = options.flag("Give materials the colours of the meshes, instead of white.")
+
+
 @options.command("For example  shadowbench export stairs for-my-engine/ --view-size 1024")
 def export(
     scene: options.Scene,
@@ -39,13 +52,14 @@ def export(
     view_size: options.ViewSize = None,
     quiet: options.Quiet = False,
     *,
+    materials: Materials,
     view: ViewOptions,
 ) -> None:
     """Write a scene for your engine: glTF, matrices, truth.
 
     \b
-    scene.glb  meshes with colours, the camera, the light (KHR_lights_punctual)
-    view.json  view and projection matrices, near and far, size, pixel convention
+    scene.glb  meshes with flat normals, the camera, the light
+    view.json  view and projection matrices, size, pixel convention, the light's box
     truth.png  the ray-traced shadow mask, as an example of a mask for `score`
     """
     from shadowbench.engines.export import DESCRIPTION, export_view, inexpressible_in_gltf
@@ -57,7 +71,10 @@ def export(
         chosen = reporter.view(scene, view_size, view)
         for line in inexpressible_in_gltf(chosen):
             reporter.note(line)
-        model, description, example = export_view(chosen, cached_truth(chosen), folder, scene)
+        truth = cached_truth(chosen)
+        model, description, example = export_view(
+            chosen, truth, folder, scene, sides=materials.sides, colours=materials.colours
+        )
     if not quiet:
         meshes = chosen.scene.meshes
         triangles = sum(len(mesh.faces) for mesh in meshes)

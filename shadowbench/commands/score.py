@@ -19,6 +19,7 @@ class ScoreOptions:
     lit: Path | None = option("Instead of a mask: a screenshot without shadows, sRGB.", "LIT.png")
     shadowed: Path | None = option("The same screenshot with shadows.", "SHADOWED.png")
     ambient: Path | None = option("The same screenshot without the light  [black].", "AMBIENT.png")
+    linear: bool = options.flag("The screenshots hold linear values instead of sRGB.")
     output: Path | None = options.output("Run folder to add the score to; requires --name.")
     name: str | None = option("Name of your engine in that run folder; requires -o.", "NAME")
     diff: Path | None = option("File for a difference picture: false shadow orange, false light blue.", "FILE.png")
@@ -62,7 +63,7 @@ def score(
     from shadowbench.scores.difference import write_difference
 
     _check_outputs(asked, mask)
-    handed = external_mask(scene, mask, asked.lit, asked.shadowed, asked.ambient)
+    handed = external_mask(scene, mask, asked.lit, asked.shadowed, asked.ambient, linear=asked.linear)
     with console.Reporter(printed.quiet) as reporter:
         against = stored_truth_of(scene, view) or reporter.view(scene, handed.size, view)
         accuracy = accuracy_of(handed, against)

@@ -5,33 +5,46 @@ import math
 import re
 import shlex
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
+from shadowbench.engines.light_box import light_box
 from shadowbench.files import make_folder, replace_file
+from shadowbench.geometry.convex import caster_and_receiver_vertices
+from shadowbench.geometry.topology import is_closed
+from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import Camera, Light, Mesh, View
-from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
+from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit
 from shadowbench.scores.masks import write_mask
 from shadowbench.truths.trace import Truth
 
+if TYPE_CHECKING:
+    from shadowbench.plugin.engine import Sides
+
 SCHEMA = 1
 _ROW = re.compile(r"\[[^][{}]*\]")  # a list of numbers, which is written on one line
+WHITE: Vec3 = (1.0, 1.0, 1.0)
 MODEL, DESCRIPTION, EXAMPLE = "scene.glb", "view.json", "truth.png"
 
 Json = dict[str, Any]
 
 
-def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list[Path]:
-    """Write a view's files into a folder, and return their paths; scene_name: its argument on the command line."""
+def export_view(
+    view: View, truth: Truth, folder: Path, scene_name: str, *, sides: "Sides" = "double", colours: bool = False
+) -> list[Path]:
+    """Write a view's files into a folder, and return their paths.
+
+    scene_name: its argument on the command line; sides, colours: as of `glb_of`.
+    """
     make_folder(folder)
     model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
     with replace_file(model) as temporary:
-        temporary.write_bytes(glb_of(view))
+        temporary.write_bytes(glb_of(view, sides=sides, colours=colours))
     with replace_file(description) as temporary:
-        text = json.dumps(describe(view, scene_name), indent=2, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(describe(view, scene_name, sides), indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
     write_mask(example, truth.visibility)
     return [model, description, example]
@@ -94,9 +107,10 @@ def projection_matrix(view: View) -> Floats:
     )
 
 
-def describe(view: View, scene_name: str) -> dict[str, Any]:
+def describe(view: View, scene_name: str, sides: "Sides" = "double") -> Json:
     """Contents of `view.json`: conventions that glTF leaves open, camera, light, meshes and the format of masks."""
     camera, (near, far) = view.camera, view.near_far
+    low, high = bounds_of(caster_and_receiver_vertices(view.scene.geometry)).tolist()
     score = ["shadowbench", "score", scene_name, "MASK.png", "--view", camera.name, "--light", view.light.name]
     return {
         "schema": SCHEMA,
@@ -123,7 +137,9 @@ def describe(view: View, scene_name: str) -> dict[str, Any]:
             "view": view_matrix(camera).tolist(),
             "projection": projection_matrix(view).tolist(),
         },
-        "light": _light(view.light),
+        "light": {**_light(view.light), "box": light_box(view)},
+        "bounds": {"low": low, "high": high},
+        "sides": sides,
         "meshes": [
             {
                 "name": mesh.name,
@@ -131,6 +147,7 @@ def describe(view: View, scene_name: str) -> dict[str, Any]:
                 "triangles": len(mesh.faces),
                 "casts": mesh.casts,
                 "receives": mesh.receives,
+                "closed": is_closed(mesh),
             }
             for mesh in view.scene.meshes
         ],
@@ -164,29 +181,28 @@ def _light(light: Light) -> dict[str, Any]:
     }
 
 
-def glb_of(view: View) -> bytes:
+def glb_of(view: View, *, sides: "Sides" = "double", colours: bool = False) -> bytes:
     """Bytes of a .glb with the view's meshes in float32, its camera and its light (KHR_lights_punctual).
 
-    The light has no size there, and a disc or rectangle is a spot of WIDEST_CONE. Materials have the mesh's linear base
-    colour and are double-sided. A mesh that casts or receives no shadow has `casts` or `receives` in its node's
-    `extras`, since glTF cannot express it. If the scene is farther from the origin than it is large, nodes are
-    translated to its centre, so that float32 vertices keep their precision.
+    Each triangle has vertices of its own, with its normal. sides: which materials are double-sided, those of meshes
+    that are not closed, or all; colours: whether they have the mesh's linear base colour, or are white. The light has
+    no size there, and a disc or rectangle is a spot of WIDEST_CONE. A mesh that casts or receives no shadow has `casts`
+    or `receives` in its node's `extras`, since glTF cannot express it. If the scene is farther from the origin than it
+    is large, nodes are translated to its centre, so that float32 vertices keep their precision.
     """
     scene, camera, light = view.scene, view.camera, view.light
     low, high = scene.geometry.bounds
+    materials = [(mesh.color if colours else WHITE, sides == "double" or not is_closed(mesh)) for mesh in scene.meshes]
     center = (low + high) / 2
     origin = center if np.linalg.norm(center) > np.linalg.norm(high - low) else np.zeros(3)
 
     def complete(tree: Json) -> None:
         """Add what trimesh does not write; its meshes are in the order of the scene's."""
-        colors = list(dict.fromkeys(mesh.color for mesh in scene.meshes))
-        surfaces = [
-            {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0} for color in colors
-        ]
-        tree["materials"] = [{"pbrMetallicRoughness": surface, "doubleSided": True} for surface in surfaces]
-        for mesh, written in zip(scene.meshes, tree["meshes"], strict=True):
+        distinct = list(dict.fromkeys(materials))
+        tree["materials"] = [_material(*material) for material in distinct]
+        for mesh, material, written in zip(scene.meshes, materials, tree["meshes"], strict=True):
             written["name"] = mesh.name
-            written["primitives"][0]["material"] = colors.index(mesh.color)
+            written["primitives"][0]["material"] = distinct.index(material)
         near, far = view.near_far
         lens = {"yfov": camera.fov_y, "aspectRatio": 1.0, "znear": near, "zfar": far}
         tree["cameras"] = [{"name": camera.name, "type": "perspective", "perspective": lens}]
@@ -203,11 +219,19 @@ def glb_of(view: View) -> bytes:
         tree["scenes"] = [{"name": scene.name, "nodes": list(range(len(tree["nodes"])))}]
 
     loaded = trimesh.Scene()
-    for index, mesh in enumerate(scene.meshes):
-        shape = trimesh.Trimesh(mesh.vertices - origin, mesh.faces, process=False)
+    normals = np.split(scene.geometry.normals, np.cumsum([len(mesh.faces) for mesh in scene.meshes[:-1]]))
+    for index, (mesh, flat) in enumerate(zip(scene.meshes, normals, strict=True)):
+        corners = (mesh.vertices - origin)[mesh.faces.ravel()]
+        faces = np.arange(len(corners)).reshape(-1, 3)
+        shape = trimesh.Trimesh(corners, faces, vertex_normals=np.repeat(flat, 3, axis=0), process=False)
         loaded.add_geometry(shape, geom_name=f"mesh {index}")
-    written: bytes = export_glb(loaded, include_normals=False, tree_postprocessor=complete)  # type: ignore[no-untyped-call]
+    written: bytes = export_glb(loaded, include_normals=True, tree_postprocessor=complete)  # type: ignore[no-untyped-call]
     return written
+
+
+def _material(color: Vec3, double_sided: bool) -> Json:
+    surface = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    return {"pbrMetallicRoughness": surface, "doubleSided": double_sided}
 
 
 def _lamp(light: Light) -> Json:

@@ -76,33 +76,34 @@ def mask_from_array(values: ArrayLike, name: str = "mask") -> ExternalMask:
         raise InputError(f"{name}: {error}; allowed: numbers in [0, 1]") from None
 
 
-def from_screenshots(lit: Path, shadowed: Path, ambient: Path | None = None) -> ExternalMask:
-    """Visibility (shadowed − ambient) / (lit − ambient) of sRGB-encoded PNG screenshots; ambient is 0 if absent.
+def from_screenshots(lit: Path, shadowed: Path, ambient: Path | None = None, *, linear: bool = False) -> ExternalMask:
+    """Visibility (shadowed − ambient) / (lit − ambient) of PNG screenshots; ambient is 0 if absent.
 
-    Computed on linear luminance. Where lit − ambient is below 1/64, visibility is 1 and not measurable. Raises
-    InputError for files that are no PNG, not square, too large, or of different sizes.
+    linear: whether they hold linear values, not sRGB-encoded ones. Computed on linear luminance. Where lit − ambient is
+    below 1/64, visibility is 1 and not measurable. Raises InputError for files that are no PNG, not square, too large,
+    or of different sizes.
     """
     sides = {file: _side_of(file) for file in (lit, shadowed, ambient) if file}
     for file, side in sides.items():
         if side != sides[lit]:
             raise InputError(f"{file}: found {side} × {side} pixels; allowed: {sides[lit]} × {sides[lit]}, as {lit}")
-    full, dimmed = read_luminance(lit), read_luminance(shadowed)
-    floor = read_luminance(ambient) if ambient else np.zeros_like(full)
+    full, dimmed = read_luminance(lit, linear), read_luminance(shadowed, linear)
+    floor = read_luminance(ambient, linear) if ambient else np.zeros_like(full)
     measurable = full - floor >= DARKEST
     seen = np.divide(dimmed - floor, full - floor, out=np.ones_like(floor), where=measurable)
     visibility = quantise(np.clip(seen, 0, 1))
     return ExternalMask(str(shadowed), visibility, measurable, full >= CLIPPED, shadowed, bool(ambient))
 
 
-def read_luminance(file: Path) -> NDArray[np.float64]:
-    """(H, W) linear luminance in [0, 1] of a grey or colour PNG, decoded from sRGB; alpha is ignored."""
+def read_luminance(file: Path, linear: bool = False) -> NDArray[np.float64]:
+    """(H, W) linear luminance in [0, 1] of a grey or colour PNG, decoded from sRGB unless linear; alpha is ignored."""
     with open_png(file, _PICTURE) as opened:
         image = opened.convert(_REDUCED[opened.mode]) if opened.mode in _REDUCED else opened
         if image.mode not in _PLAIN:
             raise InputError(f"{file}: found a PNG of mode {image.mode}; {_PICTURE}")
         levels = np.asarray(image) / _PLAIN[image.mode]
-    linear = decode_srgb(levels)
-    luminance: NDArray[np.float64] = linear @ _LUMINANCE if linear.ndim == 3 else linear
+    values = levels if linear else decode_srgb(levels)
+    luminance: NDArray[np.float64] = values @ _LUMINANCE if values.ndim == 3 else values
     return luminance
 
 
@@ -123,18 +124,27 @@ def _side_of(file: Path) -> int:
 
 
 def external_mask(
-    scene: str, mask: Path | None, lit: Path | None, shadowed: Path | None, ambient: Path | None
+    scene: str,
+    mask: Path | None,
+    lit: Path | None,
+    shadowed: Path | None,
+    ambient: Path | None,
+    *,
+    linear: bool = False,
 ) -> ExternalMask:
     """The mask of the options of `score`: a mask file, or screenshots; scene: the command's argument, for messages.
 
-    Raises InputError, with the right usage, for both, neither, or an incomplete set of screenshots.
+    Raises InputError, with the right usage, for both, neither, an incomplete set of screenshots, or a mask said to be
+    linear.
     """
     options = {"MASK": mask, "--lit": lit, "--shadowed": shadowed, "--ambient": ambient}
     given = " and ".join(name for name, file in options.items() if file is not None)
     if mask is not None and given == "MASK":
+        if linear:
+            raise InputError("--linear: found MASK; allowed: with --lit and --shadowed, as a mask is always linear")
         return mask_from_file(mask)
     if mask is None and lit is not None and shadowed is not None:
-        return from_screenshots(lit, shadowed, ambient)
+        return from_screenshots(lit, shadowed, ambient, linear=linear)
     if given:
         raise InputError(f"score: found {given}; allowed: MASK, or --lit and --shadowed, with or without --ambient")
     command = f"shadowbench score {shlex.quote(scene)}"

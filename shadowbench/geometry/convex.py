@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
+from shadowbench.scenes.geometry import Faces, Geometry, bounds_of, used_by
 from shadowbench.scenes.model import Camera, Light, Scene, View
 from shadowbench.scenes.vectors import Floats
 
@@ -68,10 +68,15 @@ def is_outside(points: Floats, planes: Floats) -> bool:
     return bool((points @ planes[:, :3].T + planes[:, 3] < 0.0).all(axis=0).any())
 
 
-def caster_and_receiver_vertices(geometry: Geometry) -> Floats:
-    """(N, 3) vertices of all casters and receivers, or of the whole scene if it has neither."""
+def caster_and_receiver_faces(geometry: Geometry) -> Faces:
+    """(F, 3) faces of all casters and receivers, or of the whole scene if it has neither."""
     shadowing = geometry.casts | geometry.receives  # a sky, which is neither, must not enlarge the map
-    return used_by(geometry.faces[shadowing] if shadowing.any() else geometry.faces, geometry.vertices)
+    return geometry.faces[shadowing] if shadowing.any() else geometry.faces
+
+
+def caster_and_receiver_vertices(geometry: Geometry) -> Floats:
+    """(N, 3) vertices of these faces."""
+    return used_by(caster_and_receiver_faces(geometry), geometry.vertices)
 
 
 def practical_depths(near: float, far: float, count: int, weight: float = PRACTICAL_WEIGHT) -> Floats:

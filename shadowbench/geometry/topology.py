@@ -1,6 +1,6 @@
 """Edge topology of the casters: connected parts, closed or open, with the edges for shadow volumes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from shadowbench.scenes.model import Scene
+from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.vectors import Floats, Vec3
 
 Indices = NDArray[np.int64]
@@ -114,6 +114,13 @@ def topology_of(scene: Scene) -> Topology:
         open=loose > 0,
         boxes=np.stack([low, high], axis=1),
     )
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether all parts of a mesh are closed and wound outwards, so that only its front faces are seen from outside."""
+    center = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2  # for float32
+    alone = replace(mesh, vertices=mesh.vertices - center, casts=True)
+    return bool(topology_of(Scene(mesh.name, (alone,), (), ())).closed.all())
 
 
 def casters_of(scene: Scene) -> Casters:

@@ -1,14 +1,17 @@
 """`export`: the exported view, read back, has the same shadows, and its matrices give the same pixels."""
 
 import json
+import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from shadowbench.engines.export import export_view, projection_matrix, view_matrix
+from shadowbench.engines.export import describe, export_view, glb_of, projection_matrix, view_matrix
+from shadowbench.engines.light_box import light_box
 from shadowbench.gl.gbuffer import view_projection
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.meshes import read_meshes
@@ -57,7 +60,7 @@ def test_a_scene_a_thousand_kilometres_away_keeps_its_shadows(builtin: Callable[
 @pytest.mark.parametrize("name", ["stairs", "spot-lamp", "lamp-by-wall"])
 def test_camera_light_colours_and_names_are_read_back(builtin: Callable[..., View], name: str, tmp_path: Path) -> None:
     view = builtin(name, SIZE)
-    export_view(view, trace(view, 1), tmp_path, name)
+    export_view(view, trace(view, 1), tmp_path, name, colours=True)
     found = read_back(tmp_path, SIZE)
     assert found.camera.name == view.camera.name
     assert found.camera.fov_y == view.camera.fov_y
@@ -69,6 +72,108 @@ def test_camera_light_colours_and_names_are_read_back(builtin: Callable[..., Vie
     assert [(mesh.name, mesh.color) for mesh in found.scene.meshes] == [
         (mesh.name, mesh.color) for mesh in view.scene.meshes
     ]
+
+
+def parsed(glb: bytes) -> tuple[dict[str, Any], Callable[[int], np.ndarray]]:
+    """The JSON of a .glb, and a function for the array of an accessor."""
+    (length,) = struct.unpack("<I", glb[12:16])
+    tree, data = json.loads(glb[20 : 20 + length]), glb[28 + length :]
+
+    def array(index: int) -> np.ndarray:
+        accessor = tree["accessors"][index]
+        width, kind = {"VEC3": 3, "SCALAR": 1}[accessor["type"]], {5126: "<f4", 5125: "<u4"}[accessor["componentType"]]
+        start = tree["bufferViews"][accessor["bufferView"]]["byteOffset"] + accessor.get("byteOffset", 0)
+        return np.frombuffer(data, kind, accessor["count"] * width, start).reshape(-1, width)
+
+    return tree, array
+
+
+def materials(glb: bytes) -> dict[str, dict[str, Any]]:
+    """Each mesh's material."""
+    tree, _ = parsed(glb)
+    return {mesh["name"]: tree["materials"][mesh["primitives"][0]["material"]] for mesh in tree["meshes"]}
+
+
+@pytest.mark.parametrize("name", ["stairs", "terrain"])
+def test_normals_are_flat(builtin: Callable[..., View], name: str) -> None:
+    view = builtin(name, SIZE)
+    tree, array = parsed(glb_of(view))
+    for mesh, written in zip(view.scene.meshes, tree["meshes"], strict=True):
+        (primitive,) = written["primitives"]
+        faces = array(primitive["indices"]).reshape(-1, 3)
+        corners = mesh.vertices[mesh.faces]
+        np.testing.assert_array_equal(array(primitive["attributes"]["POSITION"])[faces], corners.astype(np.float32))
+        normals = array(primitive["attributes"]["NORMAL"])[faces]
+        exact = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        exact /= np.linalg.norm(exact, axis=1, keepdims=True)
+        np.testing.assert_allclose(normals, np.repeat(exact[:, None], 3, axis=1), atol=1e-6)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1, atol=1e-6)
+
+
+def test_triangles_are_read_back_as_they_were(builtin: Callable[..., View], tmp_path: Path) -> None:
+    view = builtin("stairs", SIZE)
+    (tmp_path / "scene.glb").write_bytes(glb_of(view, sides="closed"))
+    for mesh, again in zip(view.scene.meshes, read_back(tmp_path, SIZE).scene.meshes, strict=True):
+        assert len(again.vertices) == len(mesh.vertices)
+        np.testing.assert_array_equal(
+            again.vertices[again.faces], mesh.vertices[mesh.faces].astype(np.float32).astype(np.float64)
+        )
+
+
+def test_materials_are_white_or_have_the_meshes_colours(builtin: Callable[..., View]) -> None:
+    view = builtin("stairs", SIZE)
+    for colours in (False, True):
+        found = materials(glb_of(view, colours=colours))
+        for mesh in view.scene.meshes:
+            color = list(mesh.color) if colours else [1, 1, 1]
+            surface = {"baseColorFactor": [*color, 1], "metallicFactor": 0, "roughnessFactor": 1}
+            assert found[mesh.name]["pbrMetallicRoughness"] == surface
+
+
+def test_only_closed_meshes_that_are_wound_outwards_get_single_sided_materials(builtin: Callable[..., View]) -> None:
+    view = builtin("cube-on-plane", SIZE)
+    plane, cube = view.scene.meshes
+    turned = np.ascontiguousarray(cube.faces[:, ::-1])
+    beside = np.concatenate([cube.vertices, 0.5 * cube.vertices + 9]), len(cube.vertices)
+    meshes = {
+        "plane": plane,
+        "cube": cube,
+        "inward": replace(cube, faces=turned),
+        "open": replace(cube, faces=cube.faces[1:]),
+        "one turned": replace(cube, faces=np.concatenate([turned[:1], cube.faces[1:]])),
+        "part inward": replace(cube, vertices=beside[0], faces=np.concatenate([cube.faces, turned + beside[1]])),
+        "unshared": replace(
+            cube,
+            vertices=cube.vertices[cube.faces.ravel()],
+            faces=np.arange(3 * len(cube.faces), dtype=np.int32).reshape(-1, 3),
+        ),
+        "no caster": replace(cube, casts=False),
+        "far": replace(cube, vertices=cube.vertices + 1e6),
+    }
+    scene = replace(view.scene, meshes=tuple(replace(mesh, name=name) for name, mesh in meshes.items()))
+    every = replace(view, scene=scene)
+    single = {name for name, found in materials(glb_of(every, sides="closed")).items() if not found["doubleSided"]}
+    assert single == {"cube", "unshared", "no caster", "far"}
+    assert all(found["doubleSided"] for found in materials(glb_of(every)).values())
+    described = describe(every, "scene", "closed")
+    assert {mesh["name"] for mesh in described["meshes"] if mesh["closed"]} == single
+
+
+def test_bounds_box_and_sides_are_described(
+    shadowbench: Callable, builtin: Callable[..., View], tmp_path: Path
+) -> None:
+    view = builtin("stairs", SIZE)
+    for options, sides, color in (((), "double", [1, 1, 1]), (("--sides", "closed", "--colours"), "closed", None)):
+        folder = tmp_path / sides
+        assert shadowbench("export", "stairs", folder, "--view-size", str(SIZE), *options).code == 0
+        found = json.loads((folder / "view.json").read_text(encoding="utf-8"))
+        np.testing.assert_allclose([found["bounds"]["low"], found["bounds"]["high"]], view.scene.geometry.bounds)
+        assert found["light"]["box"] == light_box(view)
+        assert found["sides"] == sides
+        material = materials((folder / "scene.glb").read_bytes())["stairs"]
+        assert material["doubleSided"] == (sides == "double")
+        stairs = next(mesh for mesh in view.scene.meshes if mesh.name == "stairs")
+        assert material["pbrMetallicRoughness"]["baseColorFactor"] == [*(color or stairs.color), 1]
 
 
 def test_the_matrices_are_those_that_our_own_techniques_use(builtin: Callable[..., View]) -> None:
@@ -143,6 +248,7 @@ def test_the_example_is_a_mask_without_an_error(shadowbench: Callable, tmp_path:
         (("stairs", "{}/new", "--light", "no"), "light: found 'no'; allowed: light"),
         (("stairs", "{}/file/x"), "cannot be created"),
         (("nowhere", "{}/new"), "is no built-in scene"),
+        (("stairs", "{}/new", "--sides", "front"), "'front' is not one of 'closed', 'double'"),
     ],
 )
 def test_bad_input_is_one_line(shadowbench: Callable, tmp_path: Path, arguments: tuple[str, ...], line: str) -> None:

@@ -75,6 +75,20 @@ def test_visibility_is_the_share_of_the_light_that_is_left_with_ambient_light_ta
     assert dark.visibility.max() == 0 and dark.measurable is not None and dark.measurable.all()
 
 
+def test_linear_pictures_give_the_mask_of_encoded_ones(tmp_path: Path) -> None:
+    """Of 16 bits, whose rounding is below a level of the test."""
+    values = np.linspace(0.3, 0.95, 64).reshape(8, 8)
+    pictures = {"lit": values, "shadowed": 0.1 + 0.2 * values, "ambient": flat(0.1)}
+    masks = []
+    for encode, linear in ((srgb, False), (np.asarray, True)):
+        files = [tmp_path / f"{name}-{linear}.png" for name in pictures]
+        for file, picture in zip(files, pictures.values(), strict=True):
+            Image.fromarray(np.rint(encode(picture) * 65535).astype(np.uint16)).save(file)
+        masks.append(from_screenshots(*files, linear=linear))
+    np.testing.assert_allclose(masks[1].visibility, masks[0].visibility, atol=1e-3)
+    np.testing.assert_allclose(masks[1].visibility, 0.2 * values / (values - 0.1), atol=1e-3)
+
+
 def test_visibility_is_not_measured_where_the_light_is_weak(png: Callable) -> None:
     lit = flat(encoded(0.5))
     lit[:3] = decode_srgb(0)

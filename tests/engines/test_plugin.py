@@ -31,7 +31,8 @@ def test_bytes(shadow_accuracy):
     assert shadow_accuracy(np.rint(read_mask("mask.png") * 255).astype(np.uint8), scene="stairs").iou > 0.98
 
 def test_screenshots(shadow_accuracy):
-    assert shadow_accuracy(lit="lit.png", shadowed="shadowed.png", scene="stairs").iou > 0.98
+    for linear in (False, True):  # the mask is all but hard
+        assert shadow_accuracy(lit="lit.png", shadowed="shadowed.png", linear=linear, scene="stairs").iou > 0.98
 """
 
 
@@ -191,4 +192,4 @@ def test_bad_input_is_a_failure_of_one_line(judged: Ran) -> None:
 
 def test_a_misspelt_metric_or_keyword_is_an_error_that_names_the_right_ones(otherwise: Ran) -> None:
     assert "AttributeError: 'iuo' is not a metric; allowed: iou, iou_soft" in otherwise.printed
-    assert "TypeError: a mask and lit; allowed: a mask, or lit, shadowed and ambient" in otherwise.printed
+    assert "TypeError: a mask and lit; allowed: a mask, or lit, shadowed, ambient and linear" in otherwise.printed

@@ -275,6 +275,22 @@ def test_screenshots_give_the_scores_of_the_mask_behind_them(
     assert found["input"]["source"] == "screenshots"
 
 
+def test_linear_screenshots_give_the_scores_of_srgb_ones(
+    shadowbench: Callable, drawn: Callable, png: Callable, prepared: Callable
+) -> None:
+    light = np.clip(prepared(SCENE).cosine, 0, 1) * 0.9
+    pictures = {"lit": light, "shadowed": light * drawn(SCENE)}
+    scores = []
+    for encode, options in ((srgb, ()), (np.asarray, ("--linear",))):
+        files = [
+            part for name, values in pictures.items() for part in (f"--{name}", png(f"{name}.png", encode(values)))
+        ]
+        scores.append(json.loads(shadowbench("score", SCENE, *files, *options, "--json").out)["metrics"])
+    assert scores[0]["iou"] > 0.95
+    for name in ("iou", "mae", "ssim"):
+        assert scores[1][name] == pytest.approx(scores[0][name], abs=2e-3)
+
+
 @pytest.fixture
 def pictured(prepared: Callable, png: Callable) -> Callable[..., Accuracy]:
     """The accuracy of screenshots of a visibility, with ambient light in both, given or not."""
@@ -438,6 +454,7 @@ def test_the_share_of_a_kind_of_error_is_not_rounded_to_none_of_it(comparison: C
         ),
         (("{mask}", "--lit", "{mask}"), "found MASK and --lit; allowed: MASK, or"),
         (("--lit", "{mask}"), "found --lit; allowed"),
+        (("{mask}", "--linear"), "--linear: found MASK; allowed: with --lit and --shadowed"),
         (("{mask}", "--name", "x"), "found one of them; allowed: both"),
         (("{mask}", "-o", "{folder}"), "found one of them; allowed: both"),
         (("{mask}", "-o", "{folder}", "--name", "a/b"), "--name: found 'a/b'; allowed: letters, digits"),

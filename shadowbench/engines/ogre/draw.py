@@ -1,0 +1,95 @@
+# OGRE: https://ogrecave.github.io/ogre/api/latest/_shadows.html
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import Ogre
+import Ogre.Bites
+import Ogre.Numpy
+from Ogre.RTShader import SRS_SHADOW_MAPPING, ShaderGenerator
+
+KINDS = {"directional": Ogre.Light.LT_DIRECTIONAL, "spot": Ogre.Light.LT_SPOTLIGHT, "point": Ogre.Light.LT_POINT}
+app = target = texture = scene = camera = lamp = far = None
+
+
+def open(size):
+    global app, target, texture, scene, camera, lamp
+    app = Ogre.Bites.ApplicationContext("shadowbench")
+    app.createRoot()
+    system = app.getRoot().getRenderSystemByName("OpenGL 3+ Rendering Subsystem")
+    app.getRoot().setRenderSystem(system)
+    app.getRoot().initialise(False)
+    app.createWindow("window", 16, 16, Ogre.NameValueMap())
+    app.locateResources()
+    app.initialiseRTShaderSystem()
+    Ogre.ResourceGroupManager.getSingleton().createResourceGroup("scene")
+    Ogre.ResourceGroupManager.getSingleton().initialiseAllResourceGroups()
+    scene = app.getRoot().createSceneManager()
+    ShaderGenerator.getSingleton().addSceneManager(scene)
+    camera, lamp = scene.createCamera("camera"), scene.createLight()
+    camera.setAspectRatio(1.0)
+    for each in camera, lamp:
+        scene.getRootSceneNode().createChildSceneNode().attachObject(each)
+    kind = Ogre.TEX_TYPE_2D, size, size, 0, Ogre.PF_FLOAT32_RGBA, Ogre.TU_RENDERTARGET
+    texture = Ogre.TextureManager.getSingleton().createManual("picture", Ogre.RGN_DEFAULT, *kind)
+    target = texture.getBuffer().getRenderTarget()
+    target.addViewport(camera).setMaterialScheme(Ogre.MSN_SHADERGEN)
+    target.getViewport(0).setOverlaysEnabled(False)
+    return Ogre.__version__, system.getCapabilities().getDeviceName()
+
+
+def load(glb, view):
+    global far
+    scene.destroyAllEntities()
+    groups = Ogre.ResourceGroupManager.getSingleton()
+    groups.destroyResourceGroup("scene")
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "scene.glb").write_bytes(glb)
+        groups.addResourceLocation(folder, "FileSystem", "scene")
+        mesh = Ogre.MeshManager.getSingleton().load("scene.glb", "scene")
+    mesh.buildEdgeList()
+    entity = scene.createEntity(mesh)
+    for index in range(entity.getNumSubEntities()):  # in this order where surfaces meet
+        entity.getSubEntity(index).setRenderQueueGroupAndPriority(Ogre.RENDER_QUEUE_MAIN, index)
+    scene.getRootSceneNode().attachObject(entity)
+    pose, far = view["camera"], view["camera"]["far"]
+    node = camera.getParentSceneNode()
+    node.setPosition(Ogre.Vector3(*pose["position"]))
+    node.setOrientation(Ogre.Quaternion(*(Ogre.Vector3(*row[:3]) for row in pose["view"][:3])))
+    camera.setNearClipDistance(pose["near"])
+    camera.setFOVy(Ogre.Radian(math.radians(pose["fov_y"])))
+
+
+def draw(light, params, shadows, exposure, **_):
+    lamp.setType(KINDS[light["kind"]])
+    node, cone = lamp.getParentSceneNode(), math.radians(light["cone"] or 90)
+    node.resetToInitialState()
+    node.setPosition(Ogre.Vector3(*(light["position"] or (0, 0, 0))))
+    node.setDirection(Ogre.Vector3(*(light["direction"] or (0, 0, -1))), Ogre.Node.TS_WORLD)
+    lamp.setSpotlightRange(Ogre.Radian(cone * (1 - 1e-5)), Ogre.Radian(cone), 1)
+    lamp.setDiffuseColour(exposure, exposure, exposure)
+    lamp.setSpecularColour(0, 0, 0)
+    generator, stencil = ShaderGenerator.getSingleton(), params["technique"] == "stencil"
+    state = generator.getRenderState(Ogre.MSN_SHADERGEN)
+    state.resetToBuiltinSubRenderStates()
+    if shadows and not stencil:
+        mapping = generator.createSubRenderState(SRS_SHADOW_MAPPING)
+        mapping.setParameter("filter", params["filter"])
+        state.addTemplateSubRenderState(mapping)
+        scene.setShadowTextureSettings(params["size"], 1, Ogre.PF_DEPTH32F)
+        scene.setShadowTextureSelfShadow(True)
+        scene.setShadowFarDistance(params["distance"])
+        scene.setShadowCasterRenderBackFaces(params["cast"] == "back")
+        scene.setShadowCameraSetup(getattr(Ogre, f"{params['camera']}ShadowCameraSetup").create())
+        casters = Ogre.MaterialManager.getSingleton().getByName("Ogre/TextureShadowCaster", "OgreInternal")
+        casters.getTechnique(0).getPass(0).setDepthBias(params["bias"], params["slope_bias"])
+    wanted = Ogre.SHADOWTYPE_STENCIL_ADDITIVE if stencil else Ogre.SHADOWTYPE_TEXTURE_ADDITIVE_INTEGRATED
+    scene.setShadowTechnique(wanted if shadows else Ogre.SHADOWTYPE_NONE)
+    camera.setFarClipDistance(0 if stencil else far)  # as volumes set it
+    generator.invalidateScheme(Ogre.MSN_SHADERGEN)
+    for _ in range(2):  # the map is fitted to what the last one showed
+        target.update()
+    picture = Ogre.Image(Ogre.PF_FLOAT32_RGBA, texture.getWidth(), texture.getHeight())
+    target.copyContentsToMemory(picture.getPixelBox(), picture.getPixelBox())
+    return Ogre.Numpy.view(picture.getPixelBox()).view(np.float32).copy()
