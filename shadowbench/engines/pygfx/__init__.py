@@ -22,8 +22,10 @@ class Pygfx(Engine):
 
     name = "pygfx"
     Params = PygfxParams
+    package = "pygfx"
     host = "python"
     python = "3.11"
+    vulkan = True
     box = "given"
     phased = True
     presets = {"shipped": "", "documented": "cull=none,bias=0.001"}
