@@ -35,7 +35,7 @@ from shadowbench.engines.external_mask import visibility_of
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.measure.gl_drawer import render as draw_once
-from shadowbench.measure.plugin_output import techniques_with
+from shadowbench.measure.plugin_output import subjects_with, techniques_with
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.plugin.base import Technique as Technique
@@ -177,7 +177,7 @@ def run(
     pictures in, or to resume. A cell that fails is a line with that status. Raises InputError.
     """
     files = _paths(plugins)
-    known = techniques_with(files)
+    known = subjects_with(files)
     named = options.as_list(scenes, "scenes", "built-in names, files, and what load returns", Scene, str, Path)
     chosen = study_from_options(
         known,
@@ -188,8 +188,12 @@ def run(
         measuring=options.Measuring(view_size, rounds, phases, step),
         view=options.ViewOptions(view=view, light=light),
     )
-    with _folder(folder) as path, shared_worker(files, chosen.limits) as worker:
-        return measure(chosen, [campaign(path, worker)]).run.last.frame
+    with (
+        _folder(folder) as path,
+        shared_worker(files, chosen.limits) as worker,
+        campaign(path, worker) as made,
+    ):
+        return measure(chosen, [made]).run.last.frame
 
 
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
@@ -230,10 +234,8 @@ def recommend(
     among = technique_names(options.as_list(techniques, "techniques", "names of techniques", str), known)
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
-    with _folder(folder) as path, shared_worker(files) as worker:
-        found, _ = measure_recommendation(
-            chosen, target, known, campaign(path, worker), on_this_machine=on_this_machine, among=among
-        )
+    with _folder(folder) as path, shared_worker(files) as worker, campaign(path, worker) as made:
+        found, _ = measure_recommendation(chosen, target, known, made, on_this_machine=on_this_machine, among=among)
     return found
 
 
@@ -252,10 +254,10 @@ def stress(
     """
     files = _paths(plugins)
     chosen = select_axes(options.as_list(axes, "axes", "names of axes", str))
-    known = techniques_with(files)
+    known = subjects_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
-    with _folder(folder) as path, shared_worker(files, LIMITS) as worker:
-        found = sweep(specs, chosen, campaign(path, worker, **SWEEPING), quick=quick)
+    with _folder(folder) as path, shared_worker(files, LIMITS) as worker, campaign(path, worker, **SWEEPING) as made:
+        found = sweep(specs, chosen, made, quick=quick)
     return ranges_frame(found.ranges)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
+from shadowbench.engines.drawer import EngineDrawer
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.drawer import Limits
 from shadowbench.measure.gl_drawer import GLDrawer
@@ -63,6 +64,8 @@ def shared_worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> It
         yield _Shared.worker
 
 
-def campaign(folder: Path, worker: Worker, **options: Any) -> Campaign:
+@contextmanager
+def campaign(folder: Path, worker: Worker, **options: Any) -> Iterator[Campaign]:
     """A campaign in a folder that logs its progress; options: see `Campaign`."""
-    return Campaign(folder, GLDrawer(worker), _LogReporter(), **options)
+    with EngineDrawer(GLDrawer(worker)) as drawer:
+        yield Campaign(folder, drawer, _LogReporter(), **options)

@@ -8,7 +8,7 @@ from typing import Any
 
 from shadowbench.errors import InputError
 from shadowbench.maps.filters import Filter
-from shadowbench.plugin.base import Technique
+from shadowbench.plugin.base import Subject
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import LightKind
 from shadowbench.studies.crossing import Techniques
@@ -28,7 +28,7 @@ class Exclusion:
     specs: int
 
 
-def grid_of(technique: type[Technique], soft: bool = False) -> dict[str, Sequence[Any]]:
+def grid_of(technique: type[Subject], soft: bool = False) -> dict[str, Sequence[Any]]:
     """Grid of parameter values of a technique, including map sizes. soft: for lights with a size."""
     grid = {**technique.catalogue.grid, **(technique.catalogue.soft_grid if soft else {})}
     if "size" in technique.Params.model_fields:
@@ -36,7 +36,7 @@ def grid_of(technique: type[Technique], soft: bool = False) -> dict[str, Sequenc
     return grid
 
 
-def specs_of(technique: type[Technique], largest: int, soft: bool = False) -> list[Spec]:
+def specs_of(technique: type[Subject], largest: int, soft: bool = False) -> list[Spec]:
     """All specs of a technique's grid with maps up to `largest`."""
     grid = grid_of(technique, soft)
     if "size" in grid:

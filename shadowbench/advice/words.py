@@ -12,7 +12,6 @@ from shadowbench.advice.space import SIZES
 from shadowbench.files import replace_file
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Drawer
-from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.plugin.params import Component
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
@@ -179,7 +178,6 @@ def export_choice(found: Recommendation, folder: Path, drawer: Drawer) -> None:
     if found.choice is None:
         return
     spec, scene = found.choice.spec, found.view.scene
-    assert isinstance(drawer, GLDrawer)  # what it recommends
     shaders = drawer.shaders(Block(found.view, ()), Cell(spec))
     parameters = {
         "spec": spec.text,

@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 from shadowbench.commands import (
     check,
     doctor,
+    engines,
     extend,
     listing,
     merge,
@@ -72,7 +73,7 @@ _PANELS = {  # as --help lists them
     "Decide what a scene needs": (recommend.recommend, recommend.needs, tune.tune),
     "Check results and the machine": (check.check, merge.merge, doctor.doctor),
     "Look": (report.report, render.render, view.view, listing.list_things),
-    "Extend with a technique or an engine": (extend.new_technique, extend.export),
+    "Extend with a technique or an engine": (engines.engines, extend.new_technique, extend.export),
 }
 for _panel, _commands in _PANELS.items():
     for _one in _commands:

@@ -72,7 +72,7 @@ def check(
       τ               Kendall's tau over these pairs; 1 is the same order
       τ of all pairs  Kendall's tau over all pairs, noise included
     """
-    from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.measure.plugin_output import subjects_with, techniques_with
     from shadowbench.reports.check_pictures import write_pictures
     from shadowbench.results.baseline import check as compared
     from shadowbench.results.baseline import write_baseline
@@ -96,7 +96,7 @@ def check(
     last = None
     if asked.update:
         write_baseline(found.run.results, asked.baseline)
-        study = copy_study(found.run, asked.baseline, techniques_with(()))
+        study = copy_study(found.run, asked.baseline, subjects_with(()))
         cells = counted(len(found.run.results), "cell")
         copied = f"; study.toml is a copy of {study}" if study else ""
         last = f"{asked.baseline / 'rows.jsonl'}: {cells}, the baseline from now on{copied}"

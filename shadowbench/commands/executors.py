@@ -30,6 +30,7 @@ def campaigns(
 
     With --dask one for each renderer, and one where times are taken. options: of the campaigns.
     """
+    from shadowbench.engines.drawer import EngineDrawer
     from shadowbench.measure.campaign import Campaign
     from shadowbench.measure.gl_drawer import GLDrawer
     from shadowbench.measure.worker import Worker
@@ -37,7 +38,8 @@ def campaigns(
     with ExitStack() as stack:
         if machines.dask is None:
             here = worker or stack.enter_context(Worker(plugins, limits))
-            yield [Campaign(folder, GLDrawer(here), reporter, **options)]
+            drawer = stack.enter_context(EngineDrawer(GLDrawer(here)))
+            yield [Campaign(folder, drawer, reporter, **options)]
             return
         from shadowbench.measure.dask_campaign import ClusterCampaign
         from shadowbench.measure.dask_cluster import Cluster

@@ -9,11 +9,11 @@ from shadowbench.errors import InputError, alternatives
 
 if TYPE_CHECKING:
     from shadowbench.extremes.model import Axis
-    from shadowbench.plugin.base import Technique
+    from shadowbench.plugin.base import Subject
     from shadowbench.plugin.params import Component, TechniqueParams
 
 Entry = dict[str, Any]
-KINDS = ("techniques", "scenes", "metrics", "studies", "axes")
+KINDS = ("techniques", "engines", "scenes", "metrics", "studies", "axes")
 EXAMPLE = "shadow-map:size=2048,filter=pcf(taps=5)"
 TOGETHER = "bias=polygon-offset(2,4)+normal-offset"
 
@@ -43,7 +43,7 @@ def list_things(
         return
     for kind, entries in found.items():
         title = "" if quiet and what else kind
-        if kind == "techniques":
+        if kind in ("techniques", "engines"):
             _print_techniques(entries)
         elif kind == "axes":
             _print_axes(entries, title)
@@ -75,12 +75,15 @@ def _entries(kind: str, plugins: Sequence[Path]) -> list[Entry]:
     from shadowbench.extremes.axes import AXES
     from shadowbench.measure.flips import ROW_METRICS
     from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.plugin.registry import engines
     from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
     from shadowbench.studies.study import find_study, read_study, study_names
 
     known = techniques_with(plugins)
     if kind == "techniques":
         return [_technique(one) for one in known.values()]
+    if kind == "engines":
+        return [_technique(one) for one in engines().values()]
     if kind == "scenes":
         return [{"name": name, "light": builtin_light(name), "about": builtin_about(name)} for name in builtin_names()]
     if kind == "studies":
@@ -93,7 +96,7 @@ def _entries(kind: str, plugins: Sequence[Path]) -> list[Entry]:
     ]
 
 
-def _technique(one: "type[Technique]") -> Entry:
+def _technique(one: "type[Subject]") -> Entry:
     parameters = _parameters(one.Params)
     lights = sorted(one.lights)
     return {"name": one.name, "help": _help(one), "lights": lights, "parameters": parameters, "presets": one.presets}

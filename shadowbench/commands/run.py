@@ -95,13 +95,13 @@ def run(
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
         worker = None if machines.dask is not None else stack.enter_context(Worker(asked.plugin))
-        from shadowbench.measure.plugin_output import techniques_with
+        from shadowbench.measure.plugin_output import subjects_with
         from shadowbench.plugin.spec import parse_spec
         from shadowbench.studies.run import Part, estimate, measure
         from shadowbench.studies.study import study_from_options
 
         chosen_part = Part.named(asked.part)
-        known = techniques_with(asked.plugin)
+        known = subjects_with(asked.plugin)
         specs = [parse_spec(text, known) for text in asked.techniques]
         sizes = options.map_sizes(asked.map_size)
         reporter = stack.enter_context(console.Reporter(printed.quiet))

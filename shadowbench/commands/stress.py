@@ -56,7 +56,7 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
       refused: 1e5              values that the technique does not support
       3 of 20 values            number of values measured, with --quick
     """
-    from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.measure.plugin_output import subjects_with
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.results.ranges import ranges_frame
     from shadowbench.studies.run import Part
@@ -65,7 +65,7 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
 
     chosen_part = Part.named(asked.part)
     axes = select_axes(asked.axis)
-    known = techniques_with(asked.plugin)
+    known = subjects_with(asked.plugin)
     specs = tuple(dict.fromkeys(parse_spec(text, known) for text in asked.techniques)) or default_specs(known.values())
     with (
         console.Reporter(printed.quiet) as reporter,

@@ -64,10 +64,10 @@ def tune(asked: TuneOptions, view: SceneOptions, machines: options.Machines, pri
       acne, leak, contact means over the held-out scenes (shadowbench list metrics)
     """
     from shadowbench.advice.tune import no_image, tune_parameters, values
-    from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.measure.plugin_output import subjects_with
     from shadowbench.plugin.spec import parse_spec
 
-    known = techniques_with(asked.plugin)
+    known = subjects_with(asked.plugin)
     spec = parse_spec(asked.technique, known)
     of_campaigns: dict[str, Any] = {"keep_going": asked.keep_going, "keeps_images": no_image}
     with (

@@ -7,7 +7,6 @@ the engine prints goes to a log. A program that dies, or does not answer in time
 import json
 import os
 import queue
-import shutil
 import signal
 import subprocess
 import tempfile
@@ -18,8 +17,6 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 from typing import IO, Any
-
-from shadowbench.errors import ShadowbenchError
 
 Answer = tuple[dict[str, Any], bytes]
 HERE = Path(__file__).parent
@@ -103,7 +100,8 @@ class PythonHost(Host):
     def __init__(self, python: Path, draw: Path, log: Path, environment: Mapping[str, str]) -> None:
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         super().__init__([python, HERE / "python_host.py", draw], log, environment, **pipes)
-        Thread(target=self._read, args=(self.process.stdout,), daemon=True).start()
+        self._reader = Thread(target=self._read, args=(self.process.stdout,), daemon=True)
+        self._reader.start()
 
     def _send(self, message: bytes) -> None:
         pipe: Any = self.process.stdin
@@ -112,8 +110,17 @@ class PythonHost(Host):
             pipe.flush()
 
     def _read(self, pipe: IO[bytes]) -> None:
-        while length := pipe.read(8):
-            self._answers.put(unpack(pipe.read(int.from_bytes(length, "little"))))
+        with pipe:
+            while len(length := pipe.read(8)) == 8:
+                self._answers.put(unpack(pipe.read(int.from_bytes(length, "little"))))
+
+    def close(self) -> None:
+        """End the program, and read the rest of what it says."""
+        super().close()
+        self._reader.join()
+        pipe: Any = self.process.stdin
+        with suppress(BrokenPipeError):
+            pipe.close()
 
 
 class WebHost(Host):
@@ -124,18 +131,15 @@ class WebHost(Host):
     """
 
     def __init__(
-        self, draw: Path, packages: Path, imports: Mapping[str, str], scripts: Sequence[str], log: Path
+        self, browser: str, draw: Path, packages: Path, imports: Mapping[str, str], scripts: Sequence[str], log: Path
     ) -> None:
-        chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-        if chromium is None:
-            raise ShadowbenchError("chromium: not found; engines for the web draw in it; apt-get install chromium")
         self._calls: queue.Queue[bytes] = queue.Queue()
         self._profile = tempfile.TemporaryDirectory(prefix="shadowbench-", ignore_cleanup_errors=True)
         files = {"/draw.js": draw, "/web_host.js": HERE / "web_host.js"}
         self._server = _server(self, _page(imports, scripts), files, packages)
         Thread(target=self._server.serve_forever, daemon=True).start()
         address = f"http://127.0.0.1:{self._server.server_port}/"
-        command = [chromium, *_CHROMIUM, f"--user-data-dir={self._profile.name}", address]
+        command = [browser, *_CHROMIUM, f"--user-data-dir={self._profile.name}", address]
         super().__init__(command, log, {"LIBGL_ALWAYS_SOFTWARE": "1"}, stdout=subprocess.DEVNULL)
 
     def _send(self, message: bytes) -> None:

@@ -114,8 +114,11 @@ class Campaign:
     def keys(self, block: Block) -> dict[Cell, str]:
         """Keys of the rows of a block's cells."""
         if block not in self._keys:
-            views, drawer = [view_key(view) for view in (block.view, *block.later)], self.drawer.identity
-            frames = {cell: [cell_key(cell, view, block.coordinates, drawer) for view in views] for cell in block.cells}
+            views = [view_key(view) for view in (block.view, *block.later)]
+            frames = {
+                cell: [cell_key(cell, view, block.coordinates, self.drawer.identity(cell)) for view in views]
+                for cell in block.cells
+            }
             self._keys[block] = {
                 cell: keys[0]
                 if len(keys) == 1 and not block.place
@@ -189,16 +192,21 @@ class Campaign:
         row |= {"home_spec": cell.home.text} if cell.home else {}
         row["renderer"] = self.drawer.info.renderer
         try:
-            triangle = surface().triangle
+            triangle = surface().triangle if spec.technique.own else None
             first, *later = self.drawer.draw(block, cell, keep=block.times(cell) and not block.later)
         except (Unsupported, CellFailed) as reason:
             return row | {"status": status_of(reason)}, None
+        truth, prepared = self._truth(0), self._prepared()
+        if first.measurable is not None and (truth.receivers & ~first.measurable).any():
+            truth = replace(truth, receivers=truth.receivers & first.measurable)
+            prepared = prepare_truth(truth)
         try:
-            scores = mask_record(first.visibility, self._truth(0), self._prepared(), triangle)
+            scores = mask_record(first.visibility, truth, prepared, triangle)
         except MetricError as error:
             return row | {"status": f"failed: {error}"}, None
         row |= {"status": "ok", **scores}
         row |= {"gpu_bytes": first.gpu_bytes, "work": dict(first.work), "facts": dict(first.facts)}
+        row |= {"engine": dict(first.engine)} if first.engine else {}
         row["assumptions"] = list(block.view.scene.notes)
         if later:
             masks = [drawn.visibility for drawn in (first, *later)]

@@ -58,8 +58,8 @@ class Block:
         return Cell(self.reference if supported else _SUBSTITUTES.get(kind, UNSHADOWED))
 
     def times(self, cell: Cell) -> bool:
-        """Whether a cell is timed. Only phase 0 is: other phases have other errors but the same cost."""
-        return self.rounds > 0 and cell.phase == 0
+        """Whether a cell is timed. Other phases than 0 have other errors but the same cost; engines have none here."""
+        return self.rounds > 0 and cell.phase == 0 and cell.spec.technique.own
 
 
 def reference_name(reference: Spec) -> str:

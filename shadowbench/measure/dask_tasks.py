@@ -159,7 +159,7 @@ def describe(worker: Worker, expected: Mapping[str, str]) -> WorkerFacts:
     for name, value in expected.items():
         if found.get(name) != value:
             raise ShadowbenchError(f"{name} is {found.get(name)} there and {value} here")
-    return WorkerFacts(socket.gethostname(), machine(), worker.info, GLDrawer(worker).identity)
+    return WorkerFacts(socket.gethostname(), machine(), worker.info, GLDrawer(worker).device_identity)
 
 
 @cache

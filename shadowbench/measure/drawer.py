@@ -10,6 +10,7 @@ if TYPE_CHECKING:  # the worker's start does not wait for these imports
     from shadowbench.measure.cells import Block, Cell
     from shadowbench.measure.rendering import Rendering, Surface
     from shadowbench.measure.time_rows import Times
+    from shadowbench.plugin.stage import ShaderText
 
 
 class CellFailed(ShadowbenchError):
@@ -64,9 +65,8 @@ class Drawer(Protocol):
     def info(self) -> DeviceInfo:
         """Facts about the device. Raises ShadowbenchError if the process cannot start."""
 
-    @property
-    def identity(self) -> Mapping[str, str]:
-        """What draws and traces, by which the keys of rows differ: the renderer, and how Embree rounds there."""
+    def identity(self, cell: "Cell") -> Mapping[str, str]:
+        """What draws a cell and traces, by which keys of rows differ: the renderer, and how Embree rounds there."""
 
     @property
     def machine(self) -> Mapping[str, Any]:
@@ -83,6 +83,9 @@ class Drawer(Protocol):
 
     def surface(self, block: "Block") -> "Surface":
         """What masks of a block's view are drawn over. Raises CellFailed."""
+
+    def shaders(self, block: "Block", cell: "Cell") -> "list[ShaderText]":
+        """GLSL of a technique's cell as passed to the driver. Raises as `draw` does."""
 
     def time(self, block: "Block", sizes: "Mapping[Cell, int]") -> "Iterator[tuple[Cell, Times | str]]":
         """Times of cells of a block, or why one has none; sizes: their GPU bytes. Also why a reference failed."""

@@ -33,8 +33,13 @@ class GLDrawer:
         """Facts about the worker's device."""
         return self.worker.info
 
+    def identity(self, cell: Cell) -> Mapping[str, str]:
+        """See `Drawer`. Raises InputError for a cell of another engine."""
+        assert cell.spec.drawn_here
+        return self.device_identity
+
     @property
-    def identity(self) -> Mapping[str, str]:
+    def device_identity(self) -> Mapping[str, str]:
         """The renderer, and how Embree rounds on this computer, which traces for some techniques and for the truth."""
         from shadowbench.truths.embree import answers_digest
 

@@ -13,7 +13,7 @@ from typing import IO, TYPE_CHECKING, TextIO
 from shadowbench.streams import SafeStream
 
 if TYPE_CHECKING:
-    from shadowbench.plugin.base import Technique
+    from shadowbench.plugin.base import Subject, Technique
 
 MAX_CHARACTERS = 100_000
 """Characters forwarded from one process."""
@@ -70,3 +70,10 @@ def techniques_with(plugins: Sequence[Path]) -> "Mapping[str, type[Technique]]":
     stream = TruncatedStream(sys.stderr)
     with redirect_stdout(stream), redirect_stderr(stream):
         return techniques(plugins)
+
+
+def subjects_with(plugins: Sequence[Path]) -> "Mapping[str, type[Subject]]":
+    """As `techniques_with`, and the engines after them."""
+    from shadowbench.plugin.registry import engines
+
+    return {**techniques_with(plugins), **engines()}

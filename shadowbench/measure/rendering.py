@@ -31,14 +31,19 @@ class Rendering:
     visibility: (N, N) float32, 0 in shadow to 1 lit, quantised to 16 bits; picture: (N, N, 3) uint8 sRGB, shaded with
     the visibility; map: (H, W) float32 linear depth, None if not requested or the technique has none; gpu_bytes: of its
     textures and buffers; work: counts by name; facts: numbers reported by the technique, by name.
+
+    Of another engine, gpu_bytes is None; engine: its version, its renderer, whose light box it is (`given`, `own`), and
+    what a phase shifts (`box`, `none`); measurable: (N, N) bool, where its pictures are bright enough.
     """
 
     visibility: NDArray[np.float32]
     picture: NDArray[np.uint8]
     map: NDArray[np.float32] | None
-    gpu_bytes: int
+    gpu_bytes: int | None
     work: dict[str, int]
     facts: dict[str, float]
+    engine: Mapping[str, str] | None = None
+    measurable: NDArray[np.bool_] | None = None
 
     def __repr__(self) -> str:
         """One line: the sizes of its images."""
@@ -134,9 +139,9 @@ class LoadedScene:
 
         room: most bytes that its textures and buffers may take. Raises Unsupported if they would take more.
         """
-        folder = shader_folder(spec.technique)
+        folder = shader_folder(spec.drawn_here)
         stage = Stage(self.scene, self.device, (size, size), self.geometry, self.placement, folder, room)
-        technique = spec.technique(spec.params)
+        technique = spec.drawn_here(spec.params)
         try:
             technique.build(stage)
             self.device.check(f"building {spec.full_text}")

@@ -68,7 +68,8 @@ class InputRecord(TypedDict):
 class ScoreRow(CellIdentity):
     """Score record of a cell: measurements if its status is `ok`, and its axis value if `stress` made it.
 
-    command: the command line that produced the row; content: digest of the input of another renderer's row, which has
+    command: the command line that produced the row; engine: of another engine's row, which has no `gpu_bytes`, its
+    version, renderer, light box and phase; content: digest of the input of another renderer's row, which has
     no `gpu_bytes`. A row of a soft truth has its standard error, root mean square over receivers and over the penumbra,
     the penumbra's pixels, and the share of the truth's edge pixels at which widths are compared.
     """
@@ -96,6 +97,8 @@ class ScoreRow(CellIdentity):
     assumptions: NotRequired[list[str]]
     flips: NotRequired[FiniteFloat | None]
     step: NotRequired[str]
+
+    engine: NotRequired[dict[str, str]]
 
     content: NotRequired[str]
     input: NotRequired[InputRecord]
@@ -232,7 +235,7 @@ def _check_score_row(row: ScoreRow) -> ScoreRow:
     lacking = [name for name in needed if name not in row]
     if ok and not lacking:
         lacking = [f"metrics.{name}" for name in _BREAKING_METRICS if "axis" in row and name not in row["metrics"]]
-        lacking += ["gpu_bytes"] if row["gpu_bytes"] is None and "content" not in row else []
+        lacking += ["gpu_bytes"] if row["gpu_bytes"] is None and not {"content", "engine"} & row.keys() else []
     if lacking:
         raise ValueError(f"found no {lacking[0]}; it must be given")
     _check_unknown(row, _SCORE_FIELDS)

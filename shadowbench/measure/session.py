@@ -243,7 +243,7 @@ class Session:
         size, largest = spec.map_size or 0, self.device.max_map_size
         if size > largest:
             return f"map size {size}: {self.info().renderer} allows 1 to {largest}"
-        return spec.technique.declines(spec.params, open_view.view, self.device)
+        return spec.drawn_here.declines(spec.params, open_view.view, self.device)
 
     def _build(self, open_view: _OpenView, request: CellRequest) -> _BuiltCell:
         self.device.context.finish()

@@ -128,6 +128,7 @@ class Subject(ABC):
     Params: ClassVar[type[TechniqueParams]] = TechniqueParams
     presets: ClassVar[dict[str, str]] = {}  # parameters in spec syntax, by preset name
     lights: ClassVar[frozenset[LightKind]] = frozenset({"directional", "spot", "point"})  # supported light kinds
+    own: ClassVar[bool] = True  # whether it is drawn here, and timed; an engine is neither
     phased: ClassVar[bool] = False  # whether it has a texel grid that a phase can shift
     catalogue: ClassVar[Entry] = Entry()
 

@@ -36,20 +36,22 @@ class EngineParams(TechniqueParams):
 class Engine(Subject):
     """Another renderer, which draws in a program of its own. A subclass in `shadowbench.engines` is registered.
 
-    host: the program that draws: a page in headless Chromium, or Python; python: its version; imports, scripts: the
-    page's import map and classic scripts, as paths in its packages; programs: others that it needs; display: whether it
-    draws in a window; box: whether the map's box is given or the engine's own; encoding: of pictures; casts: whether
-    single meshes can be kept from casting and receiving; sources: where the settings of presets are from, and those
-    that are shipped; seconds: limit of a call.
+    package: its name in the lock file; host: the program that draws: a page in headless Chromium, or Python; python:
+    its version; imports, scripts: the page's import map and classic scripts, as paths in its packages; display: whether
+    it draws in a window; vulkan: whether by Vulkan; box: whether the map's box is given or the engine's own; encoding:
+    of pictures; casts: whether single meshes can be kept from casting and receiving; sources: where the settings of
+    presets are from, and those that are shipped; seconds: limit of a call.
     """
 
+    own = False
     Params: ClassVar[type[TechniqueParams]] = EngineParams
+    package: ClassVar[str]
     host: ClassVar[Literal["web", "python"]]
     python: ClassVar[str] = ""
     imports: ClassVar[Mapping[str, str]] = {}
     scripts: ClassVar[Sequence[str]] = ()
-    programs: ClassVar[Sequence[str]] = ()
     display: ClassVar[bool] = False
+    vulkan: ClassVar[bool] = False
     box: ClassVar[Literal["given", "own"]] = "own"
     encoding: ClassVar[Literal["srgb", "linear"]] = "srgb"
     casts: ClassVar[bool] = False

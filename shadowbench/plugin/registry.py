@@ -19,7 +19,8 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 from shadowbench.errors import InputError, message, quoted
-from shadowbench.plugin.base import Technique
+from shadowbench.plugin.base import Subject, Technique
+from shadowbench.plugin.engine import Engine
 from shadowbench.plugin.grammar import WORD
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.spec import forget_parsed, parse_spec
@@ -45,10 +46,21 @@ def own_techniques() -> tuple[type[Technique], ...]:
 
 
 @cache
+def engines() -> Mapping[str, type[Engine]]:
+    """The engines by name, in alphabetical order."""
+    room = import_module("shadowbench.engines")
+    packages = [one.name for one in iter_modules(room.__path__) if one.ispkg]
+    modules = [import_module(f"{room.__name__}.{name}") for name in packages]
+    found = [one for module in modules for one in vars(module).values() if inspect.isclass(one)]
+    return {one.name: one for one in found if issubclass(one, Engine) and one is not Engine}
+
+
+@cache
 def preset_names() -> Mapping[str, str]:
     """The short form of specs that equal a preset, as in `shadow-map:preset=three`, by their `sizeless_text`."""
-    known = {technique.name: technique for technique in own_techniques()}
-    shorts = [f"{name}:preset={preset}" for name, technique in known.items() for preset in technique.presets]
+    known: dict[str, type[Subject]] = {technique.name: technique for technique in own_techniques()}
+    known |= engines()
+    shorts = [f"{name}:preset={preset}" for name, one in known.items() for preset in one.presets if one.presets[preset]]
     return {parse_spec(short, known).sizeless_text: short for short in reversed(shorts)}
 
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import ValidationError
 
@@ -19,7 +19,7 @@ from shadowbench.plugin.params import format_value as format_value
 from shadowbench.strict import explain
 
 if TYPE_CHECKING:
-    from shadowbench.plugin.base import Technique
+    from shadowbench.plugin.base import Subject, Technique
 
 
 WRITTEN = {
@@ -41,9 +41,9 @@ _RETIRED_ITEM = re.compile(r"(?<=[:(,])build=(?:geometry|cpu),")
 
 @dataclass(frozen=True)
 class Spec:
-    """A technique and its parameters. `explicit`: the keys that the user set, directly or by a preset."""
+    """A technique or engine and its parameters. `explicit`: keys that the user set, directly or by a preset."""
 
-    technique: "type[Technique]"
+    technique: "type[Subject]"
     params: TechniqueParams
     explicit: frozenset[str] = field(default=frozenset(), compare=False)
 
@@ -71,7 +71,14 @@ class Spec:
         return f"{name}({items})" if items else name
 
     @property
-    def techniques(self) -> "tuple[type[Technique], ...]":
+    def drawn_here(self) -> "type[Technique]":
+        """The technique. Raises InputError for another engine, which draws in a program of its own."""
+        if not self.technique.own:
+            raise InputError(f"{self.technique.name}: found another engine; allowed: a technique of shadowbench")
+        return cast("type[Technique]", self.technique)
+
+    @property
+    def techniques(self) -> "tuple[type[Subject], ...]":
         """The technique, those that its parameters name, and those that they build on."""
         return tuple(used for one in self._specs for used in (one.technique, *one.technique.catalogue.builds_on))
 
@@ -102,12 +109,12 @@ class Spec:
         return has_size(self.technique)
 
 
-def has_size(technique: "type[Technique]") -> bool:
+def has_size(technique: "type[Subject]") -> bool:
     """Whether a technique has a `size` parameter."""
     return "size" in technique.Params.model_fields
 
 
-def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
+def parse_spec(text: str, techniques: "Mapping[str, type[Subject]]") -> Spec:
     """Parse a spec; results are cached. Raises InputError that lists the allowed values."""
     reader = Reader(text)
     name = reader.token("word")
@@ -129,7 +136,7 @@ def forget_parsed() -> None:
 
 
 @cache
-def _parsed(text: str, technique: "type[Technique]") -> Spec:
+def _parsed(text: str, technique: "type[Subject]") -> Spec:
     reader = Reader(text)
     reader.token("word")
     items = reader.items() if reader.token("mark", ":") else ()
@@ -137,7 +144,7 @@ def _parsed(text: str, technique: "type[Technique]") -> Spec:
     return spec_of(technique, items, text)
 
 
-def spec_of(technique: "type[Technique]", items: Items, where: str) -> Spec:
+def spec_of(technique: "type[Subject]", items: Items, where: str) -> Spec:
     """The spec of (key, value) items, with presets expanded. Raises InputError that quotes `where`."""
     values: dict[str, Any] = {}
     named = [(str(key), value) for key, value in items]
@@ -149,7 +156,8 @@ def spec_of(technique: "type[Technique]", items: Items, where: str) -> Spec:
                 found = f"{value!s:.60}"
                 known = alternatives(found, technique.presets, f"presets of {technique.name}")
                 raise InputError(f"spec {where!r}: unknown preset {found!r}{known}")
-            values |= parameters_of(f"{technique.name}:{technique.presets[value]}")[1]
+            if preset := technique.presets[value]:  # else the defaults
+                values |= parameters_of(f"{technique.name}:{preset}")[1]
         elif value not in _RETIRED.get((technique.name, key), ()):
             values[key] = value
     return Spec(technique, _validated(technique, values, f"spec {where!r}"), frozenset(values))
@@ -160,7 +168,7 @@ def without_retired(full_text: str) -> str:
     return _RETIRED_ITEM.sub("", full_text) if "shadow-volume" in full_text else full_text
 
 
-def _validated(technique: "type[Technique]", values: dict[str, Any], where: str) -> TechniqueParams:
+def _validated(technique: "type[Subject]", values: dict[str, Any], where: str) -> TechniqueParams:
     try:
         return technique.Params(**values)
     except ValidationError as error:

@@ -13,7 +13,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from shadowbench.errors import InputError, alternatives
 from shadowbench.maps.biases import Bias
 from shadowbench.options import PHASES
-from shadowbench.plugin.base import Technique
+from shadowbench.plugin.base import Subject, Technique
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.spec import Spec, format_value, parse_spec
 from shadowbench.scenes.library import builtin_names
@@ -21,7 +21,7 @@ from shadowbench.scenes.model import Camera, Light
 from shadowbench.scenes.tables import MOST_NAMED, camera_from_table, light_from_table
 from shadowbench.strict import explain
 
-Techniques = Mapping[str, type[Technique]]
+Techniques = Mapping[str, type[Subject]]
 
 MOST_SPECS = 10_000
 """Most specs of a study, counting each map size."""
@@ -187,6 +187,7 @@ def convert(table: dict[str, Any], where: str, folder: Path, techniques: Techniq
         table["technique"] = [
             CrossedSpecs((parse_spec(name, techniques),), soft=one.catalogue.soft_only or None)
             for name, one in techniques.items()
+            if issubclass(one, Technique)
         ]
 
 

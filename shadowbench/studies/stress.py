@@ -11,7 +11,7 @@ from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import Failure, Limits
 from shadowbench.measure.rows import Record
-from shadowbench.plugin.base import Technique
+from shadowbench.plugin.base import Subject, Technique
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.folder import read_folders
 from shadowbench.results.ranges import OperatingRange, failure, operating_ranges, points_frame, ranges_frame
@@ -57,8 +57,9 @@ def spec_at(spec: Spec, setting: Setting) -> Spec | None:
     return spec.with_(**setting.params) if setting.params else spec
 
 
-def default_specs(techniques: Iterable[type[Technique]]) -> tuple[Spec, ...]:
-    """A spec of every technique at its defaults, for the lights of the axes, which have no size."""
+def default_specs(subjects: Iterable[type[Subject]]) -> tuple[Spec, ...]:
+    """A spec of every technique among these at its defaults, for the lights of the axes, which have no size."""
+    techniques = [one for one in subjects if issubclass(one, Technique)]
     return tuple(Spec(technique, technique.Params()) for technique in techniques if not technique.catalogue.soft_only)
 
 

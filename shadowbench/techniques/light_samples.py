@@ -71,7 +71,7 @@ class LightSamples(Technique):
     def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
         assert isinstance(params, cls.Params)
         hard = replace(view, light=hard_light(view.light, view.light.position))
-        return params.of.technique.declines(params.of.params, hard, device)
+        return params.of.drawn_here.declines(params.of.params, hard, device)
 
     @classmethod
     def draws_on_cpu(cls, params: TechniqueParams) -> bool:
@@ -80,7 +80,7 @@ class LightSamples(Technique):
 
     def build(self, stage: Stage) -> None:
         spec = self.params.of
-        self.technique = spec.technique(spec.params)
+        self.technique = spec.drawn_here(spec.params)
         self.technique.build(stage)
         self.sums = stage.texture(components=2)
         self.target = stage.target(self.sums)

@@ -156,7 +156,7 @@ class Drawing:
         key = (spec, view.size)
         self.tell(spec.text)
         try:
-            reason = spec.technique.declines(spec.params, view, self.device)
+            reason = spec.drawn_here.declines(spec.params, view, self.device)
             if reason is None and key not in self._built:
                 self._recover()
                 self._built[key] = loaded.build(spec, view.size)

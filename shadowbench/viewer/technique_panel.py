@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import NoBias, Sum
-from shadowbench.plugin.base import Technique
+from shadowbench.plugin.base import Subject, Technique
 from shadowbench.plugin.grammar import parse_value
 from shadowbench.plugin.params import Component, TechniqueParams, allowed
 from shadowbench.plugin.registry import own_techniques
@@ -218,6 +218,6 @@ def preset_of(spec: Spec) -> str:
     return next((name for name, one in presets(spec.technique).items() if one.params == spec.params), CUSTOM)
 
 
-def summary(one: type[Technique | Component]) -> str:
+def summary(one: type[Subject | Component]) -> str:
     """The first line of a docstring; empty if there is none."""
     return (one.__doc__ or "").partition("\n")[0]

@@ -30,6 +30,7 @@ class Ogre(Engine):
 
     name = "ogre"
     Params = OgreParams
+    package = "ogre-python"
     host = "python"
     python = "3.12"
     display = True

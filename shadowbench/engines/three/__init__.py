@@ -27,6 +27,7 @@ class Three(Engine):
 
     name = "three"
     Params = ThreeParams
+    package = "three"
     host = "web"
     imports = {"three": "three/build/three.module.js", "three/addons/": "three/examples/jsm/"}
     box = "given"

@@ -1,0 +1,116 @@
+"""Cells drawn by other engines, each in a program of its own; all others are passed on."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from functools import cache
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, cast
+
+from shadowbench.engines.environment import environment, what_lacks
+from shadowbench.engines.session import EngineSession
+from shadowbench.errors import InputError, Unsupported
+from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.drawer import DeviceInfo
+from shadowbench.measure.gl_drawer import GLDrawer
+from shadowbench.measure.rendering import Rendering, Surface
+from shadowbench.measure.time_rows import Times
+from shadowbench.plugin.base import Phase
+from shadowbench.plugin.engine import Engine, EngineParams
+from shadowbench.plugin.spec import Spec
+from shadowbench.plugin.stage import ShaderText
+from shadowbench.scenes.model import View
+
+
+class EngineDrawer:
+    """Drawer of engines, beside that of techniques, `own`. A context manager, within which their programs run on."""
+
+    def __init__(self, own: GLDrawer) -> None:
+        self.own = own
+        self._sessions: dict[type[Engine], EngineSession] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        with ExitStack() as stack:
+            for session in self._sessions.values():
+                stack.callback(session.close)
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Facts about the device of techniques."""
+        return self.own.info
+
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """The computer."""
+        return self.own.machine
+
+    def identity(self, cell: Cell) -> Mapping[str, str]:
+        """See `Drawer`. Of an engine also its name with what is installed, and our files of it."""
+        engine = engine_of(cell.spec)
+        own = self.own.device_identity
+        return own if engine is None else {**own, "engine": environment(engine).name, "files": _files(engine)}
+
+    def unsupported(self, block: Block, cell: Cell) -> str | None:
+        """See `Drawer`."""
+        engine = engine_of(cell.spec)
+        return self.own.unsupported(block, cell) if engine is None else engine.unsupported(block.view)
+
+    def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
+        """See `Drawer`. Raises InputError for an engine that is not installed."""
+        engine = engine_of(cell.spec)
+        if engine is None:
+            yield from self.own.draw(block, cell, keep)
+            return
+        for view in (block.view, *block.later):
+            yield self._draw(engine, view, cell)
+
+    def surface(self, block: Block) -> Surface:
+        """See `Drawer`."""
+        return self.own.surface(block)
+
+    def shaders(self, block: Block, cell: Cell) -> list[ShaderText]:
+        """See `Drawer`."""
+        return self.own.shaders(block, cell)
+
+    def time(self, block: Block, sizes: Mapping[Cell, int]) -> Iterator[tuple[Cell, Times | str]]:
+        """See `Drawer`. Engines are not timed: a picture's time is that of their host."""
+        return self.own.time(block, sizes)
+
+    def _draw(self, engine: type[Engine], view: View, cell: Cell) -> Rendering:
+        if reason := engine.unsupported(view):
+            raise Unsupported(reason)
+        session = self._sessions.get(engine)
+        if session is not None and session.size != view.size:
+            self._close(engine)
+            session = None
+        if session is None:
+            session = self._sessions[engine] = EngineSession(engine, view.size)
+        try:
+            return session.draw(view, cast(EngineParams, cell.spec.params), Phase(cell.phase))
+        except BaseException:
+            self._close(engine)
+            raise
+
+    def _close(self, engine: type[Engine]) -> None:
+        self._sessions.pop(engine).close()
+
+
+def engine_of(spec: Spec) -> type[Engine] | None:
+    """The engine of a spec; None for a technique. Raises InputError for one that cannot draw here."""
+    if not issubclass(spec.technique, Engine):
+        return None
+    if lacking := what_lacks(spec.technique):
+        raise InputError(f"{spec.technique.name}: {lacking}")
+    return spec.technique
+
+
+@cache
+def _files(engine: type[Engine]) -> str:
+    """Digest of what draws: the engine's file, and that of its host."""
+    files = sorted(file for file in engine.folder().iterdir() if file.stem == "draw")
+    hosts = sorted(file for file in Path(__file__).parent.iterdir() if file.name in ("web_host.js", "python_host.py"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in (*files, *hosts))).hexdigest()[:12]

@@ -1,0 +1,89 @@
+"""Masks from an engine's pictures, lit and shadowed; pictures that cannot be of the scene are refused."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.engines.external_mask import decode_srgb
+from shadowbench.measure.drawer import CellFailed
+from shadowbench.plugin.engine import Engine
+from shadowbench.scores.masks import quantise
+from shadowbench.truths.trace import Truth
+
+BRIGHTER = 16.0
+"""Ratio of the two exposures: of 255 levels of sRGB, a pixel at 1/64 of full light has 34 in one, 137 in the other."""
+_FULL = 0.98  # luminance from which a pixel may be cut off
+_DARKEST = 1 / 64  # least luminance, at the brighter exposure, at which a pixel is scored
+_TOLERATED = 2e-3  # share of pixels that may be odd in a check: edges, where rasterisers differ
+_ALIKE = 0.1  # relative difference from N·L up to which shading is Lambert's
+
+Luminance = NDArray[np.float64]
+
+
+class Exposed(NamedTuple):
+    """Linear luminance of a picture at both exposures, (N, N), row 0 at the top."""
+
+    normal: Luminance
+    bright: Luminance
+
+
+def luminance(picture: NDArray[np.uint8 | np.float32], engine: type[Engine], size: int) -> Luminance:
+    """(N, N) linear luminance of an engine's picture. Raises CellFailed for other shapes, NaN, and infinity."""
+    if picture.shape[:2] != (size, size) or picture.ndim != 3 or picture.shape[2] not in (3, 4):
+        raise CellFailed(f"drew {' × '.join(map(str, picture.shape))}; allowed: {size} × {size} × 3 or 4")
+    values = picture[..., :3] / (255.0 if picture.dtype == np.uint8 else 1.0)
+    if not np.isfinite(values).all():
+        raise CellFailed("drew values that are not finite")
+    linear = decode_srgb(values) if engine.encoding == "srgb" else values.astype(np.float64)
+    return np.asarray(linear.mean(axis=-1))  # all surfaces and lights are white
+
+
+def visibility(lit: Exposed, shadowed: Exposed) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """(N, N) visibility, the shadowed picture's share of the lit one, and (N, N) bool, where it can be measured.
+
+    Taken at the brighter exposure where that is not cut off. Raises CellFailed for shadows that lighten, and for none
+    at all in the pictures.
+    """
+    cut_off = lit.bright >= _FULL
+    full, part = np.where(cut_off, lit.normal, lit.bright), np.where(cut_off, shadowed.normal, shadowed.bright)
+    lighter = (part > full + 2 / 255 + 0.02 * full).mean()
+    if lighter > _TOLERATED:
+        raise CellFailed(f"drew {lighter:.1%} of the pixels lighter with shadows than without")
+    measurable = full >= _DARKEST
+    share = np.divide(part, full, out=np.ones_like(full), where=measurable)
+    return quantise(np.clip(share, 0, 1)), measurable
+
+
+def encode_srgb(linear: Luminance) -> NDArray[np.uint8]:
+    """(N, N, 3) sRGB picture of linear luminance; IEC 61966-2-1."""
+    values = np.clip(linear, 0, 1)
+    encoded = np.where(values <= 0.0031308, values * 12.92, 1.055 * values ** (1 / 2.4) - 0.055)
+    return np.repeat(np.round(encoded * 255).astype(np.uint8)[..., np.newaxis], 3, axis=-1)
+
+
+def check_lit(lit: Luminance, truth: Truth, directional: bool) -> None:
+    """Raises CellFailed for a picture that is black where surfaces face the light or, under a sun, not shaded by N·L.
+
+    A picture of another frame, upside down, or with a wrong encoding is one of these.
+    """
+    inside = truth.receivers & ~truth.undecided & (truth.cosine > 0.1)
+    if not inside.any():
+        return
+    light = lit[inside]
+    if (dark := (light <= 0).mean()) > _share_of_edges(truth):
+        raise CellFailed(f"drew {dark:.1%} of what faces the light black, without shadows")
+    if directional:
+        ratio = light / truth.cosine[inside]
+        odd = np.abs(ratio / np.median(ratio) - 1) > _ALIKE
+        if (share := odd.mean()) > 0.02 + _share_of_edges(truth):
+            raise CellFailed(f"shaded {share:.1%} of the pixels otherwise than by N·L: another frame or encoding")
+
+
+def _share_of_edges(truth: Truth) -> float:
+    """Share of the receivers next to another triangle, where rasterisers may differ."""
+    ids = truth.triangle
+    edges = np.zeros(ids.shape, bool)
+    edges[1:] |= ids[1:] != ids[:-1]
+    edges[:, 1:] |= ids[:, 1:] != ids[:, :-1]
+    return float((edges & truth.receivers).sum() / truth.receivers.sum())

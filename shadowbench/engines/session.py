@@ -1,0 +1,132 @@
+"""A running engine: its program, the scene that it holds, and masks drawn by it."""
+
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.engines.environment import browser, environment, python_of
+from shadowbench.engines.export import describe, glb_of
+from shadowbench.engines.hosts import Host, HostFailed, PythonHost, WebHost
+from shadowbench.engines.light_box import light_box
+from shadowbench.engines.pictures import BRIGHTER, Exposed, Luminance, check_lit, encode_srgb, luminance, visibility
+from shadowbench.engines.probe import check_probe, probe_view
+from shadowbench.measure.drawer import CellFailed
+from shadowbench.measure.rendering import Rendering
+from shadowbench.plugin.base import Phase
+from shadowbench.plugin.engine import Engine, EngineParams
+from shadowbench.scenes.model import View
+from shadowbench.truths.cache import cached_truth
+
+_BRIGHTEST, _TOO_DARK, _CUT_OFF = 0.9, 0.5, 0.97  # luminance of the brightest surface: wanted, and where it is no good
+_TRIES = 6  # pictures that may be drawn to find the exposure
+
+Request = Mapping[str, Any]
+
+
+class EngineSession:
+    """A program in which an engine draws pictures of size² pixels; `close` ends it.
+
+    Raises CellFailed if it cannot start, or draws a probe wrongly.
+    """
+
+    def __init__(self, engine: type[Engine], size: int) -> None:
+        self.engine, self.size = engine, size
+        self._stack = ExitStack()
+        self._scene: tuple[View, str] | None = None
+        try:
+            self._host = self._start()
+            told, _ = self._call("open", {"size": size})
+            self.version, self.renderer = str(told["version"]), str(told["renderer"])
+            probe = probe_view(size)
+            check_probe(probe, self._lit_picture(probe, cast(EngineParams, engine.Params())))
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """End the program."""
+        self._stack.close()
+
+    def draw(self, view: View, params: EngineParams, phase: Phase) -> Rendering:
+        """The mask of a view. Raises CellFailed; the session is to be closed then."""
+        request = self._request(view, params, phase)
+        if self._scene is None or self._scene[0] is not view or self._scene[1] != params.sides:
+            normal = self._lit_picture(view, params)
+            check_lit(normal, cached_truth(view), view.light.hard_kind == "directional")
+            self._lit = Exposed(normal, self._picture(request, shadows=False, times=BRIGHTER))
+        shadowed = Exposed(*(self._picture(request, shadows=True, times=times) for times in (1.0, BRIGHTER)))
+        if not np.array_equal(self._picture(request, shadows=False), self._lit.normal):
+            raise CellFailed("drew two different pictures without shadows")
+        mask, measurable = visibility(self._lit, shadowed)
+        about = {"version": self.version, "renderer": self.renderer}
+        about |= {"box": self.engine.box, "phase": "box" if self.engine.phased else "none"}
+        picture = encode_srgb(shadowed.normal)
+        return Rendering(mask, picture, None, None, {}, {}, engine=about, measurable=measurable)
+
+    def _lit_picture(self, view: View, params: EngineParams) -> Luminance:
+        """Load a view, find the exposure at which its brightest surface is bright but not cut off, and draw that."""
+        self._scene = None
+        self._call("load", describe(view, view.scene.name), glb_of(view, sides=params.sides))
+        request = self._request(view, params, Phase())
+        self._exposure = _BRIGHTEST
+        for _ in range(_TRIES):
+            picture = self._picture(request, shadows=False)
+            brightest = float(np.quantile(picture, 0.999))
+            if brightest > 0 and _TOO_DARK <= brightest < _CUT_OFF:
+                self._scene = view, params.sides
+                return picture
+            self._exposure *= 0.25 if brightest >= _CUT_OFF else min(_BRIGHTEST / max(brightest, 1e-3), 100)
+        raise CellFailed("drew no picture without shadows that is neither black nor white")
+
+    def _request(self, view: View, params: EngineParams, phase: Phase) -> Request:
+        """What the pictures of a cell have in common."""
+        size: int | None = getattr(params, "size", None)
+        return {
+            "light": describe(view, view.scene.name)["light"],
+            "box": light_box(view, size, phase.shift if self.engine.phased else (0.0, 0.0)),
+            "params": params.model_dump(mode="json", exclude={"sides"}),
+        }
+
+    def _picture(self, request: Request, *, shadows: bool, times: float = 1.0) -> Luminance:
+        """A picture, at a multiple of the view's exposure."""
+        told, data = self._call("draw", {**request, "shadows": shadows, "exposure": times * self._exposure})
+        picture: NDArray[Any] = np.frombuffer(data, told["type"]).reshape(told["shape"])
+        return luminance(picture, self.engine, self.size)
+
+    def _call(self, name: str, argument: Any, data: bytes = b"") -> tuple[dict[str, Any], bytes]:
+        try:
+            return self._host.call(name, argument, data, self.engine.seconds)
+        except HostFailed as error:
+            raise CellFailed(str(error)) from None
+
+    def _start(self) -> Host:
+        """Start the engine's program; what it prints goes to a file."""
+        engine, folder = self.engine, environment(self.engine)
+        log = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="shadowbench-"))) / "log"
+        host: Host
+        if engine.host == "web":
+            packages = folder / "node_modules"
+            host = WebHost(browser(), engine.folder() / "draw.js", packages, engine.imports, engine.scripts, log)
+        else:
+            # Mesa's software renderer everywhere, so that engines differ by what they draw alone.
+            variables = {"LIBGL_ALWAYS_SOFTWARE": "1", "PYTHONPATH": ""}
+            if engine.display:
+                variables["DISPLAY"] = self._display()
+            host = PythonHost(python_of(engine), engine.folder() / "draw.py", log, variables)
+        self._stack.callback(host.close)
+        return host
+
+    def _display(self) -> str:
+        """Name of a virtual display of its own."""
+        command = ["Xvfb", "-displayfd", "1", "-screen", "0", "4096x4096x24", "-nolisten", "tcp"]
+        server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        self._stack.callback(server.wait)
+        self._stack.callback(server.kill)
+        assert server.stdout is not None
+        return f":{server.stdout.readline().decode().strip()}"
