@@ -29,12 +29,12 @@ class BabylonParams(EngineParams):
 class Babylon(Engine):
     """Babylon.js: one shadow map or cascades, with a bias and a choice of filters, on WebGL 2.
 
-    As shipped there is no filter and almost no bias, and the size of a map is to be chosen: 1024 is the documentation's.
-    Cascades are for directional lights alone, choose their own boxes, and know the filters none, pcf and pcss. Point
-    lights get Poisson sampling in place of pcf and pcss, and maps that are not blurred. The filters esm and blur_esm
-    are for receivers that do not cast: others they light or darken altogether. `normalBias` needs meshes with normals.
-    The depth of a map is the camera's unless the light has `shadowMinZ` and `shadowMaxZ`, which are set here, and beyond
-    it nothing is in shadow. Scenes are left-handed, as by default: in others `forceBackFacesOnly` has front faces cast.
+    As shipped there is no filter and almost no bias, and maps have no size: 1024 is the documentation's. Cascades are
+    for directional lights alone, choose their own boxes, and know the filters none, pcf and pcss. Point lights get
+    Poisson sampling in place of pcf and pcss, and maps that are not blurred. The filters esm and blur_esm are for
+    receivers that do not cast: others they light or darken altogether. `normalBias` needs meshes with normals. The
+    depth of a map is the camera's unless the light has `shadowMinZ` and `shadowMaxZ`, which are set here; beyond it
+    nothing is in shadow. Scenes are left-handed, as by default: in others `forceBackFacesOnly` has front faces cast.
     """
 
     name = "babylon"
