@@ -46,7 +46,7 @@ def tune_parameters(
     study = Study.of(scenes or hard_names(), [base], **study_fields)
     info = campaign.drawer.info
     check_sizes(study, info)
-    if not info.pipeline_statistics:
+    if base.technique.own and not info.pipeline_statistics:
         raise InputError(f"{info.renderer} does not count shader invocations, so that there is no cost to minimise")
     with campaign:
         cells = TuningCells(study, campaign)

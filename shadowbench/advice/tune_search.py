@@ -41,7 +41,7 @@ _SEED = 0
 def scene_scores(rows: Iterable[Record]) -> pd.DataFrame:
     """One line per scene: means over cells of log(1 − IoU), log(1 − SSIM), log(work_cost), acne, leak and contact.
 
-    Soft shadows have log(RMSE) in place of log(1 − IoU), clamped to the truth's own error. Failed cells and cells
+    The cost of another engine is 1. Soft shadows have log(RMSE) in place of log(1 − IoU), clamped to the truth's own error. Failed cells and cells
     without one of the errors are left out.
     """
     found = []
@@ -49,7 +49,7 @@ def scene_scores(rows: Iterable[Record]) -> pd.DataFrame:
         errors = _log_errors(row) if row["status"] == "ok" else {}
         if errors:
             faults = {name: row["metrics"][name] for name in FAULTS}
-            found.append({"scene": row["scene"], **errors, "cost": np.log(row["work"]["cost"]), **faults})
+            found.append({"scene": row["scene"], **errors, "cost": np.log(row["work"].get("cost", 1)), **faults})
     return pd.DataFrame(found).astype(dict.fromkeys(FAULTS, float)).groupby("scene").mean()
 
 

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 DEFAULT_PARAMETERS = ("bias", "filter", "fit")
 """Parameters searched by default, if a technique has them."""
 
+DEFAULT_OF_ENGINES = ("bias", "normal_bias", "slope_bias", "cast", "back_faces")
+"""Of another engine, those that cost nothing: its work is not counted."""
+
 SEARCH_FACTOR = 16.0
 """Numbers are searched on a log scale from default / SEARCH_FACTOR to default · SEARCH_FACTOR, within their limits."""
 
@@ -143,9 +146,12 @@ def choices_of(info: FieldInfo) -> list[Any]:
 def span(info: FieldInfo) -> tuple[float, float, bool] | None:
     """Lowest and highest value to search of a number, and whether on a log scale; None if it is not searched.
 
-    It is searched around its default, or, if that is 0, between its limits; lengths in metres are not searched, since
-    they suit a scene rather than a technique.
+    It is searched where it says, else around its default, or, if that is 0, between its limits; lengths in metres are
+    not searched, since they suit a scene rather than a technique.
     """
+    extra: Any = info.json_schema_extra
+    if told := isinstance(extra, dict) and extra.get("search"):
+        return told[0], told[1], False
     if info.annotation not in (int, float) or in_metres(info):
         return None
     low, high = _limit(info, "ge", "gt"), _limit(info, "le", "lt")
@@ -170,7 +176,8 @@ def searched_parameters(base: Spec, text: str | None) -> tuple[str, ...]:
     ]
     none = f"none, as {base.technique.name} has no parameter that can be searched"
     if text is None:
-        present = tuple(name for name in DEFAULT_PARAMETERS if name in fields)
+        wanted = DEFAULT_PARAMETERS if base.technique.own else DEFAULT_OF_ENGINES
+        present = tuple(name for name in wanted if name in (fields if base.technique.own else searchable))
         if not present:
             raise InputError(
                 f"{base.technique.name} has no bias, filter or fit; --params: {', '.join(searchable) or none}"

@@ -18,13 +18,22 @@ from shadowbench.plugin.grammar import Call, parse_value
 from shadowbench.strict import Strict
 
 
-def param(default: Any, help: str, *, metres: bool = False, values: str = "", **limits: Any) -> Any:
+def param(
+    default: Any,
+    help: str,
+    *,
+    metres: bool = False,
+    values: str = "",
+    search: tuple[float, float] | None = None,
+    **limits: Any,
+) -> Any:
     """A parameter: default, one line of help, and pydantic limits (ge, gt, le, lt).
 
     metres: the value is a length in file units, converted to a local length when its uniform is set; values: the
-    allowed ones in words, if the type does not say them.
+    allowed ones in words, if the type does not say them; search: lowest and highest value that `tune` tries.
     """
-    return Field(default, description=help, json_schema_extra={"metres": metres, "values": values}, **limits)
+    extra: dict[str, Any] = {"metres": metres, "values": values, "search": search and list(search)}
+    return Field(default, description=help, json_schema_extra=extra, **limits)
 
 
 def allowed(info: FieldInfo) -> str:

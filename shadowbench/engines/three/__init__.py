@@ -12,8 +12,12 @@ class ThreeParams(EngineParams):
     size: int = param(512, "texels along a side of the map: `shadow.mapSize`", ge=1, le=8192)
     filter: Literal["basic", "pcf", "vsm"] = param("pcf", "`renderer.shadowMap.type`")
     radius: float = param(1.0, "`shadow.radius` of the filters pcf and vsm", ge=0, le=100)
-    bias: float = param(0.0, "`shadow.bias`, added to the depth of the receiver, from 0 to 1", ge=-1, le=1)
-    normal_bias: float = param(0.0, "`shadow.normalBias`, along the normal, in units of the scene", ge=-10, le=10)
+    bias: float = param(
+        0.0, "`shadow.bias`, added to the depth of the receiver, from 0 to 1", ge=-1, le=1, search=(-0.01, 0)
+    )
+    normal_bias: float = param(
+        0.0, "`shadow.normalBias`, along the normal, in units of the scene", ge=-10, le=10, search=(0, 0.1)
+    )
     cast: Literal["shipped", "front", "back", "both"] = param("shipped", "`material.shadowSide`: the sides that cast")
 
 
