@@ -56,7 +56,7 @@ def measure_engines(
         (folder / _PAGE).unlink(missing_ok=True)  # of a command that found no engine
     check_folder(folder)
     for name, reason in lacking.items():
-        if reason is not None:
+        if reason is not None and (names or not quiet):
             console.print_error(f"{name}: {reason}")
     code = int(not ready or any(lacking[name] for name in names))
     if not specs:
@@ -76,12 +76,16 @@ def measure_engines(
 def page(known: "Mapping[str, type[Engine]]", folders: Sequence[Path], target: Path | None) -> int:
     """Write the page of folders that were measured. Raises InputError."""
     from shadowbench.files import check_outputs
+    from shadowbench.results.engine_settings import engine_results
     from shadowbench.results.folder import read_runs
 
     if not folders:
         raise InputError("engines page: found no folder; allowed: those of `engines measure` or `run`")
     target = target or folders[0] / _PAGE
     runs = read_runs(folders)
+    if not engine_results(runs):
+        where = " and ".join(map(str, folders))
+        raise InputError(f"{where}: found no cell of another engine; allowed: {', '.join(known)} among the techniques")
     check_outputs(".md", target)
     _write_page(known, runs, target)
     return 0

@@ -32,8 +32,7 @@ are off. Masks are scored like those of shadowbench's techniques, against the sa
 - **Refused pictures.** A cell fails, and is a gap below, if a picture has another size or values that are not finite;
   if it is black where surfaces face the light, or under a sun not shaded by N·L, as pictures of another frame, upside
   down or of another encoding are; if it differs when drawn again; or if shadows make more than 0.2% of the pixels
-  lighter.
-  Before that, each engine has to draw a probe of known places and brightness.
+  lighter. Before that, each engine has to draw a probe of known places and brightness.
 - **Sides.** With `sides=closed` the materials of closed meshes are single-sided and all others double-sided; with
   `sides=double` all are double-sided. Some engines choose by it what casts: three.js has single-sided materials cast by
   their back faces.
@@ -62,11 +61,12 @@ def write_engines_page(runs: Sequence[Run], gaps: Mapping[str, str], target: Pat
     blocks = ["# Shadows of other engines", "## How this is measured, and what it does not say", how, *_engines(found)]
     if found:
         blocks += ["## Settings", "Medians over scenes; best first.", *table(*summary(found))]
-    blocks += [f"## {TITLE} by scene", *_by_scene(found, missing), "## Defects and cures", RULE]
+    blocks += [f"## {TITLE} by scene", *_by_scene(found, missing)]
+    blocks += ["## Defects and cures", RULE] if found else []
     for one in found:
         blocks += [f"### {one.engine.name}", *_engine(one), *worst_defect(one, target)]
     history = errors_by_version(runs)
-    blocks += ["## Versions", *_versions(history)] if history else [_ONE_VERSION]
+    blocks += ["## Versions", *_versions(history)] if history else [_ONE_VERSION] if found else []
     for run in runs:
         facts = [(name, value) for name, value in run_facts(run) if name in _FACTS]
         lines = [f"- {name}: {f'`{value}`' if name == 'command' else escaped(value)}" for name, value in facts]
