@@ -39,6 +39,7 @@ class Babylon(Engine):
 
     name = "babylon"
     Params = BabylonParams
+    package = "babylonjs"
     host = "web"
     scripts = ("babylonjs/babylon.js", "babylonjs-loaders/babylonjs.loaders.min.js")
     box = "given"
