@@ -99,7 +99,7 @@ class PythonHost(Host):
 
     def __init__(self, python: Path, draw: Path, log: Path, environment: Mapping[str, str]) -> None:
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-        super().__init__([python, HERE / "python_host.py", draw], log, environment, **pipes)
+        super().__init__([python, "-I", HERE / "python_host.py", draw], log, environment, **pipes)
         self._reader = Thread(target=self._read, args=(self.process.stdout,), daemon=True)
         self._reader.start()
 

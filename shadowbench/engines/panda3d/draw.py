@@ -1,0 +1,83 @@
+# Panda3D: https://docs.panda3d.org/1.10/python/programming/render-attributes/lighting
+import tempfile
+from pathlib import Path
+
+import gltf
+import numpy as np
+from panda3d import core
+
+Z_UP = core.LMatrix4(1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1)  # rows: where x, y, z of glTF go
+CULLED = {"both": "none", "front": "clockwise", "back": "counter_clockwise"}  # which the light does not see
+engine = output = picture = root = camera = None
+
+
+def open(size):
+    global engine, output, picture, root, camera
+    core.load_prc_file_data("", "textures-power-2 none")
+    engine, pipe = core.GraphicsEngine.get_global_ptr(), core.GraphicsPipeSelection.get_global_ptr().make_default_pipe()
+    made = core.WindowProperties.size(size, size), core.GraphicsPipe.BF_refuse_window
+    host = engine.make_output(pipe, "host", 0, core.FrameBufferProperties.get_default(), *made)
+    frame = core.FrameBufferProperties()
+    frame.float_color, frame.depth_bits = True, 32
+    frame.set_rgba_bits(32, 32, 32, 32)
+    output = engine.make_output(pipe, "picture", 1, frame, *made, host.get_gsg(), host)
+    picture = core.Texture()
+    output.add_render_texture(picture, core.GraphicsOutput.RTM_copy_ram)
+    output.set_clear_color((0, 0, 0, 1))
+    root, camera = core.NodePath("root"), core.NodePath(core.Camera("camera"))
+    camera.reparent_to(root)
+    output.make_display_region().set_camera(camera)
+    root.set_shader_auto()
+    return core.PandaSystem.get_version_string(), output.get_gsg().get_driver_renderer()
+
+
+def load(glb, view):
+    root.find_all_matches("scene").detach()
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder, "scene.glb")
+        model.write_bytes(glb)
+        scene = core.NodePath(gltf.load_model(str(model)))
+    scene.set_name("scene")
+    scene.clear_light()
+    scene.set_bin("unsorted", 0)  # in this order where surfaces meet
+    scene.reparent_to(root)
+    pose, lens = view["camera"], camera.node().get_lens()
+    lens.set_fov(pose["fov_y"], pose["fov_y"])
+    lens.set_near_far(pose["near"], pose["far"])
+    place(camera, pose["position"], pose["target"], pose["up"])
+
+
+def place(node, position, target, up):
+    node.set_pos(Z_UP.xform_point(core.LPoint3(*position)))
+    node.look_at(core.LPoint3(Z_UP.xform_point(core.LPoint3(*target))), Z_UP.xform_vec(core.LVector3(*up)))
+
+
+def draw(light, box, params, shadows, exposure):
+    kind = {"directional": core.DirectionalLight, "spot": core.Spotlight, "point": core.PointLight}[light["kind"]]
+    lamp = kind("lamp")
+    node = root.attach_new_node(lamp)
+    lamp.color = exposure, exposure, exposure, 1
+    lamp.set_shadow_caster(shadows, params["size"], params["size"])
+    state = lamp.get_initial_state().set_attrib(core.DepthOffsetAttrib.make(params["offset"]))
+    if params["cast"] != "shipped":
+        culled = getattr(core.CullFaceAttrib, f"M_cull_{CULLED[params['cast']]}")
+        state = state.set_attrib(core.CullFaceAttrib.make(culled), 1)
+    lamp.set_initial_state(state)
+    if light["kind"] == "directional":
+        lamp.get_lens().set_film_size(box["width"], box["height"])
+        lamp.get_lens().set_near_far(0, box["depth"])
+        place(node, box["position"], box["target"], box["up"])
+    else:
+        for side in range(6 if light["kind"] == "point" else 1):
+            lamp.get_lens(side).set_near_far(box["near"], box["far"])
+        place(node, light["position"], np.add(light["position"], light["direction"] or (0, 0, -1)).tolist(), (0, 1, 0))
+    if light["kind"] == "spot":
+        lamp.get_lens().set_fov(light["cone"])
+        lamp.exponent = 0
+    root.set_light(node)
+    for _ in range(3):
+        engine.render_frame()
+    root.clear_light()
+    node.remove_node()
+    pixels = np.frombuffer(bytes(picture.get_ram_image_as("RGBA")), np.float32)
+    return pixels.reshape(picture.get_y_size(), picture.get_x_size(), 4)[::-1]

@@ -1,0 +1,56 @@
+# pygfx: https://docs.pygfx.org/stable/_autosummary/objects/pygfx.objects.LightShadow.html
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pygfx
+
+renderer = scene = camera = None
+
+
+def open(size):
+    global renderer
+    target = pygfx.Texture(dim=2, size=(size, size, 1), format="rgba8unorm")
+    renderer = pygfx.WgpuRenderer(target, pixel_ratio=1, ppaa="none")
+    return pygfx.__version__, renderer.device.adapter.info["device"]
+
+
+def load(glb, view):
+    global scene, camera
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder, "scene.glb")
+        model.write_bytes(glb)
+        scene = pygfx.Scene().add(pygfx.load_gltf(str(model), quiet=True).scene)
+    for node in list(scene.iter()):
+        if isinstance(node, pygfx.Light | pygfx.Camera):
+            node.parent.remove(node)
+        elif isinstance(node, pygfx.Mesh):
+            node.cast_shadow = node.receive_shadow = True
+    pose = view["camera"]
+    camera = pygfx.PerspectiveCamera(pose["fov_y"], 1, depth_range=(pose["near"], pose["far"]))
+    camera.local.position = pose["position"]
+    camera.local.reference_up = pose["up"]
+    camera.look_at(pose["target"])
+
+
+def draw(light, box, params, shadows, exposure):
+    kind = {"directional": pygfx.DirectionalLight, "spot": pygfx.SpotLight, "point": pygfx.PointLight}[light["kind"]]
+    lamp = kind(intensity=np.pi * exposure, cast_shadow=shadows)
+    lens = lamp.shadow.camera
+    lamp.local.position = light["position"] or box["position"]
+    if light["kind"] == "directional":
+        lamp.target.local.position = box["target"]
+        lens.local.reference_up = box["up"]
+        lens.width, lens.height, lens.depth_range = box["width"], box["height"], (0, box["depth"])
+    else:
+        lens.depth_range = box["near"], box["far"]
+    if light["kind"] == "spot":
+        lamp.target.local.position = np.add(light["position"], light["direction"])
+        lamp.angle = math.radians(light["cone"] / 2)
+        lens.fov = 180 / math.pi * 2 * lamp.angle  # another one has pygfx set the depth range too
+    lamp.shadow.bias, lamp.shadow.cull_mode = params["bias"], params["cull"]
+    scene.add(lamp)
+    renderer.render(scene, camera)
+    scene.remove(lamp)
+    return renderer.snapshot()

@@ -1,0 +1,74 @@
+# VTK's shadow maps: https://vtk.org/doc/nightly/html/classvtkShadowMapPass.html
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from vtkmodules import vtkRenderingOpenGL2 as gl
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkVersion
+from vtkmodules.vtkIOImport import vtkGLTFImporter
+from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer, vtkRenderWindow, vtkWindowToImageFilter
+
+window = renderer = None
+
+
+def open(size):
+    global window
+    window = vtkRenderWindow()
+    window.SetOffScreenRendering(True)
+    window.SetMultiSamples(0)
+    window.SetSize(size, size)
+    window.Render()
+    lines = window.ReportCapabilities().splitlines()
+    return vtkVersion.GetVTKVersion(), next(line.split(": ")[1].strip() for line in lines if "renderer string" in line)
+
+
+def load(glb, view):
+    global renderer
+    if renderer:
+        window.RemoveRenderer(renderer)
+    renderer = vtkRenderer()
+    renderer.AutomaticLightCreationOff()
+    window.AddRenderer(renderer)
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder, "scene.glb")
+        model.write_bytes(glb)
+        importer = vtkGLTFImporter()
+        importer.SetFileName(str(model))
+        importer.SetRenderWindow(window)
+        importer.Update()
+    pose, camera = view["camera"], renderer.GetActiveCamera()
+    camera.SetPosition(pose["position"])
+    camera.SetFocalPoint(pose["target"])
+    camera.SetViewUp(pose["up"])
+    camera.SetViewAngle(pose["fov_y"])
+    camera.SetClippingRange(pose["near"], pose["far"])
+
+
+def draw(light, params, shadows, exposure, **_):
+    lamp, position = vtkLight(), light["position"] or (0, 0, 0)
+    lamp.SetPosition(position)
+    lamp.SetFocalPoint(np.add(position, light["direction"]))
+    lamp.SetIntensity(np.pi * exposure)
+    if light["kind"] == "spot":
+        lamp.PositionalOn()
+        lamp.SetConeAngle(light["cone"] / 2)
+        lamp.SetExponent(0)
+    renderer.RemoveAllLights()
+    renderer.AddLight(lamp)
+    maps, shadowed, passes = gl.vtkShadowMapBakerPass(), gl.vtkShadowMapPass(), gl.vtkRenderPassCollection()
+    maps.SetResolution(params["size"])
+    maps.SetExponentialConstant(params["exponent"])
+    shadowed.SetShadowMapBakerPass(maps)
+    passes.AddItem(maps)
+    passes.AddItem(shadowed)
+    sequence, every = gl.vtkSequencePass(), gl.vtkCameraPass()
+    sequence.SetPasses(passes)
+    every.SetDelegatePass(sequence)
+    renderer.SetPass(every if shadows else None)
+    window.Render()
+    grabbed = vtkWindowToImageFilter()
+    grabbed.SetInput(window)
+    grabbed.Update()
+    pixels = vtk_to_numpy(grabbed.GetOutput().GetPointData().GetScalars())
+    return (pixels.reshape(*window.GetSize(), 3)[::-1] / 255).astype(np.float32) ** 2.2  # its materials' own gamma
