@@ -85,7 +85,7 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class EngineResults:
-    """What a run has of an engine: rows of its last version and of the last command's view size.
+    """What a run has of an engine: rows of the version and view size that were measured last.
 
     left_out: number of rows of other versions or sizes.
     """
@@ -126,14 +126,20 @@ def engine_results(runs: Iterable[Run]) -> dict[str, EngineResults]:
     """The results of each engine, in alphabetical order, from the last of the runs that has any."""
     found: dict[str, EngineResults] = {}
     for run in runs:
+        order = {row["key"]: at for at, (row, _) in enumerate(stream_rows(rows_file(run.folder)))}
         for name, engine in engines().items():
             every = [row for row in run.rows if row["technique"] == name and "content" not in row]
-            if every:
-                size = run.about.get("study", {}).get("view_size", every[-1]["view_size"])
-                sized = [row for row in every if row["view_size"] == size]
-                version = next((row["engine"]["version"] for row in reversed(sized) if "engine" in row), None)
-                rows = [row for row in sized if row.get("engine", {}).get("version", version) == version]
-                found[name] = EngineResults(engine, run, rows, len(every) - len(rows))
+            if not every:
+                continue
+            # The last command's, or else the last in the file.
+            last = max(every, key=lambda row: ("engine" in row, row["key"] not in run.earlier, order[row["key"]]))
+            version = last.get("engine", {}).get("version")
+            rows = [
+                row
+                for row in every
+                if row["view_size"] == last["view_size"] and row.get("engine", {}).get("version", version) == version
+            ]
+            found[name] = EngineResults(engine, run, rows, len(every) - len(rows))
     return dict(sorted(found.items()))
 
 
