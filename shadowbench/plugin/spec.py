@@ -126,7 +126,9 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Subject]]") -> Spec:
             hint = f"; {name} is a {what}: {'cascades' if what == 'split' else 'shadow-map'}:{what}={name}"
         if written := WRITTEN.get(name.casefold().replace("_", "-")):
             hint = f"; {name} is written {written}"
-        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}{hint}")
+        raise InputError(
+            f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques, key=lambda one: (not techniques[one].own, one)))}{hint}"
+        )
     return _parsed(text, techniques[name])
 
 
