@@ -57,7 +57,9 @@ def engines(
     asked: MeasureOptions,
     printed: options.Printed,
 ) -> int:
-    """List, install, check or measure other engines, which are measured like techniques.
+    """List, install, check or measure other engines.
+
+    They are measured like techniques, each by a program of its own: `shadowbench run stairs -t three`.
 
     An engine is installed in an environment of its own below the cache folder, from a lock file with hashes; nothing
     is downloaded unless `install` asks for it. `doctor` starts each engine and has it draw a probe. An engine's
