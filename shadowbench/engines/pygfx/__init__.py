@@ -28,6 +28,7 @@ class Pygfx(Engine):
     host = "python"
     python = "3.11"
     vulkan = True
+    texels = 1024
     box = "given"
     phased = True
     presets = {"shipped": "", "documented": "cull=none,bias=0.001"}
