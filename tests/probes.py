@@ -50,7 +50,7 @@ def record(kinds: Sequence[str] = KINDS) -> Record:
     """The probes of some kinds, and what they depend on."""
     makers = {"draw": _draw, "trace": _trace, "score": _score}
     with Worker() as worker:
-        identity = {**versions.of_rows(), **GLDrawer(worker).identity}
+        identity = {**versions.of_rows(), **GLDrawer(worker).device_identity}
         return {"identity": identity, **{kind: dict(makers[kind](worker)) for kind in kinds}}
 
 

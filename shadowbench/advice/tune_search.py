@@ -41,8 +41,8 @@ _SEED = 0
 def scene_scores(rows: Iterable[Record]) -> pd.DataFrame:
     """One line per scene: means over cells of log(1 − IoU), log(1 − SSIM), log(work_cost), acne, leak and contact.
 
-    The cost of another engine is 1. Soft shadows have log(RMSE) in place of log(1 − IoU), clamped to the truth's own error. Failed cells and cells
-    without one of the errors are left out.
+    The cost of another engine is 1. Soft shadows have log(RMSE) in place of log(1 − IoU), clamped to the truth's own
+    error. Failed cells and cells without one of the errors are left out.
     """
     found = []
     for row in rows:

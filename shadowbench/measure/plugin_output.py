@@ -10,6 +10,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, TextIO
 
+from shadowbench.errors import InputError
 from shadowbench.streams import SafeStream
 
 if TYPE_CHECKING:
@@ -73,7 +74,10 @@ def techniques_with(plugins: Sequence[Path]) -> "Mapping[str, type[Technique]]":
 
 
 def subjects_with(plugins: Sequence[Path]) -> "Mapping[str, type[Subject]]":
-    """As `techniques_with`, and the engines after them."""
-    from shadowbench.plugin.registry import engines
+    """As `techniques_with`, and the engines after them. Raises InputError also for a name that an engine has."""
+    from shadowbench.plugin.registry import engines, source_file
 
-    return {**techniques_with(plugins), **engines()}
+    techniques = techniques_with(plugins)
+    for name in techniques.keys() & engines().keys():
+        raise InputError(f"{source_file(techniques[name])}: the name {name!r} is an engine's; allowed: another")
+    return {**techniques, **engines()}

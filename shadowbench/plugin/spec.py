@@ -126,7 +126,8 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Subject]]") -> Spec:
             hint = f"; {name} is a {what}: {'cascades' if what == 'split' else 'shadow-map'}:{what}={name}"
         if written := WRITTEN.get(name.casefold().replace("_", "-")):
             hint = f"; {name} is written {written}"
-        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}{hint}")
+        own_first = sorted(techniques, key=lambda one: (not techniques[one].own, one))
+        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, own_first)}{hint}")
     return _parsed(text, techniques[name])
 
 

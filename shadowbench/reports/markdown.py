@@ -37,11 +37,11 @@ def markdown_report(runs: Sequence[Run], scenes: Scenes, swept: Sequence[Stabili
         blocks.append(f"## {title}")
         for section in parts:
             if len(runs) > 1:
-                blocks.append(f"### {_cell(section.run.label)}: {_cell(section.run.renderer)}")
+                blocks.append(f"### {escaped(section.run.label)}: {escaped(section.run.renderer)}")
             blocks += [*_section(section), *_costs(alone[section]), *_items(unscored(section))]
-            blocks += [f"- {_cell(line)}" for line in mask_warnings(section)]
+            blocks += [f"- {escaped(line)}" for line in mask_warnings(section)]
     for found in swept:
-        blocks += _stability(found, f": {_cell(found.sweep.label)}" if len(swept) > 1 else "")
+        blocks += _stability(found, f": {escaped(found.sweep.label)}" if len(swept) > 1 else "")
     specs = [*specs_of(every), *(spec for found in swept for spec in found.specs)]
     blocks += _provenance([*runs, *(found.sweep for found in swept)], specs)
     return "\n\n".join(blocks) + "\n"
@@ -51,13 +51,13 @@ def _provenance(folders: Sequence[Folder], specs: Iterable[str]) -> list[str]:
     """How each folder was measured, and what the presets among the specs stand for."""
     blocks = ["## How the results were measured"]
     for one in folders:
-        blocks += [f"### {_cell(one.label)}", _measured(one)]
+        blocks += [f"### {escaped(one.label)}", _measured(one)]
     presets = presets_of(specs)
     return [*blocks, "### Presets", "\n".join(f"- `{name}`: `{spec}`" for name, spec in presets)] if presets else blocks
 
 
 def _over_scenes(panel: Panel, runs: Sequence[Run]) -> list[str]:
-    label = f": {_cell(runs[panel.run].label)}" if len(runs) > 1 else ""
+    label = f": {escaped(runs[panel.run].label)}" if len(runs) > 1 else ""
     return [f"## {panel.title.capitalize()}{label}", *verdict(panel.sections), *_costs(panel)]
 
 
@@ -65,7 +65,7 @@ def _section(section: Section) -> list[str]:
     blocks = verdict([section])
     if section.timed:
         blocks.append(f"*{sentence(time_source(section.run))}* Bold: on the Pareto front of error and time.")
-    blocks += [_cell(sentence(line)) for line in section_notes(section)]
+    blocks += [escaped(sentence(line)) for line in section_notes(section)]
     columns = COLUMNS[section.soft] | _TIMES
     best, rows = section.front, []
     for one in section.scored:
@@ -73,7 +73,7 @@ def _section(section: Section) -> list[str]:
         values = [one.text(column, digits) for column in columns.values()]
         rows.append([name, str(one.map_size or ""), one.error_text(digits), *values])
     faults = [(one.label, "; ".join(lines)) for one in section.scored if (lines := fault_lines(one))]
-    return [*blocks, *_table(["spec", "map", section.ranked_by.error_label, *columns], rows), *_items(faults)]
+    return [*blocks, *table(["spec", "map", section.ranked_by.error_label, *columns], rows), *_items(faults)]
 
 
 def _costs(panel: Panel) -> list[str]:
@@ -87,7 +87,7 @@ def _costs(panel: Panel) -> list[str]:
             described = ", ".join(filter(None, (cell["accuracy"], cell["note"])))
             texts.append(" ".join(filter(None, (cell["cost"], label, described))))
         rows.append([technique, *texts])
-    return _table(["cost of accuracy", *map(target_name, targets)], rows)
+    return table(["cost of accuracy", *map(target_name, targets)], rows)
 
 
 def _stability(found: Stability, label: str) -> list[str]:
@@ -96,27 +96,27 @@ def _stability(found: Stability, label: str) -> list[str]:
     for spec in found.specs:
         series = [one for one in found.series if one[0] == spec]
         rows = [[axis.name, *map(range_text, ranges)] for axis, ranges in found.table(series)]
-        blocks += [f"### `{spec}`", *_table(["axis", *(NAMES[kind] for _, kind in series)], rows)]
+        blocks += [f"### `{spec}`", *table(["axis", *(NAMES[kind] for _, kind in series)], rows)]
     return [*blocks, *_items(found.without_picture)]
 
 
 def _measured(one: Folder) -> str:
-    facts = [(name, f"`{value}`" if name == "command" else _cell(value)) for name, value in run_facts(one)]
+    facts = [(name, f"`{value}`" if name == "command" else escaped(value)) for name, value in run_facts(one)]
     return "\n".join(
-        f"- {name}: {value}" for name, value in [*facts, *(("assumed", _cell(note)) for note in one.assumptions)]
+        f"- {name}: {value}" for name, value in [*facts, *(("assumed", escaped(note)) for note in one.assumptions)]
     )
 
 
 def _items(found: Iterable[tuple[str, str]]) -> list[str]:
-    return [f"- `{label}`: {_cell(text)}" for label, text in found]
+    return [f"- `{label}`: {escaped(text)}" for label, text in found]
 
 
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """A table; empty without rows."""
     lines = [headings, ["---"] + ["---:"] * (len(headings) - 1), *rows]
-    return ["\n".join(f"| {' | '.join(map(_cell, line))} |" for line in lines)] if rows else []
+    return ["\n".join(f"| {' | '.join(map(escaped, line))} |" for line in lines)] if rows else []
 
 
-def _cell(text: str) -> str:
-    """Text escaped for a table cell: on one line, and without cell separators."""
+def escaped(text: str) -> str:
+    """Text escaped for a cell of a table: on one line, and without separators."""
     return " ".join(text.replace("|", "\\|").split())

@@ -34,6 +34,11 @@ def digits(value: float) -> str:
     return f"{value:#.3g}".rstrip(".") if value and abs(value) >= 1e-4 else f"{value:.2g}"
 
 
+def optional(value: float | None) -> str:
+    """A number, – for None."""
+    return "–" if value is None else digits(value)
+
+
 def sentence(text: str) -> str:
     """The text with a capital letter, unless it begins with a unit, and a full stop."""
     return f"{text}." if text.startswith("ms:") else text[:1].upper() + text[1:] + "."

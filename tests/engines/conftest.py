@@ -1,20 +1,28 @@
-"""Masks as other renderers might draw them, and the command line."""
+"""Masks as other renderers might draw them, and an engine that draws the truth."""
 
+import shutil
+import sys
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from shadowbench.engines.environment import environment
+from shadowbench.engines.probe import probe_view
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.plugin.engine import Engine
+from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import cached_truth
 
 FINER = 4
+SIZE = 64  # of the fake engine's pictures
 
 
 def srgb(linear: np.ndarray) -> np.ndarray:
@@ -62,3 +70,44 @@ def png(tmp_path: Path) -> Callable[..., Path]:
         return file
 
     return write
+
+
+@pytest.fixture
+def view(truth_cache: None) -> View:
+    return chosen_view("cube-on-plane", SIZE)
+
+
+@pytest.fixture
+def engine(tmp_path: Path, view: View, monkeypatch: pytest.MonkeyPatch) -> type[Engine]:
+    """An engine that draws the truth of a view."""
+    place = tmp_path / "fake"
+    place.mkdir()
+    for one in (view, probe_view(SIZE)):
+        truth = cached_truth(one)
+        probe = one.scene.name == "probe"
+        np.savez(place / f"{one.scene.name}.npz", cosine=truth.cosine, visibility=truth.visibility, probe=probe)
+    shutil.copy(Path(__file__).parent / "fake_engine.py", place / "draw.py")
+    (place / "requirements.txt").write_text("fake==1.0\n")
+    (place / "fault").write_text("none")
+
+    class Fake(Engine):
+        """A test."""
+
+        name = "fake"
+        package = "fake"
+        host = "python"
+        lights = frozenset({"directional"})
+        seconds = 20.0
+        place: ClassVar[Path]
+
+        @classmethod
+        def folder(cls) -> Path:
+            return cls.place
+
+    Fake.place = place
+    monkeypatch.setenv("SHADOWBENCH_ENGINES", str(tmp_path / "engines"))
+    python = environment(Fake) / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    python.write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
+    python.chmod(0o755)
+    return Fake

@@ -1,9 +1,7 @@
 """Other engines as drawers: what they draw is measured, and what they draw wrongly is a failed cell."""
 
 import shutil
-import sys
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -12,7 +10,6 @@ import pytest
 
 from shadowbench.engines.drawer import EngineDrawer
 from shadowbench.engines.environment import environment, what_lacks
-from shadowbench.engines.probe import probe_view
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import CellFailed
@@ -22,49 +19,7 @@ from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.truths.cache import cached_truth
-
-SIZE = 64
-
-
-@pytest.fixture
-def view(truth_cache: None) -> View:
-    return chosen_view("cube-on-plane", SIZE)
-
-
-@pytest.fixture
-def engine(tmp_path: Path, view: View, monkeypatch: pytest.MonkeyPatch) -> type[Engine]:
-    """An engine that draws the truth of a view."""
-    place = tmp_path / "fake"
-    place.mkdir()
-    for one in (view, probe_view(SIZE)):
-        truth = cached_truth(one)
-        probe = one.scene.name == "probe"
-        np.savez(place / f"{one.scene.name}.npz", cosine=truth.cosine, visibility=truth.visibility, probe=probe)
-    shutil.copy(Path(__file__).parent / "fake_engine.py", place / "draw.py")
-    (place / "requirements.txt").write_text("fake==1.0\n")
-    (place / "fault").write_text("none")
-
-    class Fake(Engine):
-        """A test."""
-
-        name = "fake"
-        package = "fake"
-        host = "python"
-        lights = frozenset({"directional"})
-        seconds = 20.0
-        place: ClassVar[Path]
-
-        @classmethod
-        def folder(cls) -> Path:
-            return cls.place
-
-    Fake.place = place
-    monkeypatch.setenv("SHADOWBENCH_ENGINES", str(tmp_path / "engines"))
-    python = environment(Fake) / "bin" / "python"
-    python.parent.mkdir(parents=True)
-    python.write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
-    python.chmod(0o755)
-    return Fake
+from tests.engines.conftest import SIZE
 
 
 def drawn(engine: type[Engine], view: View, fault: str = "none", **params: Any) -> Rendering:
