@@ -29,7 +29,7 @@ from shadowbench.studies.study import read_study
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FENCE = re.compile(r"(?m)^(?:<!-- not run: (?P<reason>.+) -->\n)?```(?P<language>.*)\n(?P<text>(?:.*\n)*?)```$")
-MOST_NOT_RUN = 10
+MOST_NOT_RUN = 12
 MOST_WORDS = 900  # of the README
 BUILT = "{"  # begins the name of a directive, which the build of docs/ runs
 LINE = "stairs  cascades:count=3  512  0.031 [0.029, 0.033]"  # of a page
@@ -149,7 +149,8 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_every_block_says_what_it_is() -> None:
-    assert {block.language for block in BLOCKS} <= {"sh", "console", "python", "toml"}
+    assert {block.language for block in BLOCKS} <= {"sh", "console", "python", "toml", "gdscript"}
+    assert all(block.reason for block in BLOCKS if block.language == "gdscript")
     for page in PAGES:
         text, found = page.read_text(encoding="utf-8"), blocks_of(page)
         assert len(re.findall(r"(?m)^\s*```", text)) == 2 * len(found), page
@@ -177,8 +178,9 @@ def test_the_readme_is_short_and_few_blocks_are_not_run() -> None:
     assert len(not_run) <= MOST_NOT_RUN, not_run
 
 
-def test_python_is_a_file_that_the_page_names_or_stands_on_the_page_that_is_a_script() -> None:
-    python = [block for block in BLOCKS if block.language == "python"]
+def test_python_is_a_file_that_the_page_names_or_one_of_ours_or_stands_on_the_page_that_is_a_script() -> None:
+    ours = {file.read_text(encoding="utf-8") for file in (ROOT / "shadowbench" / "engines" / "pygfx").glob("*.py")}
+    python = [block for block in BLOCKS if block.language == "python" and block.text not in ours]
     others = {block.page.name for block in python if not block.text.startswith("# test_")}
     assert others == {"python.md"}  # tests/test_python.py runs it
 
