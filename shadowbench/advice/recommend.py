@@ -54,7 +54,7 @@ class Recommendation:
     unsuccessful: status by spec of the others; excluded: specs that were not tried, by the survey or on principle;
     untried: those not tried by what is predicted of them, by technique; space_size: number of specs in the full space;
     needs: survey of the view, without penumbrae; reference: reference time of costs in milliseconds, None if costs are
-    work; among: the techniques that were asked for, empty for all.
+    work; among: the techniques that were asked for, empty for all; engines: what other engines drew, without a cost.
     """
 
     view: View
@@ -69,6 +69,7 @@ class Recommendation:
     needs: Needs
     reference: ReferenceTime | None
     among: tuple[str, ...] = ()
+    engines: tuple[Result, ...] = ()
 
     def __repr__(self) -> str:
         """One line: scene, target and choice."""
@@ -143,13 +144,15 @@ def recommend(
     on_this_machine: bool = False,
     timed: bool = True,
     among: Sequence[str] = (),
+    engines: Sequence[Spec] = (),
 ) -> tuple[Recommendation, DeviceInfo]:
     """The cheapest measured of the `known` techniques that meets a target in a view, and the device.
 
     Measures into a campaign's folder: rows, masks, pictures, `table.csv`, `run.json`. on_this_machine: rank by times
     even on a software renderer; timed: whether the campaign may time; among: names of the techniques to search, all if
-    empty. Raises InputError for a folder with other files, a budget on a software renderer, a device without pipeline
-    statistics, and names of techniques of which none supports the light.
+    empty; engines: specs of other engines to measure beside them. Raises InputError for a folder with other files, a
+    budget on a software renderer, a device without pipeline statistics, and names of techniques of which none supports
+    the light.
     """
     chosen_techniques(known, among, view.light.hard_kind, view.light.soft)  # before the truth is traced
     info = campaign.drawer.info
@@ -168,6 +171,10 @@ def recommend(
             return results[-1]
 
         found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure, among)
+        if engines:
+            (drawn,) = campaign.measure([replace(block, cells=tuple(map(Cell, engines)))])
+            results += drawn
+            found = replace(found, engines=tuple(drawn))
     campaign.finish(study.facts, view.scene.notes, [result.score["key"] for result in results])
     if results:
         write_cells(campaign.folder, {})

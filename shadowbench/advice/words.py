@@ -12,6 +12,7 @@ from shadowbench.advice.space import SIZES
 from shadowbench.files import replace_file
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Drawer
+from shadowbench.measure.rows import Result
 from shadowbench.plugin.params import Component
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
@@ -136,6 +137,17 @@ def _name(trial: Trial) -> str:
     return trial.spec.sizeless_text + size
 
 
+def _meets(found: Recommendation, one: Result) -> dict[str, Any]:
+    """An engine's value of the target's metric, and whether it meets the target; empty if it failed."""
+    if one.status != "ok":
+        return {}
+    metrics = one.score["metrics"]
+    return {
+        found.target.metric: metrics[found.target.metric],
+        "meets": found.target.error(metrics) <= found.target.limit,
+    }
+
+
 def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
     """JSON object of `recommend --json`."""
     view = found.view
@@ -159,6 +171,7 @@ def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "space": found.space_size,
         "evidence": [_values(trial) for trial in found.trials],
         "techniques": list(found.among) or None,
+        "engines": [{"spec": one.score["spec"], "status": one.status, **_meets(found, one)} for one in found.engines],
         "refused": dict(found.unsuccessful),
         "untried": [{"technique": name, **asdict(one)} for name, one in found.untried.items()],
         "excluded": [asdict(exclusion) for exclusion in found.excluded],

@@ -19,9 +19,11 @@ class BabylonParams(EngineParams):
     quality: Literal["low", "medium", "high"] = param("high", "`filteringQuality` of pcf and pcss")
     light_size: float = param(0.1, "`contactHardeningLightSizeUVRatio` of pcss", ge=0, le=1)
     depth_scale: float = param(50.0, "`depthScale` of the exponential filters", gt=0, le=10000)
-    bias: float = param(0.00005, "`ShadowGenerator.bias`, added to the depth in the map, from 0 to 1", ge=-1, le=1)
+    bias: float = param(
+        0.00005, "`ShadowGenerator.bias`, added to the depth in the map, from 0 to 1", ge=-1, le=1, search=(0, 0.02)
+    )
     normal_bias: float = param(
-        0.0, "`ShadowGenerator.normalBias`: casters shrink, in units of the scene", ge=-10, le=10
+        0.0, "`ShadowGenerator.normalBias`: casters shrink, in units of the scene", ge=-10, le=10, search=(0, 0.1)
     )
     back_faces: bool = param(False, "`ShadowGenerator.forceBackFacesOnly`: back faces cast")
 

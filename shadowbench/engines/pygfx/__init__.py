@@ -9,7 +9,9 @@ from shadowbench.plugin.params import param
 class PygfxParams(EngineParams):
     """Parameters of pygfx."""
 
-    bias: float = param(0.0, "`light.shadow.bias`, taken from the depth of the receiver, from 0 to 1", ge=-1, le=1)
+    bias: float = param(
+        0.0, "`light.shadow.bias`, taken from the depth of the receiver, from 0 to 1", ge=-1, le=1, search=(0, 0.01)
+    )
     cull: Literal["front", "back", "none"] = param("front", "`light.shadow.cull_mode`: the sides that do not cast")
 
 
@@ -26,6 +28,7 @@ class Pygfx(Engine):
     host = "python"
     python = "3.11"
     vulkan = True
+    texels = 1024
     box = "given"
     phased = True
     presets = {"shipped": "", "documented": "cull=none,bias=0.001"}
