@@ -10,7 +10,7 @@ import Ogre.Numpy
 from Ogre.RTShader import SRS_SHADOW_MAPPING, ShaderGenerator
 
 KINDS = {"directional": Ogre.Light.LT_DIRECTIONAL, "spot": Ogre.Light.LT_SPOTLIGHT, "point": Ogre.Light.LT_POINT}
-app = target = texture = scene = camera = lamp = far = None
+app = target = texture = scene = camera = lamp = None
 
 
 def open(size):
@@ -40,7 +40,6 @@ def open(size):
 
 
 def load(glb, view):
-    global far
     scene.destroyAllEntities()
     groups = Ogre.ResourceGroupManager.getSingleton()
     groups.destroyResourceGroup("scene")
@@ -53,11 +52,11 @@ def load(glb, view):
     for index in range(entity.getNumSubEntities()):  # in this order where surfaces meet
         entity.getSubEntity(index).setRenderQueueGroupAndPriority(Ogre.RENDER_QUEUE_MAIN, index)
     scene.getRootSceneNode().attachObject(entity)
-    pose, far = view["camera"], view["camera"]["far"]
-    node = camera.getParentSceneNode()
+    pose, node = view["camera"], camera.getParentSceneNode()
     node.setPosition(Ogre.Vector3(*pose["position"]))
     node.setOrientation(Ogre.Quaternion(*(Ogre.Vector3(*row[:3]) for row in pose["view"][:3])))
     camera.setNearClipDistance(pose["near"])
+    camera.setFarClipDistance(0)  # infinite, as volumes set it
     camera.setFOVy(Ogre.Radian(math.radians(pose["fov_y"])))
 
 
@@ -86,7 +85,6 @@ def draw(light, params, shadows, exposure, **_):
         casters.getTechnique(0).getPass(0).setDepthBias(params["bias"], params["slope_bias"])
     wanted = Ogre.SHADOWTYPE_STENCIL_ADDITIVE if stencil else Ogre.SHADOWTYPE_TEXTURE_ADDITIVE_INTEGRATED
     scene.setShadowTechnique(wanted if shadows else Ogre.SHADOWTYPE_NONE)
-    camera.setFarClipDistance(0 if stencil else far)  # as volumes set it
     generator.invalidateScheme(Ogre.MSN_SHADERGEN)
     for _ in range(2):  # the map is fitted to what the last one showed
         target.update()

@@ -1,0 +1,70 @@
+# EEVEE: https://docs.blender.org/manual/en/latest/render/eevee/light_settings.html
+import math
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))  # from glTF to Blender, where z is up
+side = 0
+
+
+def open(size):
+    global side
+    side = size
+    return bpy.app.version_string, bpy.context.preferences.system.gpu_backend
+
+
+def load(glb, view):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder, "scene.glb")
+        model.write_bytes(glb)
+        bpy.ops.import_scene.gltf(filepath=str(model))
+    for item in [item for item in bpy.data.objects if item.type in ("LIGHT", "CAMERA")]:
+        bpy.data.objects.remove(item)
+    scene, pose = bpy.context.scene, view["camera"]
+    camera = scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.matrix_world = Y_UP @ Matrix(pose["view"]).inverted()
+    camera.data.sensor_fit, camera.data.angle = "VERTICAL", math.radians(pose["fov_y"])
+    camera.data.clip_start, camera.data.clip_end = pose["near"], pose["far"]
+    scene.collection.objects.link(camera)
+    scene.world = None
+    render = scene.render
+    render.engine = "BLENDER_EEVEE"
+    render.resolution_x = render.resolution_y = side
+    render.filter_size, render.dither_intensity, scene.eevee.light_threshold = 0, 0, 1e-4
+    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+
+
+def draw(light, box, params, shadows, exposure):
+    scene, directional = bpy.context.scene, light["kind"] == "directional"
+    data = bpy.data.lights.new("light", "SUN" if directional else light["kind"].upper())
+    data.use_shadow = scene.eevee.use_shadows = shadows
+    data.energy = math.pi * exposure if directional else (2 * math.pi * box["near"]) ** 2 * exposure
+    data.shadow_filter_radius, data.shadow_maximum_resolution = params["radius"], params["resolution"]
+    if directional:
+        data.angle = 0
+    else:
+        data.shadow_soft_size = 0
+    if light["kind"] == "spot":
+        data.spot_size, data.spot_blend = math.radians(light["cone"]), 0
+    eevee = scene.eevee
+    eevee.taa_render_samples, eevee.shadow_resolution_scale = params["samples"], params["scale"]
+    eevee.shadow_ray_count, eevee.shadow_step_count = params["rays"], params["steps"]
+    lamp = bpy.data.objects.new("light", data)
+    lamp.location = Y_UP @ Vector(light["position"] or (0, 0, 0))
+    lamp.rotation_euler = (Y_UP @ Vector(light["direction"] or (0, -1, 0))).to_track_quat("-Z", "Y").to_euler()
+    scene.collection.objects.link(lamp)
+    with tempfile.TemporaryDirectory() as folder:
+        scene.render.filepath = str(Path(folder, "picture.exr"))
+        bpy.ops.render.render(write_still=True)
+        image = bpy.data.images.load(scene.render.filepath)
+        image.colorspace_settings.name = "Non-Color"
+        pixels = np.empty(side * side * 4, np.float32)
+        image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    bpy.data.lights.remove(data)
+    return pixels.reshape(side, side, 4)[::-1]
