@@ -17,4 +17,5 @@ autodoc_typehints_format = "short"
 # Types of other packages, whose inventories need a network, and of modules that have no page.
 nitpick_ignore_regex = [
     ("py:.*", r"(numpy|np|pandas|pd|moderngl|pathlib|collections|contextlib|typing|shadowbench\.\w+)\..*"),
+    ("py:class", "Subject"),
 ]

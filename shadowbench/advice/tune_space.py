@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 DEFAULT_PARAMETERS = ("bias", "filter", "fit")
 """Parameters searched by default, if a technique has them."""
 
-DEFAULT_OF_ENGINES = ("bias", "normal_bias", "slope_bias", "cast", "cull", "back_faces")
+DEFAULT_OF_ENGINES = ("bias", "normal_bias", "slope_bias", "offset", "cast", "cull", "back_faces")
 """Of another engine, those that cost nothing: its work is not counted."""
 
 SEARCH_FACTOR = 16.0

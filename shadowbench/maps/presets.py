@@ -1,19 +1,19 @@
-"""Biases and filters that engines ship for a sun, as parameters of map techniques, with the files that they come from.
+"""Biases and filters that engines ship or document for a sun, with the files that they come from.
 
 `normal-offset(scale)` is a multiple of the filter's radius r in texel diagonals: n texels at grazing light are
 scale = n/(r √2). Where an engine's map has 16 bits, no steps of that format are added to it, as they would be long.
 """
 
 # mrdoob/three.js. LightShadow.js: bias 0, normalBias 0, radius 1, mapSize 512. WebGLShadowMap.js, shadowSide: the back
-# faces of materials that show their front. shadowmap_pars_fragment.glsl.js, SHADOWMAP_TYPE_PCF: 5 comparisons on a
-# Vogel disc of that radius, turned by interleaved gradient noise.
+# faces of materials that show their front; here of all, as by `three:cast=back`. shadowmap_pars_fragment.glsl.js,
+# SHADOWMAP_TYPE_PCF: 5 comparisons on a Vogel disc of that radius, turned by interleaved gradient noise.
 THREE = "bias=front-cull,filter=pcf-disc(width=1,taps=5,plane=false)"
 
-# BabylonJS/Babylon.js. shadowGenerator.ts: _bias 5e-5, _normalBias 0, _contactHardeningLightSizeUVRatio 0.1, and
-# QUALITY_HIGH; shadows are hard (FILTER_NONE) until a filter is chosen. shadowMapVertexMetric.fx adds the bias to clip
-# space, which is 2 deep. shadowsFragmentFunctions.fx, computeShadowWithPCSS64: 32 taps, then 64. Depths reach from the
-# camera's near plane to its far one; here over the scene.
-BABYLON = "bias=constant(2.5e-05),filter=pcss(variant=babylon,search=32,taps=64,pattern=poisson)"
+# BabylonJS/Babylon.js, its documentation of shadows: usePercentageCloserFiltering and a bias of 0.01, which
+# shadowMapVertexMetric.fx adds to clip space, which is 2 deep. shadowsFragmentFunctions.fx, computeShadowWithPCF5: the
+# default, QUALITY_HIGH. What ships before a filter is chosen, FILTER_NONE with 5e-5, has depths of 16-bit floats, which
+# no format here has.
+BABYLON = "bias=constant(0.005),filter=castano(5)"
 
 # godotengine/godot. light_3d.cpp: PARAM_SHADOW_BIAS 0.1, _NORMAL_BIAS 2 texels, _BLUR 1, _PANCAKE_SIZE 20.
 # ProjectSettings, directional_shadow: 16_bits, soft_shadow_filter_quality 2 (SOFT_LOW): 4 taps of a Vogel disc of

@@ -107,7 +107,7 @@ def _machine_notes(found: Sequence[EngineResults]) -> list[str]:
         notes.append(f"**Sizes.** Views have {' or '.join(sorted(views))} pixels a side.")
     if maps:
         sizes = " or ".join(sorted(maps, key=int))
-        notes[-1] += f" Maps have {sizes} texels a side whatever an engine ships with, which is below."
+        notes[-1] += f" Maps whose size can be chosen have {sizes} texels a side; what engines ship with is below."
     notes += [
         f"**Left out** of {one.engine.name}: {counted(one.left_out, 'cell')} of another version or view size."
         for one in found
@@ -120,7 +120,7 @@ def _engines(found: Sequence[EngineResults]) -> list[str]:
     rows = []
     for one in found:
         told = [one.about.get(name, "–") for name in ("version", "renderer", "box", "phase")]
-        shipped = getattr(one.engine.Params(), "size", None)
+        shipped = getattr(one.engine.Params(), "size", one.engine.texels)
         rows.append([one.engine.name, *told, str(shipped or "–")])
     return table(["engine", "version", "renderer", "box", "phase", "map as shipped"], rows)
 

@@ -209,7 +209,7 @@ def test_the_biases_of_engines_are_as_long_as_in_their_sources(builtin, build, s
     """Along the light in metres, from the depth range and the texel's width, and along the normal in texels."""
     shot = studio.shot(builtin("cube-on-plane", 32))
     shipped = {
-        "babylon": lambda depth, texel: (5e-5 / 2 * depth, None),  # of clip space, which is 2 deep
+        "babylon": lambda depth, texel: (0.01 / 2 * depth, None),  # of clip space, which is 2 deep
         "godot": lambda depth, texel: (0.1 / 100 * 2 * (depth + 20), 2),  # times the filter's radius; 20 m of pancakes
         "bevy": lambda depth, texel: (0.02, 1.8 * math.sqrt(2)),
         "filament": lambda depth, texel: (0.001, 0.5),

@@ -13,7 +13,9 @@ class Panda3DParams(EngineParams):
     cast: Literal["shipped", "front", "back", "both"] = param(
         "shipped", "the sides that cast: `CullFaceAttrib` of the light's `setInitialState`"
     )
-    offset: int = param(0, "`DepthOffsetAttrib` of the light's `setInitialState`: away below 0", ge=-1000, le=1000)
+    offset: int = param(
+        0, "`DepthOffsetAttrib` of the light's `setInitialState`: away below 0", ge=-1000, le=1000, search=(-40, 40)
+    )
 
 
 class Panda3D(Engine):
