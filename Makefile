@@ -22,8 +22,9 @@ of_4_1 := tests/gl tests/techniques/test_compositions.py tests/techniques/test_c
 # What depends on how Embree works on other processors.
 of_isa := tests/truths tests/survey
 
-# A browser for the report; a checker of memory; a virtual display with its mouse and keyboard for the window.
-for_slow := chromium valgrind Xvfb xdotool window
+# A browser for the report and for engines; a checker of memory; a virtual display with mouse and keyboard for the window;
+# the installer of engines for the web.
+for_slow := chromium valgrind Xvfb xdotool window npm
 
 help:
 	@echo "make demo       every technique on four scenes: what is good enough at which cost, and report.html"

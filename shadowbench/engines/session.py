@@ -128,7 +128,7 @@ class EngineSession:
         """Name of a virtual display of its own."""
         command = ["Xvfb", "-displayfd", "1", "-screen", "0", "4096x4096x24", "-nolisten", "tcp"]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-        self._stack.callback(server.wait)
+        self._stack.enter_context(server)
         self._stack.callback(server.kill)
         assert server.stdout is not None
         return f":{server.stdout.readline().decode().strip()}"

@@ -1,0 +1,87 @@
+"""Engines themselves, installed from their lock files: an independent truth, and the presets named after them."""
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import psutil
+import pytest
+
+from tests.conftest import Answer
+
+pytestmark = pytest.mark.slow
+
+Command = Callable[..., Answer]
+SIZE = ["--view-size", "256", "--rounds", "0"]
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """three.js, Babylon.js and OGRE; where they have been installed before, nothing is downloaded."""
+    from shadowbench.engines.environment import install, needed_programs
+    from shadowbench.plugin.registry import engines
+
+    for name in ("three", "babylon", "ogre"):
+        assert not needed_programs(engines()[name])
+        install(engines()[name])
+
+
+@pytest.mark.usefixtures("installed")
+def test_ogre_s_shadow_volumes_agree_with_the_truth(tmp_path: Path, shadowbench: Command) -> None:
+    """Somebody else's exact shadows, of closed meshes that 16 bits can index."""
+    scenes = ["cube-on-plane", "stairs", "railings", "street"]
+    answer = shadowbench("run", *scenes, "-t", "ogre", *SIZE, "-o", tmp_path / "out", "-q")
+    assert answer.code == 0, answer.err
+    for row in pd.read_csv(tmp_path / "out" / "table.csv").itertuples():
+        assert 1 - row.iou <= 5e-4, row.scene
+
+
+@pytest.mark.usefixtures("installed")
+@pytest.mark.parametrize(
+    ("engine", "preset"),
+    [("three:cast=back", "shadow-map:preset=three"), ("babylon:preset=documented", "shadow-map:preset=babylon")],
+)
+def test_a_preset_named_after_an_engine_draws_as_it_does(
+    engine: str, preset: str, tmp_path: Path, shadowbench: Command
+) -> None:
+    """Medians over phases, as both have texels of their own: IoU within 0.01, acne within 0.005."""
+    scenes = ["cube-on-plane", "sphere-and-torus"]
+    specs = ["-t", engine, "-t", preset]
+    answer = shadowbench("run", *scenes, *specs, *SIZE, "--phases", "8", "-o", tmp_path / "out", "-q")
+    assert answer.code == 0, answer.err
+    table = pd.read_csv(tmp_path / "out" / "table.csv")
+    medians = table.groupby(["scene", "technique"])[["iou", "acne"]].median().unstack()
+    theirs, ours = engine.partition(":")[0], "shadow-map"
+    assert (medians["iou"][theirs] - medians["iou"][ours]).abs().max() <= 0.01
+    assert (medians["acne"][theirs] - medians["acne"][ours]).abs().max() <= 0.005
+
+
+@pytest.mark.usefixtures("installed")
+def test_engines_draw_the_same_twice(tmp_path: Path, shadowbench: Command) -> None:
+    found = []
+    for name in ("first", "second"):
+        specs = ["-t", "three", "-t", "babylon", "-t", "ogre"]
+        assert shadowbench("run", "spot-lamp", *specs, *SIZE, "-o", tmp_path / name, "-q").code == 0
+        found.append(pd.read_csv(tmp_path / name / "table.csv")["mask_sha256"].tolist())
+    assert found[0] == found[1]
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_browser_that_is_killed_fails_a_cell_and_the_rest_goes_on(
+    tmp_path: Path, start: Any, records: Callable[..., list[dict[str, Any]]]
+) -> None:
+    out = tmp_path / "out"
+    specs = [part for bias in range(1, 9) for part in ("-t", f"three:bias=-0.000{bias}")]
+    run = start("run", "cube-on-plane", *specs, *SIZE, "--phases", "4", "-o", out)
+    run.until(lambda: out.joinpath("rows.jsonl").exists() and len(records(out)) > 2)
+    browsers = [one for one in psutil.Process(run.process.pid).children(recursive=True) if "chrom" in one.name()]
+    os.kill(max(browsers, key=lambda one: len(one.children(recursive=True))).pid, signal.SIGKILL)
+    code, _, err = run.end()
+    rows = records(out)
+    failed = [row for row in rows if row["status"] != "ok"]
+    assert len(rows) == 32 and len(failed) == 1, err
+    assert "it ended with exit code" in failed[0]["status"]
+    assert code == 3
