@@ -1,15 +1,14 @@
 # OGRE: https://ogrecave.github.io/ogre/api/latest/_shadows.html
-import math
 import tempfile
 from pathlib import Path
 
 import numpy as np
-import Ogre
 import Ogre.Bites
 import Ogre.Numpy
 from Ogre.RTShader import SRS_SHADOW_MAPPING, ShaderGenerator
 
 KINDS = {"directional": Ogre.Light.LT_DIRECTIONAL, "spot": Ogre.Light.LT_SPOTLIGHT, "point": Ogre.Light.LT_POINT}
+FOLDER = tempfile.TemporaryDirectory()  # of scene.glb
 app = target = texture = scene = camera = lamp = None
 
 
@@ -17,14 +16,10 @@ def open(size):
     global app, target, texture, scene, camera, lamp
     app = Ogre.Bites.ApplicationContext("shadowbench")
     app.createRoot()
-    system = app.getRoot().getRenderSystemByName("OpenGL 3+ Rendering Subsystem")
-    app.getRoot().setRenderSystem(system)
-    app.getRoot().initialise(False)
-    app.createWindow("window", 16, 16, Ogre.NameValueMap())
-    app.locateResources()
-    app.initialiseRTShaderSystem()
-    Ogre.ResourceGroupManager.getSingleton().createResourceGroup("scene")
-    Ogre.ResourceGroupManager.getSingleton().initialiseAllResourceGroups()
+    app.getRoot().setRenderSystem(app.getRoot().getRenderSystemByName("OpenGL 3+ Rendering Subsystem"))
+    app.setup()
+    Path(FOLDER.name, "scene.glb").touch()  # what is not there yet is not found later
+    Ogre.ResourceGroupManager.getSingleton().addResourceLocation(FOLDER.name, "FileSystem", "scene")
     scene = app.getRoot().createSceneManager()
     ShaderGenerator.getSingleton().addSceneManager(scene)
     camera, lamp = scene.createCamera("camera"), scene.createLight()
@@ -35,18 +30,14 @@ def open(size):
     texture = Ogre.TextureManager.getSingleton().createManual("picture", Ogre.RGN_DEFAULT, *kind)
     target = texture.getBuffer().getRenderTarget()
     target.addViewport(camera).setMaterialScheme(Ogre.MSN_SHADERGEN)
-    target.getViewport(0).setOverlaysEnabled(False)
-    return Ogre.__version__, system.getCapabilities().getDeviceName()
+    return Ogre.__version__, app.getRoot().getRenderSystem().getCapabilities().getDeviceName()
 
 
 def load(glb, view):
     scene.destroyAllEntities()
-    groups = Ogre.ResourceGroupManager.getSingleton()
-    groups.destroyResourceGroup("scene")
-    with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "scene.glb").write_bytes(glb)
-        groups.addResourceLocation(folder, "FileSystem", "scene")
-        mesh = Ogre.MeshManager.getSingleton().load("scene.glb", "scene")
+    Ogre.ResourceGroupManager.getSingleton().clearResourceGroup("scene")
+    Path(FOLDER.name, "scene.glb").write_bytes(glb)
+    mesh = Ogre.MeshManager.getSingleton().load("scene.glb", "scene")
     mesh.buildEdgeList()
     entity = scene.createEntity(mesh)
     for index in range(entity.getNumSubEntities()):  # in this order where surfaces meet
@@ -57,27 +48,23 @@ def load(glb, view):
     node.setOrientation(Ogre.Quaternion(*(Ogre.Vector3(*row[:3]) for row in pose["view"][:3])))
     camera.setNearClipDistance(pose["near"])
     camera.setFarClipDistance(0)  # infinite, as volumes set it
-    camera.setFOVy(Ogre.Radian(math.radians(pose["fov_y"])))
+    camera.setFOVy(Ogre.Radian(Ogre.Degree(pose["fov_y"])))
 
 
 def draw(light, params, shadows, exposure, **_):
     lamp.setType(KINDS[light["kind"]])
-    node, cone = lamp.getParentSceneNode(), math.radians(light["cone"] or 90)
-    node.resetToInitialState()
+    node, cone = lamp.getParentSceneNode(), Ogre.Radian(Ogre.Degree(light["cone"] or 90))
     node.setPosition(Ogre.Vector3(*(light["position"] or (0, 0, 0))))
-    node.setDirection(Ogre.Vector3(*(light["direction"] or (0, 0, -1))), Ogre.Node.TS_WORLD)
-    lamp.setSpotlightRange(Ogre.Radian(cone * (1 - 1e-5)), Ogre.Radian(cone), 1)
+    node.setOrientation(Ogre.Vector3(0, 0, -1).getRotationTo(Ogre.Vector3(*(light["direction"] or (0, 0, -1)))))
+    lamp.setSpotlightRange(cone * (1 - 1e-5), cone, 1)
     lamp.setDiffuseColour(exposure, exposure, exposure)
-    lamp.setSpecularColour(0, 0, 0)
     generator, stencil = ShaderGenerator.getSingleton(), params["technique"] == "stencil"
-    state = generator.getRenderState(Ogre.MSN_SHADERGEN)
-    state.resetToBuiltinSubRenderStates()
+    generator.getRenderState(Ogre.MSN_SHADERGEN).resetToBuiltinSubRenderStates()
     if shadows and not stencil:
         mapping = generator.createSubRenderState(SRS_SHADOW_MAPPING)
         mapping.setParameter("filter", params["filter"])
-        state.addTemplateSubRenderState(mapping)
+        generator.getRenderState(Ogre.MSN_SHADERGEN).addTemplateSubRenderState(mapping)
         scene.setShadowTextureSettings(params["size"], 1, Ogre.PF_DEPTH32F)
-        scene.setShadowTextureSelfShadow(True)
         scene.setShadowFarDistance(params["distance"])
         scene.setShadowCasterRenderBackFaces(params["cast"] == "back")
         scene.setShadowCameraSetup(getattr(Ogre, f"{params['camera']}ShadowCameraSetup").create())

@@ -8,11 +8,11 @@ from panda3d import core
 
 Z_UP = core.LMatrix4(1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1)  # rows: where x, y, z of glTF go
 CULLED = {"both": "none", "front": "clockwise", "back": "counter_clockwise"}  # which the light does not see
-engine = output = picture = root = camera = None
+engine = output = picture = scene = camera = None
 
 
 def open(size):
-    global engine, output, picture, root, camera
+    global engine, output, picture, camera
     core.load_prc_file_data("", "textures-power-2 none")
     engine, pipe = core.GraphicsEngine.get_global_ptr(), core.GraphicsPipeSelection.get_global_ptr().make_default_pipe()
     made = core.WindowProperties.size(size, size), core.GraphicsPipe.BF_refuse_window
@@ -24,23 +24,21 @@ def open(size):
     picture = core.Texture()
     output.add_render_texture(picture, core.GraphicsOutput.RTM_copy_ram)
     output.set_clear_color((0, 0, 0, 1))
-    root, camera = core.NodePath("root"), core.NodePath(core.Camera("camera"))
-    camera.reparent_to(root)
+    camera = core.NodePath(core.Camera("camera"))
     output.make_display_region().set_camera(camera)
-    root.set_shader_auto()
     return core.PandaSystem.get_version_string(), output.get_gsg().get_driver_renderer()
 
 
 def load(glb, view):
-    root.find_all_matches("scene").detach()
+    global scene
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder, "scene.glb")
         model.write_bytes(glb)
         scene = core.NodePath(gltf.load_model(str(model)))
-    scene.set_name("scene")
     scene.clear_light()
+    scene.set_shader_auto()
     scene.set_bin("unsorted", 0)  # in this order where surfaces meet
-    scene.reparent_to(root)
+    camera.reparent_to(scene)
     pose, lens = view["camera"], camera.node().get_lens()
     lens.set_fov(pose["fov_y"], pose["fov_y"])
     lens.set_near_far(pose["near"], pose["far"])
@@ -55,7 +53,7 @@ def place(node, position, target, up):
 def draw(light, box, params, shadows, exposure):
     kind = {"directional": core.DirectionalLight, "spot": core.Spotlight, "point": core.PointLight}[light["kind"]]
     lamp = kind("lamp")
-    node = root.attach_new_node(lamp)
+    node = scene.attach_new_node(lamp)
     lamp.color = exposure, exposure, exposure, 1
     lamp.set_shadow_caster(shadows, params["size"], params["size"])
     state = lamp.get_initial_state().set_attrib(core.DepthOffsetAttrib.make(params["offset"]))
@@ -74,10 +72,9 @@ def draw(light, box, params, shadows, exposure):
     if light["kind"] == "spot":
         lamp.get_lens().set_fov(light["cone"])
         lamp.exponent = 0
-    root.set_light(node)
+    scene.set_light(node)
     for _ in range(3):
         engine.render_frame()
-    root.clear_light()
+    scene.clear_light()
     node.remove_node()
-    pixels = np.frombuffer(bytes(picture.get_ram_image_as("RGBA")), np.float32)
-    return pixels.reshape(picture.get_y_size(), picture.get_x_size(), 4)[::-1]
+    return np.frombuffer(bytes(picture.get_ram_image_as("RGBA")), np.float32).reshape(picture.get_y_size(), -1, 4)[::-1]
