@@ -18,6 +18,8 @@ from pathlib import Path
 from threading import Thread
 from typing import IO, Any
 
+import psutil
+
 Answer = tuple[dict[str, Any], bytes]
 HERE = Path(__file__).parent
 _TYPES = {".js": "text/javascript", ".mjs": "text/javascript", ".wasm": "application/wasm"}
@@ -70,6 +72,16 @@ class Host(ABC):
         if "error" in answer[0]:
             raise HostFailed(str(answer[0]["error"]))
         return answer
+
+    @property
+    def memory(self) -> int:
+        """Resident memory of the largest of its processes, in bytes."""
+        found = 0
+        with suppress(psutil.NoSuchProcess):
+            program = psutil.Process(self.process.pid)
+            for one in (program, *program.children(recursive=True)):
+                found = max(found, one.memory_info().rss)
+        return found
 
     def _last_words(self) -> str:
         lines = self.log.read_text(encoding="utf-8", errors="replace").split("\n")

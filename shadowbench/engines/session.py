@@ -54,6 +54,11 @@ class EngineSession:
         """End the program."""
         self._stack.close()
 
+    @property
+    def memory(self) -> int:
+        """Resident memory of the program's largest process, in bytes."""
+        return self._host.memory
+
     def draw(self, view: View, params: EngineParams, phase: Phase) -> Rendering:
         """The mask of a view. Raises CellFailed; the session is to be closed then."""
         request = self._request(view, params, phase)
