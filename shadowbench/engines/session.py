@@ -44,6 +44,10 @@ class EngineSession:
             self._host = self._start()
             told, _ = self._call("open", {"size": size})
             self.version, self.renderer = str(told["version"]), str(told["renderer"])
+            if "SwiftShader" in self.renderer:
+                raise CellFailed(
+                    "drew with SwiftShader, whose 4 sub-pixel bits are not the 8 that undecided pixels assume"
+                )
             probe = probe_view(size)
             check_probe(probe, self._lit_picture(probe, cast(EngineParams, engine.Params())))
         except BaseException:

@@ -55,6 +55,7 @@ def test_what_an_engine_prints_is_no_answer(engine: type[Engine], view: View) ->
         ("nothing", "neither black nor white"),
         ("gamma 2.2", "another encoding"),
         ("NaN", "not finite"),
+        ("SwiftShader", "4 sub-pixel bits"),
         ("size", "63 × 64"),
     ],
 )
