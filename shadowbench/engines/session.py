@@ -97,7 +97,7 @@ class EngineSession:
 
     def _request(self, view: View, params: EngineParams, phase: Phase) -> Request:
         """What the pictures of a cell have in common."""
-        size: int | None = getattr(params, "size", self.engine.texels)
+        size = self.engine.map_size(params)
         return {
             "light": describe(view, view.scene.name)["light"],
             "box": light_box(view, size, phase.shift if self.engine.phased else (0.0, 0.0)),

@@ -6,6 +6,7 @@ from statistics import median
 
 from shadowbench.errors import counted
 from shadowbench.files import replace_file
+from shadowbench.plugin.spec import has_size
 from shadowbench.reports.engine_defects import DEFECTS, RULE, TITLE, worst_defect
 from shadowbench.reports.markdown import escaped, table
 from shadowbench.reports.words import optional, run_facts
@@ -102,7 +103,8 @@ def _machine_notes(found: Sequence[EngineResults]) -> list[str]:
             "cannot decide within 1/256 px are not scored."
         )
     views = {str(row["view_size"]) for one in found for row in one.rows}
-    maps = {str(row["map_size"]) for one in found for row in one.rows if row["map_size"]}
+    sized = [one for one in found if has_size(one.engine)]
+    maps = {str(row["map_size"]) for one in sized for row in one.rows if row["map_size"]}
     if views:
         notes.append(f"**Sizes.** Views have {' or '.join(sorted(views))} pixels a side.")
     if maps:
@@ -120,7 +122,7 @@ def _engines(found: Sequence[EngineResults]) -> list[str]:
     rows = []
     for one in found:
         told = [one.about.get(name, "–") for name in ("version", "renderer", "box", "phase")]
-        shipped = getattr(one.engine.Params(), "size", one.engine.texels)
+        shipped = one.engine.map_size(one.engine.Params())
         rows.append([one.engine.name, *told, str(shipped or "–")])
     return table(["engine", "version", "renderer", "box", "phase", "map as shipped"], rows)
 
