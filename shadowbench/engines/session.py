@@ -14,7 +14,16 @@ from shadowbench.engines.environment import browser, environment, python_of
 from shadowbench.engines.export import describe, glb_of
 from shadowbench.engines.hosts import Host, HostFailed, PythonHost, WebHost
 from shadowbench.engines.light_box import light_box
-from shadowbench.engines.pictures import BRIGHTER, Exposed, Luminance, check_lit, encode_srgb, luminance, visibility
+from shadowbench.engines.pictures import (
+    BRIGHTER,
+    Levels,
+    Luminance,
+    check_lit,
+    encode_srgb,
+    luminance,
+    too_dark,
+    visibility,
+)
 from shadowbench.engines.probe import check_probe, probe_view
 from shadowbench.measure.drawer import CellFailed
 from shadowbench.measure.rendering import Rendering
@@ -25,7 +34,8 @@ from shadowbench.truths.cache import cached_truth
 
 _BRIGHTEST, _TOO_DARK, _CUT_OFF = 0.9, 0.5, 0.97  # luminance of the brightest surface: wanted, and where it is no good
 _ROUNDING = 1e-5  # of floats, when a phase moves the light; a level of 8 bits is 30 times as much
-_TRIES = 6  # pictures that may be drawn to find the exposure
+_TRIES = 12  # pictures that may be drawn to find the exposure
+_MOST_LEVELS, _TOO_DARK_SHARE = 4, 0.01  # exposures, and the share of surfaces that may be too dark in the brightest
 
 Request = Mapping[str, Any]
 
@@ -67,18 +77,26 @@ class EngineSession:
         """The mask of a view. Raises CellFailed; the session is to be closed then."""
         request = self._request(view, params, phase)
         if self._scene is None or self._scene[0] is not view or self._scene[1] != params.sides:
-            normal = self._lit_picture(view, params)
-            check_lit(normal, cached_truth(view), view.light.hard_kind == "directional")
-            self._lit = Exposed(normal, self._picture(request, shadows=False, times=BRIGHTER))
-        shadowed = Exposed(*(self._picture(request, shadows=True, times=times) for times in (1.0, BRIGHTER)))
+            self._lit = self._lit_levels(view, params)
+        exposures = [BRIGHTER**level for level in range(len(self._lit))]
+        shadowed = [self._picture(request, shadows=True, times=times) for times in exposures]
         again = self._picture(request, shadows=False)
-        if np.abs(again - self._lit.normal).max() > _ROUNDING:
+        if np.abs(again - self._lit[0]).max() > _ROUNDING:
             raise CellFailed("drew two different pictures without shadows")
         mask, measurable = visibility(self._lit, shadowed)
         about = {"version": self.version, "renderer": self.renderer}
         about |= {"box": self.engine.box, "phase": "box" if self.engine.phased else "none"}
-        picture = encode_srgb(shadowed.normal)
+        picture = encode_srgb(shadowed[0])
         return Rendering(mask, picture, None, None, {}, {}, engine=about, measurable=measurable)
+
+    def _lit_levels(self, view: View, params: EngineParams) -> Levels:
+        """Pictures of a view without shadows, as many as its darkest surfaces need, at least two."""
+        truth, request = cached_truth(view), self._request(view, params, Phase())
+        levels = [self._lit_picture(view, params)]
+        while len(levels) < 2 or (len(levels) < _MOST_LEVELS and too_dark(levels[-1], truth) > _TOO_DARK_SHARE):
+            levels.append(self._picture(request, shadows=False, times=BRIGHTER ** len(levels)))
+        check_lit(levels, truth, view.light.hard_kind == "directional")
+        return levels
 
     def _lit_picture(self, view: View, params: EngineParams) -> Luminance:
         """Load a view, find the exposure at which its brightest surface is bright but not cut off, and draw that."""
@@ -135,7 +153,7 @@ class EngineSession:
 
     def _display(self) -> str:
         """Name of a virtual display of its own."""
-        command = ["Xvfb", "-displayfd", "1", "-screen", "0", "4096x4096x24", "-nolisten", "tcp"]
+        command = ["Xvfb", "-displayfd", "1", "-screen", "0", "4096x4096x24", "-nolisten", "tcp", "-terminate"]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         self._stack.enter_context(server)
         self._stack.callback(server.kill)
