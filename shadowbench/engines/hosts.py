@@ -28,7 +28,10 @@ _CHROMIUM = (
     "--headless=new", "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist", "--no-sandbox",
     "--disable-dev-shm-usage", "--no-first-run", "--disable-extensions", "--disable-background-networking",
     "--enable-logging=stderr",
+    "--remote-debugging-pipe",
 )  # fmt: skip
+# Its end of the pipe for debugging is file 3; Chromium ends when this process does, however that ends.
+_WITH_PIPE = ("sh", "-c", 'exec "$@" 3<&0 4>/dev/null', "sh")
 
 
 class HostFailed(Exception):
@@ -92,6 +95,9 @@ class Host(ABC):
         with suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
+        if self.process.stdin is not None:
+            with suppress(BrokenPipeError):
+                self.process.stdin.close()
 
 
 def pack(header: Mapping[str, Any], data: bytes) -> bytes:
@@ -130,9 +136,6 @@ class PythonHost(Host):
         """End the program, and read the rest of what it says."""
         super().close()
         self._reader.join()
-        pipe: Any = self.process.stdin
-        with suppress(BrokenPipeError):
-            pipe.close()
 
 
 class WebHost(Host):
@@ -151,8 +154,9 @@ class WebHost(Host):
         self._server = _server(self, _page(imports, scripts), files, packages)
         Thread(target=self._server.serve_forever, daemon=True).start()
         address = f"http://127.0.0.1:{self._server.server_port}/"
-        command = [browser, *_CHROMIUM, f"--user-data-dir={self._profile.name}", address]
-        super().__init__(command, log, {"LIBGL_ALWAYS_SOFTWARE": "1"}, stdout=subprocess.DEVNULL)
+        command = [*_WITH_PIPE, browser, *_CHROMIUM, f"--user-data-dir={self._profile.name}", address]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL}
+        super().__init__(command, log, {"LIBGL_ALWAYS_SOFTWARE": "1"}, **pipes)
 
     def _send(self, message: bytes) -> None:
         self._calls.put(message)
