@@ -86,7 +86,7 @@ class EngineDrawer:
         if reason := engine.unsupported(view):
             raise Unsupported(reason)
         session = self._sessions.get(engine)
-        if session is not None and (session.size != view.size or session.memory > _MOST_BYTES):
+        if session is not None and (session.ended or session.size != view.size or session.memory > _MOST_BYTES):
             self._close(engine)
             session = None
         if session is None:

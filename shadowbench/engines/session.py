@@ -1,9 +1,12 @@
 """A running engine: its program, the scene that it holds, and masks drawn by it."""
 
+import math
 import subprocess
 import tempfile
 from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -29,7 +32,7 @@ from shadowbench.measure.drawer import CellFailed
 from shadowbench.measure.rendering import Rendering
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import Engine, EngineParams
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import WIDEST_CONE, View
 from shadowbench.truths.cache import cached_truth
 
 _BRIGHTEST, _TOO_DARK, _CUT_OFF = 0.9, 0.5, 0.97  # luminance of the brightest surface: wanted, and where it is no good
@@ -69,6 +72,11 @@ class EngineSession:
         self._stack.close()
 
     @property
+    def ended(self) -> bool:
+        """Whether the program is no more, although nobody closed it."""
+        return self._host.process.poll() is not None
+
+    @property
     def memory(self) -> int:
         """Resident memory of the program's largest process, in bytes."""
         return self._host.memory
@@ -101,7 +109,8 @@ class EngineSession:
     def _lit_picture(self, view: View, params: EngineParams) -> Luminance:
         """Load a view, find the exposure at which its brightest surface is bright but not cut off, and draw that."""
         self._scene = None
-        self._call("load", describe(view, view.scene.name), glb_of(view, sides=params.sides))
+        plain = plain_view(view)
+        self._call("load", describe(plain, plain.scene.name), glb_of(plain, sides=params.sides))
         request = self._request(view, params, Phase())
         self._exposure = _BRIGHTEST
         for _ in range(_TRIES):
@@ -115,7 +124,7 @@ class EngineSession:
 
     def _request(self, view: View, params: EngineParams, phase: Phase) -> Request:
         """What the pictures of a cell have in common."""
-        size = self.engine.map_size(params)
+        size, view = self.engine.map_size(params), plain_view(view)
         return {
             "light": describe(view, view.scene.name)["light"],
             "box": light_box(view, size, phase.shift if self.engine.phased else (0.0, 0.0)),
@@ -159,3 +168,16 @@ class EngineSession:
         self._stack.callback(server.kill)
         assert server.stdout is not None
         return f":{server.stdout.readline().decode().strip()}"
+
+
+@lru_cache(maxsize=1)  # a scene's geometry is made once
+def plain_view(view: View) -> View:
+    """A view as engines know it: of a disc or rectangle the spot in its place, and no two meshes of one name."""
+    light, meshes = view.light, view.scene.meshes
+    if light.kind != light.hard_kind:
+        light = replace(light, kind=light.hard_kind, angle=math.radians(WIDEST_CONE))
+    if len({mesh.name for mesh in meshes}) < len(meshes):  # by which some engines find what casts and receives
+        meshes = tuple(replace(mesh, name=f"mesh {index}") for index, mesh in enumerate(meshes))
+    if light is view.light and meshes is view.scene.meshes:
+        return view
+    return replace(view, scene=replace(view.scene, meshes=meshes), light=light)

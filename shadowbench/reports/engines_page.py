@@ -21,6 +21,7 @@ from shadowbench.results.engine_settings import (
 )
 from shadowbench.results.folder import Run
 
+_HEADING = "# Shadows of other engines"
 _FACTS = ("command", "finished", "rows", "renderer", "processor", "memory", "system", "OpenGL", "phases", "versions")
 
 _HOW = """\
@@ -59,7 +60,7 @@ def write_engines_page(runs: Sequence[Run], gaps: Mapping[str, str], target: Pat
     found = list(engine_results(runs).values())
     missing = {name: reason for name, reason in gaps.items() if name not in {one.engine.name for one in found}}
     how = "\n".join([_HOW, *(f"- {line}" for line in _machine_notes(found))])
-    blocks = ["# Shadows of other engines", "## How this is measured, and what it does not say", how, *_engines(found)]
+    blocks = [_HEADING, "## How this is measured, and what it does not say", how, *_engines(found)]
     if found:
         blocks += ["## Settings", "Medians over scenes; best first.", *table(*summary(found))]
     blocks += [f"## {TITLE} by scene", *_by_scene(found, missing)]
@@ -75,6 +76,12 @@ def write_engines_page(runs: Sequence[Run], gaps: Mapping[str, str], target: Pat
     with replace_file(target) as temporary:
         temporary.write_text("\n\n".join(blocks) + "\n", encoding="utf-8")
     return found
+
+
+def is_engines_page(file: Path) -> bool:
+    """Whether a file is a page that `write_engines_page` wrote."""
+    with file.open("rb") as opened:
+        return opened.read(len(_HEADING)) == _HEADING.encode()
 
 
 def summary(found: Sequence[EngineResults]) -> tuple[list[str], list[list[str]]]:
