@@ -224,6 +224,10 @@ def _server(host: WebHost, page: bytes, files: Mapping[str, Path], packages: Pat
             host._answers.put(unpack(self.rfile.read(int(self.headers["Content-Length"]))))
             self._reply(b"")
 
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    server.daemon_threads = True
-    return server
+    class Server(ThreadingHTTPServer):
+        daemon_threads = True
+
+        def handle_error(self, *_: Any) -> None:
+            """Nothing: a browser that is ended resets its connections."""
+
+    return Server(("127.0.0.1", 0), Handler)

@@ -1,6 +1,9 @@
 """Programs of engines: what other users of the computer can have of them."""
 
 import http.client
+import socket
+import struct
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -52,3 +55,13 @@ def test_the_page_has_what_is_its_own_and_no_more(host: WebHost, tmp_path: Path)
     assert asked(host, "/packages/engine.js", **of_page)[2] == b"// an engine"
     for path in ("/packages/../packages-secret", "/packages//etc/passwd", "/../draw.js", "/etc/passwd"):
         assert asked(host, path, **of_page)[0] == 404
+
+
+def test_a_browser_that_is_ended_prints_nothing(host: WebHost, capfd: pytest.CaptureFixture[str]) -> None:
+    place, _, port = host.address.split("/")[2].partition(":")
+    with socket.create_connection((place, int(port))) as connection:
+        connection.sendall(b"GET /call")
+        time.sleep(0.2)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closed by a reset
+    time.sleep(0.2)
+    assert capfd.readouterr() == ("", "")
