@@ -12,6 +12,7 @@ from shadowbench.options import MAP_SIZE, PHASES, option, view_size
 if TYPE_CHECKING:
     from shadowbench.plugin.engine import Engine
 
+_ALL = "all"
 _ACTIONS = ("list", "install", "doctor", "measure", "page")
 _OF_ACTIONS = {"json": ("list",), "output": ("measure", "page")}  # others are of `measure`
 _SIZE = 128  # of the probe that `doctor` draws
@@ -41,6 +42,7 @@ class MeasureOptions:
     "\b\nFor example\n"
     "  shadowbench engines\n"
     "  shadowbench engines install three ogre\n"
+    "  shadowbench engines install all\n"
     "  shadowbench engines measure -o results/engines\n"
     "  shadowbench engines page results/engines results/engines-before -o engines.md\n"
     "  shadowbench run stairs -t three -t three:bias=-0.0005 -t shadow-map:preset=three --map-size 1024"
@@ -50,7 +52,8 @@ def engines(
     names: Annotated[
         list[str] | None,
         options.argument(
-            "NAME...", "Engines  [doctor, measure: those installed]; page: folders of `measure` or `run`."
+            "NAME...",
+            "Engines  [doctor, measure: those installed]; install: or `all`; page: folders of `measure` or `run`.",
         ),
     ] = None,
     *,
@@ -81,13 +84,15 @@ def engines(
             raise InputError(f"engines {action}: found {shown}; allowed for: {' and '.join(allowed)}")
     if action == "page":
         return engines_measured.page(known, list(map(Path, names or ())), asked.output)
+    if action == "install" and names == [_ALL]:
+        names = list(known)
     for name in names or ():
         if name not in known:
             raise InputError(f"engines {action}: found {name!r:.60}{alternatives(name, known)}")
     chosen = {name: known[name] for name in names or known}
     if action == "install":
         if not names:
-            raise InputError(f"engines install: found no name; allowed: {', '.join(known)}")
+            raise InputError(f"engines install: found no name; allowed: {_ALL}, {', '.join(known)}")
         return _install(chosen, printed.quiet)
     if action == "measure":
         if asked.output is None:

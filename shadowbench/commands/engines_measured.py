@@ -38,6 +38,7 @@ def measure_engines(
     """
     from shadowbench.engines.environment import what_lacks
     from shadowbench.files import check_folder, make_folder
+    from shadowbench.reports.engines_page import is_engines_page
     from shadowbench.results.engine_settings import preset_specs
     from shadowbench.scenes.library import hard_names, load_scene
     from shadowbench.studies.run import measure
@@ -52,8 +53,8 @@ def measure_engines(
     ready = [known[name] for name, reason in lacking.items() if reason is None]
     specs = [spec for engine in ready for spec in preset_specs(engine, what.map_size or 1024)]
     make_folder(folder, "-o ")
-    if not (folder / "rows.jsonl").exists():
-        (folder / _PAGE).unlink(missing_ok=True)  # of a command that found no engine
+    if [file.name for file in folder.iterdir()] == [_PAGE] and is_engines_page(folder / _PAGE):
+        (folder / _PAGE).unlink()  # of a command that found no engine
     check_folder(folder)
     for name, reason in lacking.items():
         if reason is not None and (names or not quiet):

@@ -22,6 +22,8 @@ from shadowbench.plugin.spec import Spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import View
 
+_MOST_BYTES = 1 << 30  # memory of an engine that is started anew: some keep what each picture took, and grow slow
+
 
 class EngineDrawer:
     """Drawer of engines, beside that of techniques, `own`. A context manager, within which their programs run on."""
@@ -84,7 +86,7 @@ class EngineDrawer:
         if reason := engine.unsupported(view):
             raise Unsupported(reason)
         session = self._sessions.get(engine)
-        if session is not None and session.size != view.size:
+        if session is not None and (session.ended or session.size != view.size or session.memory > _MOST_BYTES):
             self._close(engine)
             session = None
         if session is None:

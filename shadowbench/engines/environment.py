@@ -13,6 +13,7 @@ from pathlib import Path
 import platformdirs
 
 from shadowbench.errors import InputError, ShadowbenchError, quoted
+from shadowbench.files import make_folder
 from shadowbench.plugin.engine import Engine
 
 _LOCKS = {"web": ("package.json", "package-lock.json"), "python": ("requirements.txt",)}
@@ -67,7 +68,7 @@ def what_lacks(engine: type[Engine]) -> str | None:
     """In one line what an engine lacks to draw here, and the command that helps; None if nothing."""
     if missing := needed_programs(engine):
         return f"{' and '.join(missing)} not found: apt-get install {' '.join(missing.values())}"
-    if not environment(engine).is_dir():
+    if not _installed(engine):
         return f"not installed: shadowbench engines install {engine.name}"
     return None
 
@@ -78,9 +79,9 @@ def install(engine: type[Engine]) -> Path:
     Raises ShadowbenchError if a program is missing or fails.
     """
     folder = environment(engine)
-    if folder.is_dir():
+    if _installed(engine):
         return folder
-    folder.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(folder.parent)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f"{engine.name}-", ignore_cleanup_errors=True) as name:
         made = Path(name, "made")
         made.mkdir()
@@ -92,8 +93,18 @@ def install(engine: type[Engine]) -> Path:
             _run(_interpreter(engine), "-m", "venv", str(made), folder=made)
             options = ("--no-deps", "--require-hashes", "--disable-pip-version-check", "-r", str(_locks(engine)[0]))
             _run(str(made / "bin" / "python"), "-m", "pip", "install", *options, folder=made)
-        made.rename(folder)
+        if folder.is_dir() and not _installed(engine):
+            folder.rename(Path(name, "broken"))
+        if not folder.is_dir():  # else another command was faster
+            made.rename(folder)
     return folder
+
+
+def _installed(engine: type[Engine]) -> bool:
+    """Whether an environment has what starts the engine: Python, which may have been removed since, or the package."""
+    if engine.host == "web":
+        return (environment(engine) / "node_modules" / engine.package).is_dir()
+    return python_of(engine).exists()
 
 
 def _locks(engine: type[Engine]) -> list[Path]:

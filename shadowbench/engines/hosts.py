@@ -7,6 +7,7 @@ the engine prints goes to a log. A program that dies, or does not answer in time
 import json
 import os
 import queue
+import secrets
 import signal
 import subprocess
 import tempfile
@@ -18,6 +19,8 @@ from pathlib import Path
 from threading import Thread
 from typing import IO, Any
 
+import psutil
+
 Answer = tuple[dict[str, Any], bytes]
 HERE = Path(__file__).parent
 _TYPES = {".js": "text/javascript", ".mjs": "text/javascript", ".wasm": "application/wasm"}
@@ -26,7 +29,10 @@ _CHROMIUM = (
     "--headless=new", "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist", "--no-sandbox",
     "--disable-dev-shm-usage", "--no-first-run", "--disable-extensions", "--disable-background-networking",
     "--enable-logging=stderr",
+    "--remote-debugging-pipe",
 )  # fmt: skip
+# Its end of the pipe for debugging is file 3; Chromium ends when this process does, however that ends.
+_WITH_PIPE = ("sh", "-c", 'exec "$@" 3<&0 4>/dev/null', "sh")
 
 
 class HostFailed(Exception):
@@ -71,6 +77,16 @@ class Host(ABC):
             raise HostFailed(str(answer[0]["error"]))
         return answer
 
+    @property
+    def memory(self) -> int:
+        """Resident memory of the largest of its processes, in bytes."""
+        found = 0
+        with suppress(psutil.NoSuchProcess):
+            program = psutil.Process(self.process.pid)
+            for one in (program, *program.children(recursive=True)):
+                found = max(found, one.memory_info().rss)
+        return found
+
     def _last_words(self) -> str:
         lines = self.log.read_text(encoding="utf-8", errors="replace").split("\n")
         return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")[:300]
@@ -80,6 +96,9 @@ class Host(ABC):
         with suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
+        if self.process.stdin is not None:
+            with suppress(BrokenPipeError):
+                self.process.stdin.close()
 
 
 def pack(header: Mapping[str, Any], data: bytes) -> bytes:
@@ -118,15 +137,14 @@ class PythonHost(Host):
         """End the program, and read the rest of what it says."""
         super().close()
         self._reader.join()
-        pipe: Any = self.process.stdin
-        with suppress(BrokenPipeError):
-            pipe.close()
 
 
 class WebHost(Host):
     """A page kept open in headless Chromium, which runs `web_host.js` with the engine's `draw.js`.
 
-    It asks a server on the loopback interface for calls, and posts answers to it. imports: the page's import map, as
+    It asks a server on the loopback interface for calls, and posts answers to it. Other users of the computer get
+    nothing there: the page's address, which only this user can read, is a secret, and gives the cookie that all else
+    needs. imports: the page's import map, as
     addresses below `packages/`, the engine's folder of npm packages; scripts: files there, loaded as classic scripts.
     """
 
@@ -135,12 +153,16 @@ class WebHost(Host):
     ) -> None:
         self._calls: queue.Queue[bytes] = queue.Queue()
         self._profile = tempfile.TemporaryDirectory(prefix="shadowbench-", ignore_cleanup_errors=True)
+        self.secret = secrets.token_urlsafe()
         files = {"/draw.js": draw, "/web_host.js": HERE / "web_host.js"}
         self._server = _server(self, _page(imports, scripts), files, packages)
         Thread(target=self._server.serve_forever, daemon=True).start()
-        address = f"http://127.0.0.1:{self._server.server_port}/"
-        command = [browser, *_CHROMIUM, f"--user-data-dir={self._profile.name}", address]
-        super().__init__(command, log, {"LIBGL_ALWAYS_SOFTWARE": "1"}, stdout=subprocess.DEVNULL)
+        self.address = f"http://127.0.0.1:{self._server.server_port}/"
+        start = Path(self._profile.name, "start.html")  # a command is for everybody to read
+        start.write_text(f'<meta http-equiv="refresh" content="0;url={self.address}{self.secret}">', encoding="utf-8")
+        command = [*_WITH_PIPE, browser, *_CHROMIUM, f"--user-data-dir={self._profile.name}", start.as_uri()]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL}
+        super().__init__(command, log, {"LIBGL_ALWAYS_SOFTWARE": "1"}, **pipes)
 
     def _send(self, message: bytes) -> None:
         self._calls.put(message)
@@ -162,6 +184,7 @@ def _page(imports: Mapping[str, str], scripts: Sequence[str]) -> bytes:
 
 def _server(host: WebHost, page: bytes, files: Mapping[str, Path], packages: Path) -> ThreadingHTTPServer:
     """A server of the page, its modules, the engine's packages, the next call, and for answers."""
+    cookie = f"secret={host.secret}"
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
@@ -173,12 +196,16 @@ def _server(host: WebHost, page: bytes, files: Mapping[str, Path], packages: Pat
             self.send_response(status)
             self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(body)))
+            if kind == "text/html":
+                self.send_header("Set-Cookie", f"{cookie}; HttpOnly; SameSite=Strict")
             self.end_headers()
             self.wfile.write(body)
 
         def do_GET(self) -> None:
-            if self.path == "/":
+            if self.path == f"/{host.secret}":
                 self._reply(page, "text/html")
+            elif self.headers["Cookie"] != cookie:
+                self._reply(b"", status=403)
             elif self.path == "/call":
                 self._reply(host._calls.get())
             else:
@@ -190,9 +217,17 @@ def _server(host: WebHost, page: bytes, files: Mapping[str, Path], packages: Pat
                     self._reply(file.read_bytes(), _TYPES.get(file.suffix, "application/octet-stream"))
 
         def do_POST(self) -> None:
+            if self.headers["Cookie"] != cookie:
+                self.close_connection = True  # its body is not read
+                self._reply(b"", status=403)
+                return
             host._answers.put(unpack(self.rfile.read(int(self.headers["Content-Length"]))))
             self._reply(b"")
 
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    server.daemon_threads = True
-    return server
+    class Server(ThreadingHTTPServer):
+        daemon_threads = True
+
+        def handle_error(self, *_: Any) -> None:
+            """Nothing: a browser that is ended resets its connections."""
+
+    return Server(("127.0.0.1", 0), Handler)

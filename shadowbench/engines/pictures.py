@@ -1,6 +1,6 @@
 """Masks from an engine's pictures, lit and shadowed; pictures that cannot be of the scene are refused."""
 
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,16 @@ from shadowbench.scores.masks import quantise
 from shadowbench.truths.trace import Truth
 
 BRIGHTER = 16.0
-"""Ratio of the two exposures: of 255 levels of sRGB, a pixel at 1/64 of full light has 34 in one, 137 in the other."""
+"""Ratio of two exposures: of 255 levels of sRGB, a pixel at 1/64 of full light has 34 in one, 137 in the other."""
 _FULL = 0.98  # luminance from which a pixel may be cut off
-_DARKEST = 1 / 64  # least luminance, at the brighter exposure, at which a pixel is scored
+DARKEST = 1 / 64  # least luminance, at the brightest exposure, at which a pixel is scored
 _TOLERATED = 2e-3  # share of pixels that may be odd in a check: edges, where rasterisers differ
+_GRAZING = 0.1  # N·L below which rounding may turn a surface away
 _ALIKE = 0.1  # relative difference from N·L up to which shading is Lambert's
 
 Luminance = NDArray[np.float64]
-
-
-class Exposed(NamedTuple):
-    """Linear luminance of a picture at both exposures, (N, N), row 0 at the top."""
-
-    normal: Luminance
-    bright: Luminance
+Levels = Sequence[Luminance]
+"""Linear luminance of a picture at exposures that grow by BRIGHTER, (N, N) each, row 0 at the top."""
 
 
 def luminance(picture: NDArray[np.uint8 | np.float32], engine: type[Engine], size: int) -> Luminance:
@@ -39,18 +35,19 @@ def luminance(picture: NDArray[np.uint8 | np.float32], engine: type[Engine], siz
     return np.asarray(linear.mean(axis=-1))  # all surfaces and lights are white
 
 
-def visibility(lit: Exposed, shadowed: Exposed) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def visibility(lit: Levels, shadowed: Levels) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """(N, N) visibility, the shadowed picture's share of the lit one, and (N, N) bool, where it can be measured.
 
-    Taken at the brighter exposure where that is not cut off. Raises CellFailed for shadows that lighten, and for none
-    at all in the pictures.
+    Taken at the brightest exposure at which a pixel is not cut off. Raises CellFailed for shadows that lighten.
     """
-    cut_off = lit.bright >= _FULL
-    full, part = np.where(cut_off, lit.normal, lit.bright), np.where(cut_off, shadowed.normal, shadowed.bright)
+    full, part = lit[0], shadowed[0]
+    for brighter, darkened in zip(lit[1:], shadowed[1:], strict=True):
+        usable = brighter < _FULL
+        full, part = np.where(usable, brighter, full), np.where(usable, darkened, part)
     lighter = (part > full + 2 / 255 + 0.02 * full).mean()
     if lighter > _TOLERATED:
         raise CellFailed(f"drew {lighter:.1%} of the pixels lighter with shadows than without")
-    measurable = full >= _DARKEST
+    measurable = full >= DARKEST
     share = np.divide(part, full, out=np.ones_like(full), where=measurable)
     return quantise(np.clip(share, 0, 1)), measurable
 
@@ -62,22 +59,33 @@ def encode_srgb(linear: Luminance) -> NDArray[np.uint8]:
     return np.repeat(np.round(encoded * 255).astype(np.uint8)[..., np.newaxis], 3, axis=-1)
 
 
-def check_lit(lit: Luminance, truth: Truth, directional: bool) -> None:
-    """Raises CellFailed for a picture that is black where surfaces face the light or, under a sun, not shaded by N·L.
+def too_dark(lit: Luminance, truth: Truth) -> float:
+    """Share of what faces the light that is too dark in a picture to be scored; 0 if nothing does."""
+    inside = _facing(truth)
+    return float((lit[inside] < DARKEST).mean()) if inside.any() else 0.0
+
+
+def check_lit(lit: Levels, truth: Truth, directional: bool) -> None:
+    """Raises CellFailed for pictures that are black where surfaces face the light or, under a sun, not shaded by N·L.
 
     A picture of another frame, upside down, or with a wrong encoding is one of these.
     """
-    inside = truth.receivers & ~truth.undecided & (truth.cosine > 0.1)
+    inside = _facing(truth)
     if not inside.any():
         return
-    light = lit[inside]
-    if (dark := (light <= 0).mean()) > _share_of_edges(truth):
+    if (dark := (lit[-1][inside] <= 0).mean()) > _share_of_edges(truth):
         raise CellFailed(f"drew {dark:.1%} of what faces the light black, without shadows")
     if directional:
-        ratio = light / truth.cosine[inside]
-        odd = np.abs(ratio / np.median(ratio) - 1) > _ALIKE
+        ratio = lit[0][inside] / truth.cosine[inside]
+        level = float(np.median(ratio))
+        odd = (np.abs(ratio - level) > _ALIKE * level) | (ratio <= 0)
         if (share := odd.mean()) > 0.02 + _share_of_edges(truth):
             raise CellFailed(f"shaded {share:.1%} of the pixels otherwise than by N·L: another frame or encoding")
+
+
+def _facing(truth: Truth) -> NDArray[np.bool_]:
+    """Where surfaces face the light and the truth is decided."""
+    return truth.receivers & ~truth.undecided & (truth.cosine > _GRAZING)
 
 
 def _share_of_edges(truth: Truth) -> float:

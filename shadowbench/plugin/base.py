@@ -133,6 +133,11 @@ class Subject(ABC):
     catalogue: ClassVar[Entry] = Entry()
 
     @classmethod
+    def map_size(cls, params: TechniqueParams) -> int | None:
+        """Texels along a side of the map; None for one without a map."""
+        return getattr(params, "size", None)
+
+    @classmethod
     def view_slices(cls, params: TechniqueParams) -> int:
         """Number of frustum slices with a map of their own."""
         return 1

@@ -38,10 +38,9 @@ class Engine(Subject):
 
     package: its name in the lock file; host: the program that draws: a page in headless Chromium, or Python; python:
     its version; imports, scripts: the page's import map and classic scripts, as paths in its packages; display: whether
-    it draws in a window; vulkan: whether by Vulkan; texels: along a side of its map, if that cannot be chosen; box:
-    whether the map's box is given or the engine's own; encoding: of pictures; casts: whether single meshes can be kept
-    from casting and receiving; sources: where the settings of presets are from, and those that are shipped; seconds:
-    limit of a call.
+    it draws in a window; vulkan: whether by Vulkan; box: whether the map's box is given or the engine's own; encoding:
+    of pictures; casts: whether single meshes can be kept from casting and receiving; sources: where the settings of
+    presets are from, and those that are shipped; seconds: limit of a call.
     """
 
     own = False
@@ -53,7 +52,6 @@ class Engine(Subject):
     scripts: ClassVar[Sequence[str]] = ()
     display: ClassVar[bool] = False
     vulkan: ClassVar[bool] = False
-    texels: ClassVar[int | None] = None
     box: ClassVar[Literal["given", "own"]] = "own"
     encoding: ClassVar[Literal["srgb", "linear"]] = "srgb"
     casts: ClassVar[bool] = False

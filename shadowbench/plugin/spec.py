@@ -94,8 +94,8 @@ class Spec:
 
     @property
     def map_size(self) -> int | None:
-        """The `size` of the technique's map; None for a technique without one."""
-        return getattr(self.params, "size", None)
+        """Texels along a side of the technique's map; None for a technique without one."""
+        return self.technique.map_size(self.params)
 
     def with_(self, **changes: Any) -> "Spec":
         """A copy with other parameter values. Raises InputError for invalid ones."""

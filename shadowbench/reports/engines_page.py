@@ -6,6 +6,7 @@ from statistics import median
 
 from shadowbench.errors import counted
 from shadowbench.files import replace_file
+from shadowbench.plugin.spec import has_size
 from shadowbench.reports.engine_defects import DEFECTS, RULE, TITLE, worst_defect
 from shadowbench.reports.markdown import escaped, table
 from shadowbench.reports.words import optional, run_facts
@@ -20,6 +21,7 @@ from shadowbench.results.engine_settings import (
 )
 from shadowbench.results.folder import Run
 
+_HEADING = "# Shadows of other engines"
 _FACTS = ("command", "finished", "rows", "renderer", "processor", "memory", "system", "OpenGL", "phases", "versions")
 
 _HOW = """\
@@ -58,7 +60,7 @@ def write_engines_page(runs: Sequence[Run], gaps: Mapping[str, str], target: Pat
     found = list(engine_results(runs).values())
     missing = {name: reason for name, reason in gaps.items() if name not in {one.engine.name for one in found}}
     how = "\n".join([_HOW, *(f"- {line}" for line in _machine_notes(found))])
-    blocks = ["# Shadows of other engines", "## How this is measured, and what it does not say", how, *_engines(found)]
+    blocks = [_HEADING, "## How this is measured, and what it does not say", how, *_engines(found)]
     if found:
         blocks += ["## Settings", "Medians over scenes; best first.", *table(*summary(found))]
     blocks += [f"## {TITLE} by scene", *_by_scene(found, missing)]
@@ -74,6 +76,12 @@ def write_engines_page(runs: Sequence[Run], gaps: Mapping[str, str], target: Pat
     with replace_file(target) as temporary:
         temporary.write_text("\n\n".join(blocks) + "\n", encoding="utf-8")
     return found
+
+
+def is_engines_page(file: Path) -> bool:
+    """Whether a file is a page that `write_engines_page` wrote."""
+    with file.open("rb") as opened:
+        return opened.read(len(_HEADING)) == _HEADING.encode()
 
 
 def summary(found: Sequence[EngineResults]) -> tuple[list[str], list[list[str]]]:
@@ -102,7 +110,8 @@ def _machine_notes(found: Sequence[EngineResults]) -> list[str]:
             "cannot decide within 1/256 px are not scored."
         )
     views = {str(row["view_size"]) for one in found for row in one.rows}
-    maps = {str(row["map_size"]) for one in found for row in one.rows if row["map_size"]}
+    sized = [one for one in found if has_size(one.engine)]
+    maps = {str(row["map_size"]) for one in sized for row in one.rows if row["map_size"]}
     if views:
         notes.append(f"**Sizes.** Views have {' or '.join(sorted(views))} pixels a side.")
     if maps:
@@ -120,7 +129,7 @@ def _engines(found: Sequence[EngineResults]) -> list[str]:
     rows = []
     for one in found:
         told = [one.about.get(name, "–") for name in ("version", "renderer", "box", "phase")]
-        shipped = getattr(one.engine.Params(), "size", one.engine.texels)
+        shipped = one.engine.map_size(one.engine.Params())
         rows.append([one.engine.name, *told, str(shipped or "–")])
     return table(["engine", "version", "renderer", "box", "phase", "map as shipped"], rows)
 

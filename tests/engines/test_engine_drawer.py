@@ -1,6 +1,9 @@
 """Other engines as drawers: what they draw is measured, and what they draw wrongly is a failed cell."""
 
+import math
 import shutil
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
@@ -9,7 +12,9 @@ import psutil
 import pytest
 
 from shadowbench.engines.drawer import EngineDrawer
-from shadowbench.engines.environment import environment, what_lacks
+from shadowbench.engines.environment import environment, install, python_of, what_lacks
+from shadowbench.engines.export import describe
+from shadowbench.engines.session import plain_view
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import CellFailed
@@ -55,6 +60,7 @@ def test_what_an_engine_prints_is_no_answer(engine: type[Engine], view: View) ->
         ("nothing", "neither black nor white"),
         ("gamma 2.2", "another encoding"),
         ("NaN", "not finite"),
+        ("SwiftShader", "4 sub-pixel bits"),
         ("size", "63 × 64"),
     ],
 )
@@ -86,3 +92,59 @@ def test_an_engine_that_is_not_installed_says_how(engine: type[Engine], view: Vi
     assert what_lacks(engine) == "not installed: shadowbench engines install fake"
     with pytest.raises(InputError, match="fake: not installed: shadowbench engines install fake"):
         drawn(engine, view)
+
+
+def test_an_environment_that_lost_its_python_is_installed_anew(
+    engine: type[Engine], view: View, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    python = python_of(engine)
+    python.unlink()
+    python.symlink_to("removed")
+    assert what_lacks(engine) == "not installed: shadowbench engines install fake"
+
+    def make(*command: str, folder: Path) -> None:
+        if "venv" in command:
+            (folder / "bin").mkdir()
+            (folder / "bin" / "python").touch()
+
+    monkeypatch.setattr("shadowbench.engines.environment._run", make)
+    monkeypatch.setattr("shadowbench.engines.environment._interpreter", lambda engine: "python")
+    folder = install(engine)
+    assert folder == environment(engine) and python.is_file() and what_lacks(engine) is None
+    assert list(folder.parent.iterdir()) == [folder]
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(engine: type[Engine], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SHADOWBENCH_ENGINES", f"{__file__}/engines")
+    with pytest.raises(InputError, match="cannot be created"):
+        install(engine)
+
+
+def test_a_program_that_ended_between_two_cells_is_started_again(engine: type[Engine], view: View) -> None:
+    block, cell = Block(view, (Cell(Spec(engine, EngineParams())),)), Cell(Spec(engine, EngineParams()))
+    before = set(psutil.Process().children())
+    with EngineDrawer(Mock()) as drawer:
+        (first,) = drawer.draw(block, cell)
+        for program in set(psutil.Process().children()) - before:
+            program.kill()
+            program.wait()
+        (second,) = drawer.draw(block, cell)
+    assert np.array_equal(first.visibility, second.visibility)
+
+
+def test_engines_are_told_of_the_spot_in_place_of_a_light_with_a_size() -> None:
+    view = chosen_view("window", SIZE)
+    assert view.light.kind == "rectangle"
+    light = describe(plain_view(view), "window")["light"]
+    assert (light["kind"], light["size"]) == ("spot", None)
+    assert light["cone"] == pytest.approx(math.degrees(view.light.frustum_angle or 0))
+    assert light["box"] == describe(view, "window")["light"]["box"]
+
+
+def test_meshes_of_one_name_are_told_apart(view: View) -> None:
+    """By names some engines find what casts and receives."""
+    plane, cube = view.scene.meshes
+    twins = replace(view, scene=replace(view.scene, meshes=(plane, replace(cube, name=plane.name, casts=False))))
+    assert [mesh.name for mesh in plain_view(twins).scene.meshes] == ["mesh 0", "mesh 1"]
+    assert [mesh.casts for mesh in plain_view(twins).scene.meshes] == [True, False]
+    assert plain_view(view) is view

@@ -66,6 +66,14 @@ def test_an_engine_that_is_not_installed_is_told_and_a_gap(
     assert "| `three` | – (" in page and ") not installed: shadowbench engines install three" in page
 
 
+def test_a_page_of_the_user_s_own_is_kept(known: type[Engine], tmp_path: Path, shadowbench: Command) -> None:
+    page = tmp_path / "engines.md"
+    page.write_text("notes")
+    answer = shadowbench("engines", "measure", "-o", tmp_path)
+    assert answer.code == 2 and "found other files" in answer.err
+    assert page.read_text() == "notes"
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

@@ -85,3 +85,19 @@ def test_a_browser_that_is_killed_fails_a_cell_and_the_rest_goes_on(
     assert len(rows) == 32 and len(failed) == 1, err
     assert "it ended with exit code" in failed[0]["status"]
     assert code == 3
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_run_that_is_killed_leaves_no_program(
+    tmp_path: Path, start: Any, records: Callable[..., list[dict[str, Any]]]
+) -> None:
+    out = tmp_path / "out"
+    specs = [part for bias in range(1, 9) for part in ("-t", f"three:bias=-0.000{bias}")]
+    run = start("run", "cube-on-plane", "-t", "ogre", *specs, *SIZE, "--phases", "8", "-o", out)
+    run.until(lambda: out.joinpath("rows.jsonl").exists() and len(records(out)) > 2)
+    family = run.family()
+    names = {one.name() for one in family}
+    assert "Xvfb" in names and any("chrom" in name for name in names)
+    run.process.kill()
+    run.process.communicate()
+    assert psutil.wait_procs(family, timeout=30)[1] == []

@@ -1,6 +1,7 @@
 """Filament in a page: https://github.com/google/filament."""
 
 from shadowbench.plugin.engine import Engine
+from shadowbench.plugin.params import TechniqueParams
 
 
 class Filament(Engine):
@@ -20,3 +21,7 @@ class Filament(Engine):
     casts = True
     presets = {"shipped": ""}
     sources = {"shipped": "filament/include/filament/LightManager.h, ShadowOptions, 1.53.4"}
+
+    @classmethod
+    def map_size(cls, params: TechniqueParams) -> int | None:
+        return 1024

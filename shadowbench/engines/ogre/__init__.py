@@ -3,7 +3,7 @@
 from typing import Literal
 
 from shadowbench.plugin.engine import Engine, EngineParams
-from shadowbench.plugin.params import param
+from shadowbench.plugin.params import TechniqueParams, param
 
 
 class OgreParams(EngineParams):
@@ -40,3 +40,7 @@ class Ogre(Engine):
         "shipped": "OgreMain/src/OgreSceneManager.cpp and Media/Main/Shadow.material, 14.6.2",
         "documented": "https://ogrecave.github.io/ogre/api/latest/_shadows.html",
     }
+
+    @classmethod
+    def map_size(cls, params: TechniqueParams) -> int | None:
+        return params.size if isinstance(params, OgreParams) and params.technique == "texture" else None

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from shadowbench.plugin.engine import Engine, EngineParams
-from shadowbench.plugin.params import param
+from shadowbench.plugin.params import TechniqueParams, param
 
 
 class PygfxParams(EngineParams):
@@ -28,7 +28,6 @@ class Pygfx(Engine):
     host = "python"
     python = "3.11"
     vulkan = True
-    texels = 1024
     box = "given"
     phased = True
     presets = {"shipped": "", "documented": "cull=none,bias=0.001"}
@@ -37,3 +36,7 @@ class Pygfx(Engine):
         "documented": "https://docs.pygfx.org/stable/_autosummary/objects/pygfx.objects.LightShadow.html"
         " for open meshes, and the bias of pygfx's example of lamps in a building",
     }
+
+    @classmethod
+    def map_size(cls, params: TechniqueParams) -> int | None:
+        return 1024
