@@ -191,7 +191,7 @@ class Split(Component):
 
     @abstractmethod
     def depths(self, near: float, far: float, count: int) -> Floats:
-        """(count + 1,) non-decreasing view depths from near to far, which bound the slices."""
+        """(count + 1,) non-decreasing view depths in metres from near, which bound the slices."""
 
 
 class PracticalSplit(Split):
@@ -226,3 +226,17 @@ class ShareSplit(Split):
     def depths(self, near: float, far: float, count: int) -> Floats:
         ends = np.array([0.0, self.first, self.second, self.third, 1.0]) * far
         return np.maximum.accumulate(np.maximum(near, ends))
+
+
+class EndSplit(Split):
+    """Four slices that end at given view depths. Receivers beyond the last are lit where no map shows them."""
+
+    name = "ends"
+    slices = 4
+    first: float = param(10.0, "end of the first slice", gt=0, metres=True)
+    second: float = param(28.0, "end of the second slice", gt=0, metres=True)
+    third: float = param(78.0, "end of the third slice", gt=0, metres=True)
+    last: float = param(150.0, "end of the last slice", gt=0, metres=True)
+
+    def depths(self, near: float, far: float, count: int) -> Floats:
+        return np.maximum.accumulate(np.maximum(near, [near, self.first, self.second, self.third, self.last]))

@@ -14,7 +14,7 @@ from shadowbench.errors import InputError
 from shadowbench.geometry.convex import Slice
 from shadowbench.geometry.lights import Box, light_space, snapped, window
 from shadowbench.gl.gbuffer import download
-from shadowbench.maps.fits import PracticalSplit, ShareSplit, Split
+from shadowbench.maps.fits import EndSplit, PracticalSplit, ShareSplit, Split
 from shadowbench.plugin.base import Frame, Phase
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
@@ -50,6 +50,16 @@ def test_slices_end_at_shares_of_far_that_engines_set_and_those_before_near_are_
     unity = parse_spec("cascades:preset=unity", techniques()).params.split
     assert unity.depths(0.3, 50.0, 4) == pytest.approx([0.3, 3.35, 10.0, 23.35, 50.0])
     assert ShareSplit(first=0.5, second=0.2).depths(1.0, 10.0, 4) == pytest.approx([1.0, 5.0, 5.0, 5.0, 10.0])
+
+
+def test_slices_end_in_metres_whatever_the_size_of_the_scene_and_its_far_plane(studio, build, builtin) -> None:
+    assert EndSplit().depths(20.0, 50.0, 4).tolist() == [20, 20, 28, 78, 150]
+    for scene in ("statue", "street"):
+        shot = studio.shot(builtin(scene, 16))
+        bevy = build("cascades:preset=bevy", shot)
+        bevy.draw(shot)
+        facts = bevy.technique.facts()
+        assert [facts[f"far_{number}_m"] for number in (1, 2, 3, 4)] == pytest.approx([10, 28, 78, 150]), scene
 
 
 # What a map shows
@@ -238,7 +248,7 @@ def test_one_layered_draw_and_one_draw_per_layer_store_the_same_bits(
         ("split=shares", "split=shares: found count=5; allowed: 4"),
         ("stable=true", "stable=true: found box=scene; allowed: sphere"),
         ("stable=true,box=tight", "stable=true: found box=tight; allowed: sphere"),
-        ("split=halves", "split: unknown split 'halves'; did you mean 'shares'? allowed: practical, fixed, shares"),
+        ("split=half", "split: unknown split 'half'; allowed: practical, fixed, shares, ends"),
     ],
 )
 def test_bad_input_is_told_in_one_line(items: str, told: str) -> None:

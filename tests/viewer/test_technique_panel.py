@@ -109,7 +109,7 @@ def test_every_component_is_a_choice_and_unfolds_its_own_parameters(
     choices = choices_of(type(spec.params).model_fields[key], getattr(spec.params, key))
     assert set(choices) - {SUM} == set(family.table) and all(choices.values()), "each says in a line what it is"
     for name, component in family.table.items():
-        if (key, name) in (("split", "fixed"), ("split", "shares")):
+        if key == "split" and name != "practical":
             continue  # a split of its own number of slices
         drawn.clear()
         edited_spec(with_params(spec, with_value(spec.params, key, name)), KNOWN)
