@@ -8,6 +8,7 @@ from panda3d import core
 
 Z_UP = core.LMatrix4(1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1)  # rows: where x, y, z of glTF go
 CULLED = {"both": "none", "front": "clockwise", "back": "counter_clockwise"}  # which the light does not see
+KINDS = {"directional": core.DirectionalLight, "spot": core.Spotlight, "point": core.PointLight}
 engine = output = picture = scene = camera = None
 
 
@@ -32,10 +33,11 @@ def open(size):
 def load(glb, view):
     global scene
     with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder, "scene.glb")
-        model.write_bytes(glb)
+        (model := Path(folder, "scene.glb")).write_bytes(glb)
         scene = core.NodePath(gltf.load_model(str(model)))
     scene.clear_light()
+    for material in scene.find_all_materials():
+        material.set_refractive_index(1)  # else a roughness of 1 reflects 4% everywhere
     scene.set_shader_auto()
     scene.set_bin("unsorted", 0)  # in this order where surfaces meet
     camera.reparent_to(scene)
@@ -51,8 +53,7 @@ def place(node, position, target, up):
 
 
 def draw(light, box, params, shadows, exposure):
-    kind = {"directional": core.DirectionalLight, "spot": core.Spotlight, "point": core.PointLight}[light["kind"]]
-    lamp = kind("lamp")
+    lamp = KINDS[light["kind"]]("lamp")
     node = scene.attach_new_node(lamp)
     lamp.color = exposure, exposure, exposure, 1
     lamp.set_shadow_caster(shadows, params["size"], params["size"])
@@ -66,11 +67,11 @@ def draw(light, box, params, shadows, exposure):
         lamp.get_lens().set_near_far(0, box["depth"])
         place(node, box["position"], box["target"], box["up"])
     else:
+        lamp.get_lens().set_fov(light["cone"] or 90)
         for side in range(6 if light["kind"] == "point" else 1):
             lamp.get_lens(side).set_near_far(box["near"], box["far"])
         place(node, light["position"], np.add(light["position"], light["direction"] or (0, 0, -1)).tolist(), (0, 1, 0))
     if light["kind"] == "spot":
-        lamp.get_lens().set_fov(light["cone"])
         lamp.exponent = 0
     scene.set_light(node)
     for _ in range(3):
