@@ -7,7 +7,8 @@ import numpy as np
 from panda3d import core
 
 Z_UP = core.LMatrix4(1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1)  # rows: where x, y, z of glTF go
-CULLED = {"both": "none", "front": "clockwise", "back": "counter_clockwise"}  # which the light does not see
+CULL = core.CullFaceAttrib  # what the light does not see
+CULLED = {"both": CULL.M_cull_none, "front": CULL.M_cull_clockwise, "back": CULL.M_cull_counter_clockwise}
 KINDS = {"directional": core.DirectionalLight, "spot": core.Spotlight, "point": core.PointLight}
 engine = output = picture = scene = camera = None
 
@@ -54,13 +55,11 @@ def place(node, position, target, up):
 
 def draw(light, box, params, shadows, exposure):
     lamp = KINDS[light["kind"]]("lamp")
-    node = scene.attach_new_node(lamp)
-    lamp.color = exposure, exposure, exposure, 1
+    node, lamp.color = scene.attach_new_node(lamp), (exposure, exposure, exposure, 1)
     lamp.set_shadow_caster(shadows, params["size"], params["size"])
     state = lamp.get_initial_state().set_attrib(core.DepthOffsetAttrib.make(params["offset"]))
     if params["cast"] != "shipped":
-        culled = getattr(core.CullFaceAttrib, f"M_cull_{CULLED[params['cast']]}")
-        state = state.set_attrib(core.CullFaceAttrib.make(culled), 1)
+        state = state.set_attrib(CULL.make(CULLED[params["cast"]]), 1)
     lamp.set_initial_state(state)
     if light["kind"] == "directional":
         lamp.get_lens().set_film_size(box["width"], box["height"])
