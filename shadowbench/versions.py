@@ -17,6 +17,9 @@ TRACE = 1
 SCORE = 1
 """Raised when a metric or another number about a given mask and truth changes, or is added."""
 
+ENGINES = 1
+"""Raised when Python code changes the mask of another engine: its scene, its light's box, or masks made of pictures."""
+
 ABSENT = "not installed"
 
 

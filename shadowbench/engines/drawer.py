@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, cast
 
-from shadowbench.engines.environment import environment, what_lacks
+from shadowbench.engines.environment import browser_version, environment, what_lacks
 from shadowbench.engines.session import EngineSession
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.measure.cells import Block, Cell
@@ -21,6 +21,7 @@ from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.spec import Spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import View
+from shadowbench.versions import ENGINES
 
 _MOST_BYTES = 1 << 30  # memory of an engine that is started anew: some keep what each picture took, and grow slow
 
@@ -51,10 +52,10 @@ class EngineDrawer:
         return self.own.machine
 
     def identity(self, cell: Cell) -> Mapping[str, str]:
-        """See `Drawer`. Of an engine also its name with what is installed, and our files of it."""
+        """See `Drawer`. Of an engine also what is installed, our files and declaration of it, and the browser."""
         engine = engine_of(cell.spec)
         own = self.own.device_identity
-        return own if engine is None else {**own, "engine": environment(engine).name, "files": _files(engine)}
+        return own if engine is None else {**own, "engine": environment(engine).name, "adapter": _adapter(engine)}
 
     def unsupported(self, block: Block, cell: Cell) -> str | None:
         """See `Drawer`."""
@@ -111,8 +112,11 @@ def engine_of(spec: Spec) -> type[Engine] | None:
 
 
 @cache
-def _files(engine: type[Engine]) -> str:
-    """Digest of what draws: the engine's file, and that of its host."""
+def _adapter(engine: type[Engine]) -> str:
+    """Digest of what draws: the engine's file and that of its host, what it declares of them, and the browser."""
+    declared = engine.host, engine.imports, engine.scripts, engine.box, engine.encoding, engine.phased, ENGINES
+    browser = browser_version() if engine.host == "web" else ""
     files = sorted(file for file in engine.folder().iterdir() if file.stem == "draw")
     hosts = sorted(file for file in Path(__file__).parent.iterdir() if file.name in ("web_host.js", "python_host.py"))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in (*files, *hosts))).hexdigest()[:12]
+    parts = repr((declared, browser)).encode(), *(file.read_bytes() for file in (*files, *hosts))
+    return hashlib.sha256(b"".join(parts)).hexdigest()[:12]

@@ -51,6 +51,12 @@ def browser() -> str:
     raise InputError("chromium not found: apt-get install chromium")
 
 
+def browser_version() -> str:
+    """What Chromium says of its version."""
+    told = subprocess.run([browser(), "--version"], capture_output=True, text=True, check=False)
+    return told.stdout.strip()
+
+
 def needed_programs(engine: type[Engine]) -> dict[str, str]:
     """Programs that an engine needs to draw and that are not here, and the package of Debian that has each."""
     missing = {}

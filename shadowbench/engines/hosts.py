@@ -78,6 +78,13 @@ class Host(ABC):
         return answer
 
     @property
+    def ended(self) -> bool:
+        """Whether the program has ended, even if nobody has been told yet."""
+        with suppress(psutil.NoSuchProcess):
+            return bool(psutil.Process(self.process.pid).status() == psutil.STATUS_ZOMBIE)
+        return True
+
+    @property
     def memory(self) -> int:
         """Resident memory of the largest of its processes, in bytes."""
         found = 0

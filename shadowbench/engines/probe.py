@@ -9,27 +9,34 @@ from shadowbench.measure.drawer import CellFailed
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View
 from shadowbench.truths.cache import cached_truth
 
-COSINES = {"upper left": 1.0, "upper right": 0.5, "lower left": 0.25}
-"""N·L of the probe's squares. The lower right is empty: no reflection or turn of the picture is like it."""
-_PLACES = {"upper left": (-1, 1), "upper right": (1, 1), "lower left": (-1, -1)}
+TURNS = {"upper right": -60.0, "upper left": 0.0, "lower left": 15.52, "lower right": 50.0}
+"""Degrees by which the probe's squares are turned to the right. No reflection or turn of the picture is like it."""
+_SUN = 60.0  # degrees from the camera's axis to the left, so that N·L is 1, 0.5 and 0.25, and one square is not lit
+_PLACES = {"upper left": (-1, 1), "upper right": (1, 1), "lower left": (-1, -1), "lower right": (1, -1)}
+_UNLIT = 0.002  # of the brightest, that the unlit square may have
 _TOLERANCE = 0.03  # of the ratio of luminances, of which 8 bits take 0.01 at N·L = 1/4
 _FACES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
 
 def probe_view(size: int) -> View:
-    """Three squares before a camera that looks along −z, with a sun behind it, turned from it by arccos N·L."""
-    meshes = tuple(_square(name, *_PLACES[name], cosine) for name, cosine in COSINES.items())
+    """Four squares before a camera that looks along −z, of which a sun from the left lights three."""
+    meshes = tuple(_square(name, *_PLACES[name], math.radians(turn)) for name, turn in TURNS.items())
     camera = Camera("eye", (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), math.radians(60), near=0.1, far=10.0)
-    sun = Light("sun", "directional", (0.0, 0.0, -1.0))
+    angle = math.radians(_SUN)
+    sun = Light("sun", "directional", (math.sin(angle), 0.0, -math.cos(angle)))
     return View(Scene("probe", meshes, (camera,), (sun,)), camera, sun, size)
 
 
-def _square(name: str, right: int, up: int, cosine: float) -> Mesh:
-    """A square with its centre at a corner of another one, turned about its vertical axis towards the middle."""
-    sine = math.sqrt(1 - cosine * cosine)
+def _square(name: str, right: int, up: int, turn: float) -> Mesh:
+    """A square with its centre at a corner of another one, turned about its vertical axis."""
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * 0.7
-    points = [(right + x * cosine, up + y, -4 + right * x * sine) for x, y in corners]
+    points = [(right + x * math.cos(turn), up + y, -4 - x * math.sin(turn)) for x, y in corners]
     return Mesh(name, np.array(points, np.float64), _FACES)
+
+
+def cosines() -> dict[str, float]:
+    """N·L of the squares, 0 of the one that is not lit."""
+    return {name: max(math.cos(math.radians(turn + _SUN)), 0.0) for name, turn in TURNS.items()}
 
 
 def check_probe(view: View, picture: Luminance) -> None:
@@ -38,14 +45,15 @@ def check_probe(view: View, picture: Luminance) -> None:
     found = truth.triangle // len(_FACES)
     if (picture[~_widened(found >= 0)] > 0.02).any():
         raise CellFailed("drew the probe where nothing is: is the picture upside down, or with a background?")
-    levels = {name: float(np.median(picture[found == index])) for index, name in enumerate(COSINES)}
-    brightest = levels["upper left"]
-    for name, cosine in COSINES.items():
-        if not abs(levels[name] / max(brightest, 1e-6) - cosine) <= _TOLERANCE:
+    levels = {name: float(np.median(picture[found == index])) for index, name in enumerate(TURNS)}
+    brightest = max(levels["upper right"], 1e-6)
+    for name, cosine in cosines().items():
+        if not abs(levels[name] / brightest - cosine) <= (_TOLERANCE if cosine else _UNLIT):
             seen = ", ".join(f"{one} {level:.3f}" for one, level in levels.items())
+            wanted = ", ".join(f"{cosine:.2f}" for cosine in cosines().values())
             raise CellFailed(
-                f"drew the probe's squares as {seen}, whose N·L are {', '.join(map(str, COSINES.values()))}: "
-                "is the picture upside down, or of another encoding?"
+                f"drew the probe's squares as {seen}, whose N·L are {wanted}: is the picture upside down, of another "
+                "encoding, or with ambient light?"
             )
 
 

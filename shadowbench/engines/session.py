@@ -74,7 +74,7 @@ class EngineSession:
     @property
     def ended(self) -> bool:
         """Whether the program is no more, although nobody closed it."""
-        return self._host.process.poll() is not None
+        return self._host.ended
 
     @property
     def memory(self) -> int:

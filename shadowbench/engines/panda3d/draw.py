@@ -7,7 +7,9 @@ import numpy as np
 from panda3d import core
 
 Z_UP = core.LMatrix4(1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1)  # rows: where x, y, z of glTF go
-CULLED = {"both": "none", "front": "clockwise", "back": "counter_clockwise"}  # which the light does not see
+CULL = core.CullFaceAttrib  # what the light does not see
+CULLED = {"both": CULL.M_cull_none, "front": CULL.M_cull_clockwise, "back": CULL.M_cull_counter_clockwise}
+KINDS = {"directional": core.DirectionalLight, "spot": core.Spotlight, "point": core.PointLight}
 engine = output = picture = scene = camera = None
 
 
@@ -32,10 +34,11 @@ def open(size):
 def load(glb, view):
     global scene
     with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder, "scene.glb")
-        model.write_bytes(glb)
+        (model := Path(folder, "scene.glb")).write_bytes(glb)
         scene = core.NodePath(gltf.load_model(str(model)))
     scene.clear_light()
+    for material in scene.find_all_materials():
+        material.set_refractive_index(1)  # else a roughness of 1 reflects 4% everywhere
     scene.set_shader_auto()
     scene.set_bin("unsorted", 0)  # in this order where surfaces meet
     camera.reparent_to(scene)
@@ -51,26 +54,23 @@ def place(node, position, target, up):
 
 
 def draw(light, box, params, shadows, exposure):
-    kind = {"directional": core.DirectionalLight, "spot": core.Spotlight, "point": core.PointLight}[light["kind"]]
-    lamp = kind("lamp")
-    node = scene.attach_new_node(lamp)
-    lamp.color = exposure, exposure, exposure, 1
+    lamp = KINDS[light["kind"]]("lamp")
+    node, lamp.color = scene.attach_new_node(lamp), (exposure, exposure, exposure, 1)
     lamp.set_shadow_caster(shadows, params["size"], params["size"])
     state = lamp.get_initial_state().set_attrib(core.DepthOffsetAttrib.make(params["offset"]))
     if params["cast"] != "shipped":
-        culled = getattr(core.CullFaceAttrib, f"M_cull_{CULLED[params['cast']]}")
-        state = state.set_attrib(core.CullFaceAttrib.make(culled), 1)
+        state = state.set_attrib(CULL.make(CULLED[params["cast"]]), 1)
     lamp.set_initial_state(state)
     if light["kind"] == "directional":
         lamp.get_lens().set_film_size(box["width"], box["height"])
         lamp.get_lens().set_near_far(0, box["depth"])
         place(node, box["position"], box["target"], box["up"])
     else:
+        lamp.get_lens().set_fov(light["cone"] or 90)
         for side in range(6 if light["kind"] == "point" else 1):
             lamp.get_lens(side).set_near_far(box["near"], box["far"])
         place(node, light["position"], np.add(light["position"], light["direction"] or (0, 0, -1)).tolist(), (0, 1, 0))
     if light["kind"] == "spot":
-        lamp.get_lens().set_fov(light["cone"])
         lamp.exponent = 0
     scene.set_light(node)
     for _ in range(3):
