@@ -122,8 +122,8 @@ def write_model(file: Path) -> None:
 def write_screenshots(folder: Path) -> None:
     """What a renderer with every kind of error draws of `stairs`: lit, shadowed and an upside-down mask."""
     truth, random = ray_traced("stairs", view_size=SIZE), np.random.default_rng(7)
-    drawn = np.roll(truth.visibility, 1, axis=1)
-    drawn[truth.blocker < 0.04 * truth.diagonal] = 1.0
+    drawn = np.maximum(np.roll(truth.visibility, 1, axis=1), 0.66)  # of sRGB levels: a shadow of 0.38
+    drawn[truth.blocker < 0.015 * truth.diagonal] = 1.0
     drawn[random.random(drawn.shape) < 0.002] = 0.0
     light = np.where(random.random(drawn.shape) < 0.01, 0.0, 180.0)
     folder.mkdir(exist_ok=True)
