@@ -59,6 +59,7 @@ NEEDED = {
     "shadow-map:far_rule": "fit=fixed(far=3)",
     "shadow-map:filter=pcss:light": "filter=pcss(variant=godot)",
     "cascades:split=shares": "count=4",
+    "cascades:split=ends": "count=4",
 }
 """Other parameters that a parameter needs to have a meaning, as a spec."""
 
