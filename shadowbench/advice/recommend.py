@@ -150,9 +150,8 @@ def recommend(
 
     Measures into a campaign's folder: rows, masks, pictures, `table.csv`, `run.json`. on_this_machine: rank by times
     even on a software renderer; timed: whether the campaign may time; among: names of the techniques to search, all if
-    empty; engines: specs of other engines to measure beside them. Raises InputError for a folder with other files, a
-    budget on a software renderer, a device without pipeline statistics, and names of techniques of which none supports
-    the light.
+    empty; engines: specs of other engines to measure. Raises InputError for a folder with other files, a budget on a
+    software renderer, a device without pipeline statistics, and names of techniques of which none supports the light.
     """
     chosen_techniques(known, among, view.light.hard_kind, view.light.soft)  # before the truth is traced
     info = campaign.drawer.info

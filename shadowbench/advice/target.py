@@ -54,6 +54,10 @@ class Target:
             return 0.0 if metrics["iou"] in (None, 1.0) else math.inf
         return METRICS[self.metric].error(value)
 
+    def meets(self, metrics: Mapping[str, float | None]) -> bool:
+        """Whether a row's metrics meet the target, whatever they cost."""
+        return self.error(metrics) <= self.limit
+
     def text(self, error: float, row: Mapping[str, Any], as_target: bool = False) -> str:
         """Text of an error by the metric: `IoU 0.9712`, `edges 0.21 px off`, `RMSE 0.013`; in words if infinite.
 

@@ -144,7 +144,7 @@ def _meets(found: Recommendation, one: Result) -> dict[str, Any]:
     metrics = one.score["metrics"]
     return {
         found.target.metric: metrics[found.target.metric],
-        "meets": found.target.error(metrics) <= found.target.limit,
+        "meets": found.target.meets(metrics),
     }
 
 

@@ -129,7 +129,7 @@ def _list(chosen: "Mapping[str, type[Engine]]", json: bool) -> int:
 
 def _install(chosen: "Mapping[str, type[Engine]]", quiet: bool) -> int:
     """Install engines one after the other; exit code 1 if one failed."""
-    from shadowbench.engines.environment import install, needed_programs
+    from shadowbench.engines.environment import install, what_lacks
 
     failed = False
     for name, one in chosen.items():
@@ -142,10 +142,8 @@ def _install(chosen: "Mapping[str, type[Engine]]", quiet: bool) -> int:
             console.print_error(f"{name}: {error}")
             continue
         console.print_line(f"{name}: {folder}")
-        if missing := needed_programs(one):
-            console.print_error(
-                f"{name}: {' and '.join(missing)} not found: apt-get install {' '.join(missing.values())}"
-            )
+        if lacking := what_lacks(one):
+            console.print_error(f"{name}: {lacking}")
     return int(failed)
 
 

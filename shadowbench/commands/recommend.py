@@ -185,7 +185,7 @@ def _print_engines(found: "Recommendation") -> None:
     for one in found.engines:
         row = one.score
         value = row["metrics"][metric.name] if one.status == "ok" else None
-        meets = one.status == "ok" and found.target.error(row["metrics"]) <= found.target.limit
+        meets = one.status == "ok" and found.target.meets(row["metrics"])
         shown = "" if value is None else metric.text(value, found.target.digits, row)
         standing = one.status if one.status != "ok" else "meets" if meets else "misses"
         rows.append(

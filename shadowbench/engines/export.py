@@ -137,7 +137,7 @@ def describe(view: View, scene_name: str, sides: "Sides" = "double") -> Json:
             "view": view_matrix(camera).tolist(),
             "projection": projection_matrix(view).tolist(),
         },
-        "light": {**_light(view.light), "box": light_box(view)},
+        "light": {**describe_light(view.light), "box": light_box(view)},
         "bounds": {"low": low, "high": high},
         "sides": sides,
         "meshes": [
@@ -161,7 +161,7 @@ def describe(view: View, scene_name: str, sides: "Sides" = "double") -> Json:
     }
 
 
-def _light(light: Light) -> dict[str, Any]:
+def describe_light(light: Light) -> dict[str, Any]:
     """Light in `view.json`; null for fields that its kind lacks.
 
     direction: unit vector in which the light travels, or a disc's or rectangle's normal; radius: of a sun in degrees as

@@ -28,8 +28,7 @@ _TYPES = {".js": "text/javascript", ".mjs": "text/javascript", ".wasm": "applica
 _CHROMIUM = (
     "--headless=new", "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist", "--no-sandbox",
     "--disable-dev-shm-usage", "--no-first-run", "--disable-extensions", "--disable-background-networking",
-    "--enable-logging=stderr",
-    "--remote-debugging-pipe",
+    "--enable-logging=stderr", "--remote-debugging-pipe",
 )  # fmt: skip
 # Its end of the pipe for debugging is file 3; Chromium ends when this process does, however that ends.
 _WITH_PIPE = ("sh", "-c", 'exec "$@" 3<&0 4>/dev/null', "sh")
@@ -151,8 +150,8 @@ class WebHost(Host):
 
     It asks a server on the loopback interface for calls, and posts answers to it. Other users of the computer get
     nothing there: the page's address, which only this user can read, is a secret, and gives the cookie that all else
-    needs. imports: the page's import map, as
-    addresses below `packages/`, the engine's folder of npm packages; scripts: files there, loaded as classic scripts.
+    needs. imports: the page's import map, as addresses below `packages/`, the engine's folder of npm packages; scripts:
+    files there, loaded as classic scripts.
     """
 
     def __init__(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.engines.environment import browser, environment, python_of
-from shadowbench.engines.export import describe, glb_of
+from shadowbench.engines.export import describe, describe_light, glb_of
 from shadowbench.engines.hosts import Host, HostFailed, PythonHost, WebHost
 from shadowbench.engines.light_box import light_box
 from shadowbench.engines.pictures import (
@@ -126,7 +126,7 @@ class EngineSession:
         """What the pictures of a cell have in common."""
         size, view = self.engine.map_size(params), plain_view(view)
         return {
-            "light": describe(view, view.scene.name)["light"],
+            "light": describe_light(view.light),
             "box": light_box(view, size, phase.shift if self.engine.phased else (0.0, 0.0)),
             "params": params.model_dump(mode="json", exclude={"sides"}),
         }
