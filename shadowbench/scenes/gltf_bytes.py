@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes.draco import Blob, Decoded, decode
 from shadowbench.scenes.gltf_layout import Accessor, Layout, Primitive
+from shadowbench.scenes.strips import fan_faces, strip_faces
 
-TRIANGLES, STRIP = 4, 5
+TRIANGLES, STRIP, FAN = 4, 5, 6
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 
@@ -64,7 +65,7 @@ def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str)
     ]
     decoded = _decompressed(layout, buffers, where)
     for number, each in [(number, each) for number, mesh in enumerate(layout.meshes) for each in mesh.primitives]:
-        if each.mode not in (TRIANGLES, STRIP):
+        if each.mode not in (TRIANGLES, STRIP, FAN):
             continue
         mesh_where = f"{where}: mesh {layout.meshes[number].name or number + 1!r:.60}"
         position = each.attributes.get("POSITION")
@@ -91,14 +92,12 @@ def _decompressed(layout: Layout, buffers: list[bytes], where: str) -> dict[tupl
 
 def _faces(layout: Layout, buffers: list[bytes], primitive: Primitive, count: int, where: str) -> NDArray[Any]:
     """(F, 3) faces of a primitive of `count` vertices."""
-    corners = np.arange(count)
+    corners: NDArray[Any] = np.arange(count, dtype=np.uint64)
     if primitive.indices is not None:
-        corners = _array(layout, buffers, primitive.indices, "SCALAR", where).ravel().astype(np.int64)
-    if primitive.mode == STRIP:
-        from trimesh.util import triangle_strips_to_faces
-
-        strips: NDArray[Any] = triangle_strips_to_faces([corners])
-        return strips
+        corners = _array(layout, buffers, primitive.indices, "SCALAR", where).ravel()
+    if primitive.mode != TRIANGLES:
+        # The largest index begins another strip: in all files, as the specification forbids it as an index.
+        return (strip_faces if primitive.mode == STRIP else fan_faces)(corners, int(np.iinfo(corners.dtype).max))
     if len(corners) % 3:
         raise InputError(f"{where}: {len(corners)} corners of triangles; allowed are multiples of 3")
     return corners.reshape(-1, 3)

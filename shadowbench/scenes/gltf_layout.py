@@ -87,14 +87,14 @@ class NodeTable(_JsonObject):
 
 
 class Primitive(_JsonObject):
-    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip of triangles; no fan.
+    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip and fan of triangles.
 
     draco, draco_position: bufferView of KHR_draco_mesh_compression, and the Draco id of the positions.
     """
 
     attributes: dict[str, AccessorIndex]
     indices: AccessorIndex | None = None
-    mode: Literal[0, 1, 2, 3, 4, 5] = 4
+    mode: Literal[0, 1, 2, 3, 4, 5, 6] = 4
     material: Annotated[Count, _index_into("materials")] | None = None
     targets: list[Any] | None = None
     draco: ViewIndex | None = Field(None, validation_alias=AliasPath(*DRACO, "bufferView"))
