@@ -14,7 +14,7 @@ import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import Triangles, triangles_of
-from shadowbench.scenes.gltf_bytes import TRIANGLES, read_json, read_primitives
+from shadowbench.scenes.gltf_bytes import TRIANGLES, read_buffers, read_json, read_primitives
 from shadowbench.scenes.gltf_layout import Layout, NodeTable, Primitive
 from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
 from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, name_from
@@ -56,8 +56,9 @@ def read_gltf(path: Path, where: str) -> Contents:
                 f"{where}: extensionsRequired: {extension!r:.60} is not supported; save the file without it"
             )
     sources: list[list[tuple[Triangles, Vec3]]] = [[] for _ in layout.meshes]
-    for number, primitive, positions, faces in read_primitives(layout, chunk, path, where):
-        sources[number].append((triangles_of(positions, faces, where), _base_color(layout, primitive)))
+    for each in read_primitives(read_buffers(layout, chunk, path, where)):
+        triangles = triangles_of(each.positions, each.faces, where)
+        sources[each.mesh].append((triangles, _base_color(layout, each.primitive)))
     nodes = list(_nodes(layout))
     instances = _instances(layout, nodes, sources, where)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)

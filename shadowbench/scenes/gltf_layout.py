@@ -89,7 +89,7 @@ class NodeTable(_JsonObject):
 class Primitive(_JsonObject):
     """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip and fan of triangles.
 
-    draco, draco_position: bufferView of KHR_draco_mesh_compression, and the Draco id of the positions.
+    draco, draco_ids: bufferView of KHR_draco_mesh_compression, and the Draco ids of attributes by name.
     """
 
     attributes: dict[str, AccessorIndex]
@@ -98,7 +98,9 @@ class Primitive(_JsonObject):
     material: Annotated[Count, _index_into("materials")] | None = None
     targets: list[Any] | None = None
     draco: ViewIndex | None = Field(None, validation_alias=AliasPath(*DRACO, "bufferView"))
-    draco_position: Count | None = Field(None, validation_alias=AliasPath(*DRACO, "attributes", "POSITION"))
+    draco_ids: dict[str, Annotated[Count, Field(lt=2**32)]] = Field(
+        {}, validation_alias=AliasPath(*DRACO, "attributes")
+    )
 
 
 class _Mesh(_JsonObject):
