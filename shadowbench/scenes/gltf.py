@@ -14,7 +14,7 @@ import numpy as np
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import Triangles, triangles_of
 from shadowbench.scenes.gltf_animation import NOW, Moment, pose_at
-from shadowbench.scenes.gltf_bytes import STRIP, TRIANGLES, read_buffers, read_json, read_primitives
+from shadowbench.scenes.gltf_bytes import TRIANGLES, read_buffers, read_json, read_primitives
 from shadowbench.scenes.gltf_layout import Layout, Primitive
 from shadowbench.scenes.gltf_nodes import Node, scene_nodes
 from shadowbench.scenes.gltf_pose import Poser
@@ -24,7 +24,7 @@ from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.strict import validated
 
 HONOURED = re.compile(
-    r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_lights_punctual|KHR_node_visibility"
+    r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_mesh_primitive_restart|KHR_lights_punctual|KHR_node_visibility"
     r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based"
 )
 """Extensions that are supported, or do not affect the geometry."""
@@ -188,7 +188,7 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
             "see-through material(s) drawn opaque",
         ),
         (
-            [each.mode not in (TRIANGLES, STRIP) for each in primitives],
+            [each.mode < TRIANGLES for each in primitives],
             "primitive(s) of points or lines left out: they have no surface",
         ),
         ([INSTANCING in node.extensions for node in layout.nodes], "GPU-instanced node(s) drawn once"),

@@ -17,9 +17,10 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.draco import Blob, Decoded, decode
 from shadowbench.scenes.gltf_accessors import Data, as_floats, floats_of, integers_of
 from shadowbench.scenes.gltf_layout import NUMBERS, Layout, Primitive
+from shadowbench.scenes.strips import fan_faces, strip_faces
 from shadowbench.scenes.vectors import Floats
 
-TRIANGLES, STRIP = 4, 5
+TRIANGLES, STRIP, FAN = 4, 5, 6
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 
@@ -101,7 +102,7 @@ def read_primitives(data: Data) -> Iterator[TrianglePrimitive]:
     layout = data.layout
     decoded = _decompressed(data)
     for number, each in [(number, each) for number, mesh in enumerate(layout.meshes) for each in mesh.primitives]:
-        if each.mode not in (TRIANGLES, STRIP):
+        if each.mode not in (TRIANGLES, STRIP, FAN):
             continue
         where = f"{data.where}: mesh {layout.meshes[number].name or number + 1!r:.60}"
         position = each.attributes.get("POSITION")
@@ -128,14 +129,12 @@ def _decompressed(data: Data) -> dict[tuple[Any, ...], Decoded]:
 
 def _faces(data: Data, primitive: Primitive, count: int, where: str) -> NDArray[Any]:
     """(F, 3) faces of a primitive of `count` vertices."""
-    corners = np.arange(count)
+    corners: NDArray[Any] = np.arange(count, dtype=np.uint64)
     if primitive.indices is not None:
-        corners = integers_of(data, primitive.indices, "SCALAR").ravel().astype(np.int64)
-    if primitive.mode == STRIP:
-        from trimesh.util import triangle_strips_to_faces
-
-        strips: NDArray[Any] = triangle_strips_to_faces([corners])
-        return strips
+        corners = integers_of(data, primitive.indices, "SCALAR").ravel()
+    if primitive.mode != TRIANGLES:
+        # The largest index begins another strip: in all files, as the specification forbids it as an index.
+        return (strip_faces if primitive.mode == STRIP else fan_faces)(corners, int(np.iinfo(corners.dtype).max))
     if len(corners) % 3:
         raise InputError(f"{where}: {len(corners)} corners of triangles; allowed are multiples of 3")
     return corners.reshape(-1, 3)

@@ -62,14 +62,14 @@ class NodeTable(JsonObject):
 
 
 class Primitive(JsonObject):
-    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip of triangles; no fan.
+    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip and fan of triangles.
 
     draco, draco_ids: bufferView of KHR_draco_mesh_compression, and the Draco ids of attributes by name.
     """
 
     attributes: dict[str, AccessorIndex]
     indices: AccessorIndex | None = None
-    mode: Literal[0, 1, 2, 3, 4, 5] = 4
+    mode: Literal[0, 1, 2, 3, 4, 5, 6] = 4
     material: Annotated[Count, index_into("materials")] | None = None
     targets: list[dict[str, AccessorIndex]] = []
     draco: ViewIndex | None = Field(None, validation_alias=AliasPath(*DRACO, "bufferView"))

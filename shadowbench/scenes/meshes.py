@@ -4,7 +4,6 @@ Here, and only here, exceptions of all readers become a one-line InputError.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,10 @@ from shadowbench.scenes.geometry import (
     MOST_TRIANGLES,
     Triangles,
     checked,
+    mirrors,
     transformed,
     welded,
-    without_zero_area,
+    with_area,
 )
 from shadowbench.scenes.gltf import Contents, read_gltf
 from shadowbench.scenes.gltf_animation import NOW, Moment
@@ -97,13 +97,14 @@ def placed(instances: Iterable[tuple[Mesh, Floats]], where: str) -> tuple[list[M
     """
     meshes, dropped = [], 0
     for mesh, matrix in instances:
-        triangles = transformed(Triangles(mesh.vertices, mesh.faces), matrix)
-        checked(triangles.vertices, where)
-        (vertices, faces), lost = without_zero_area(triangles)
+        triangles = vertices, faces = transformed(Triangles(mesh.vertices, mesh.faces), matrix)
+        checked(vertices, where)
+        kept = with_area(triangles)
+        lost = int(len(kept) - kept.sum())
         dropped += lost
         if lost:  # and without the vertices that only those used
-            used, corners = np.unique(faces, return_inverse=True)
+            used, corners = np.unique(faces[kept], return_inverse=True)
             vertices, faces = vertices[used], corners.reshape(-1, 3).astype(np.int32)
         if len(faces):
-            meshes.append(replace(mesh, vertices=vertices, faces=faces))
+            meshes.append(mesh.reshaped(vertices, faces, kept if lost else None, mirrors(matrix)))
     return meshes, dropped

@@ -90,7 +90,7 @@ def test_lights_shine_along_minus_z_of_their_node(gltf_file: Gltf) -> None:
     ("parts", "words"),
     [
         ({"extensionsRequired": ["EXT_meshopt_compression"]}, ["EXT_meshopt_compression"]),
-        ({"primitive": {"mode": 6}}, ["mode: found 6; allowed: 0, 1, 2, 3, 4 or 5"]),
+        ({"primitive": {"mode": 7}}, ["mode: found 7; allowed: 0, 1, 2, 3, 4, 5 or 6"]),
         ({"accessor": {"sparse": {"count": 1}}}, ["accessors 1", "sparse"]),
         ({"nodes": [{"mesh": 0, "children": [0]}]}, ["ancestor"]),
         ({"nodes": [{"mesh": 7}]}, ["nodes 1.mesh: found 7; allowed: 0 to 0"]),
