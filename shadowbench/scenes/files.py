@@ -4,6 +4,7 @@ import math
 import os
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
@@ -148,8 +149,8 @@ def _copies(table: MeshTable, sources: tuple[Mesh, ...]) -> Iterator[tuple[Mesh,
         suffix = "".join(f" {k + 1}" for k in indices)
         for mesh in sources:
             name = (mesh.name if table.name is None or len(sources) > 1 else table.name) + suffix
-            color, flags = table.color or mesh.color, (table.casts, table.receives, table.planar)
-            yield Mesh(name, mesh.vertices, mesh.faces, color, *flags), moved
+            copy = replace(mesh, name=name, color=table.color or mesh.color)
+            yield replace(copy, casts=table.casts, receives=table.receives, planar=table.planar), moved
 
 
 def transform_of(table: MeshTable) -> Floats:

@@ -4,46 +4,26 @@ import math
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    AliasPath,
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import AfterValidator, AliasPath, Field, model_validator
 
 from shadowbench.scenes.geometry import MOST_TRIANGLES
+from shadowbench.scenes.gltf_fields import (
+    LIGHTS,
+    AccessorIndex,
+    Count,
+    JsonObject,
+    NodeIndex,
+    Number,
+    Three,
+    ViewIndex,
+    index_into,
+)
+from shadowbench.scenes.gltf_motion import MOST_MORPHED, Animation, Skin
 from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
 
 DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by componentType
 NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # of components, by type
-LIGHTS = AliasPath("extensions", "KHR_lights_punctual", "lights")
 DRACO = ("extensions", "KHR_draco_mesh_compression")
-
-Count = Annotated[int, Field(ge=0, le=2**53, strict=True)]
-Number = Annotated[float, Field(strict=True)]
-Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
-
-
-def _index_into(part: str) -> AfterValidator:
-    """Checks an index into a list of the file's top level."""
-
-    def check(index: int, info: ValidationInfo) -> int:
-        document: dict[str, Any] = info.context or {}
-        parts = LIGHTS.search_dict_for_path(document) if part == "lights" else document.get(part)
-        count = len(parts) if isinstance(parts, list | dict) else 0
-        if index >= count:
-            raise ValueError(f"found {index}; allowed: {f'0 to {count - 1}' if count else 'none, as there are none'}")
-        return index
-
-    return AfterValidator(check)
-
-
-AccessorIndex = Annotated[Count, _index_into("accessors")]
-NodeIndex = Annotated[Count, _index_into("nodes")]
-ViewIndex = Annotated[Count, _index_into("bufferViews")]
 
 
 def _unit_quaternion(rotation: list[float]) -> list[float]:
@@ -52,23 +32,18 @@ def _unit_quaternion(rotation: list[float]) -> list[float]:
     return rotation
 
 
-class _JsonObject(BaseModel):
-    """Unknown fields are ignored."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class _Scene(_JsonObject):
+class _Scene(JsonObject):
     nodes: list[NodeIndex] = []
 
 
-class NodeTable(_JsonObject):
+class NodeTable(JsonObject):
     """A node; with visible and light from KHR_node_visibility and KHR_lights_punctual."""
 
     name: str | None = None
-    mesh: Annotated[Count, _index_into("meshes")] | None = None
-    camera: Annotated[Count, _index_into("cameras")] | None = None
-    skin: Any = None
+    mesh: Annotated[Count, index_into("meshes")] | None = None
+    camera: Annotated[Count, index_into("cameras")] | None = None
+    skin: Annotated[Count, index_into("skins")] | None = None
+    weights: list[Number] | None = None
     children: list[NodeIndex] = []
     matrix: Annotated[list[Number], Field(min_length=16, max_length=16)] | None = None
     rotation: Annotated[list[Number], Field(min_length=4, max_length=4), AfterValidator(_unit_quaternion)] = [
@@ -80,33 +55,36 @@ class NodeTable(_JsonObject):
     scale: Three = [1, 1, 1]
     translation: Three = [0, 0, 0]
     visible: bool = Field(True, strict=True, validation_alias=AliasPath("extensions", "KHR_node_visibility", "visible"))
-    light: Annotated[Count, _index_into("lights")] | None = Field(
+    light: Annotated[Count, index_into("lights")] | None = Field(
         None, validation_alias=AliasPath("extensions", "KHR_lights_punctual", "light")
     )
     extensions: dict[str, Any] = {}
 
 
-class Primitive(_JsonObject):
-    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip of triangles; no fan.
+class Primitive(JsonObject):
+    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip and fan of triangles.
 
-    draco, draco_position: bufferView of KHR_draco_mesh_compression, and the Draco id of the positions.
+    draco, draco_ids: bufferView of KHR_draco_mesh_compression, and the Draco ids of attributes by name.
     """
 
     attributes: dict[str, AccessorIndex]
     indices: AccessorIndex | None = None
-    mode: Literal[0, 1, 2, 3, 4, 5] = 4
-    material: Annotated[Count, _index_into("materials")] | None = None
-    targets: list[Any] | None = None
+    mode: Literal[0, 1, 2, 3, 4, 5, 6] = 4
+    material: Annotated[Count, index_into("materials")] | None = None
+    targets: list[dict[str, AccessorIndex]] = []
     draco: ViewIndex | None = Field(None, validation_alias=AliasPath(*DRACO, "bufferView"))
-    draco_position: Count | None = Field(None, validation_alias=AliasPath(*DRACO, "attributes", "POSITION"))
+    draco_ids: dict[str, Annotated[Count, Field(lt=2**32)]] = Field(
+        {}, validation_alias=AliasPath(*DRACO, "attributes")
+    )
 
 
-class _Mesh(_JsonObject):
+class _Mesh(JsonObject):
     name: str | None = None
+    weights: list[Number] = []
     primitives: list[Primitive]
 
 
-class Accessor(_JsonObject):
+class Accessor(JsonObject):
     """`count` elements in a bufferView."""
 
     bufferView: ViewIndex | None = None
@@ -123,8 +101,8 @@ class Accessor(_JsonObject):
         return np.dtype(DTYPES[self.componentType]), NUMBERS[self.type]
 
 
-class _BufferView(_JsonObject):
-    buffer: Annotated[Count, _index_into("buffers")]
+class _BufferView(JsonObject):
+    buffer: Annotated[Count, index_into("buffers")]
     byteOffset: Count = 0
     byteLength: Count
     byteStride: Annotated[int, Field(ge=1, le=252, strict=True)] | None = None
@@ -134,12 +112,12 @@ class _BufferView(_JsonObject):
         return self.byteOffset + self.byteLength
 
 
-class _Buffer(_JsonObject):
+class _Buffer(JsonObject):
     uri: str | None = None
     byteLength: Count
 
 
-class _Material(_JsonObject):
+class _Material(JsonObject):
     alphaMode: str = "OPAQUE"
     color: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = Field(
         None, validation_alias=AliasPath("pbrMetallicRoughness", "baseColorFactor")
@@ -151,7 +129,7 @@ class _Material(_JsonObject):
         return self.alphaMode != "OPAQUE" or "KHR_materials_transmission" in self.extensions
 
 
-class _Camera(_JsonObject):
+class _Camera(JsonObject):
     name: str | None = None
     type: Literal["perspective", "orthographic"]
     yfov: Number = Field(0.0, lt=math.pi, validation_alias=AliasPath("perspective", "yfov"))
@@ -159,7 +137,7 @@ class _Camera(_JsonObject):
     zfar: Number | None = Field(None, validation_alias=AliasPath("perspective", "zfar"))
 
 
-class _Light(_JsonObject):
+class _Light(JsonObject):
     name: str | None = None
     type: Literal["directional", "point", "spot"]
     outerConeAngle: Number = Field(math.pi / 4, validation_alias=AliasPath("spot", "outerConeAngle"))
@@ -167,11 +145,11 @@ class _Light(_JsonObject):
     intensity: Number | None = None
 
 
-class Layout(_JsonObject):
+class Layout(JsonObject):
     """The JSON of a glTF file."""
 
     version: str = Field(strict=True, pattern=r"^2\.", validation_alias=AliasPath("asset", "version"))
-    scene: Annotated[Count, _index_into("scenes")] | None = None
+    scene: Annotated[Count, index_into("scenes")] | None = None
     scenes: list[_Scene] | None = None
     nodes: Annotated[list[NodeTable], Field(max_length=MOST_COPIES)] = []
     meshes: list[_Mesh] = []
@@ -181,7 +159,8 @@ class Layout(_JsonObject):
     materials: list[_Material] = []
     cameras: list[_Camera] = []
     lights: list[_Light] = Field([], validation_alias=LIGHTS)
-    animations: list[Any] = []
+    animations: list[Animation] = []
+    skins: list[Skin] = []
     extensionsUsed: list[str] = []
     extensionsRequired: list[str] = []
     extensions: dict[str, Any] = {}
@@ -219,7 +198,14 @@ class Layout(_JsonObject):
         drawn = sum(counts[node.mesh] for node in self.nodes if node.mesh is not None)
         if (corners := max(sum(counts), drawn)) > 3 * MOST_TRIANGLES:
             raise ValueError(f"its meshes have {corners} vertices; allowed are at most {3 * MOST_TRIANGLES}")
+        morphed = sum(self._morphed(node.mesh) for node in self.nodes if node.mesh is not None)
+        if morphed > MOST_MORPHED:
+            raise ValueError(f"its morph targets move {morphed} vertices; allowed are at most {MOST_MORPHED}")
         return self
+
+    def _morphed(self, mesh: int) -> int:
+        """Number of displacements of a mesh's vertices."""
+        return sum(len(each.targets) * self._corners(each) for each in self.meshes[mesh].primitives)
 
     def _corners(self, primitive: Primitive) -> int:
         """Lower bound on the number of vertices that a primitive draws."""
