@@ -10,10 +10,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+import shadowbench
+from shadowbench.errors import InputError
+from shadowbench.options import ViewOptions
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.geometry import Triangles, transformed
 from shadowbench.scenes.gltf import read_gltf
 from shadowbench.scenes.gltf_animation import Moment, slerp
+from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
+from shadowbench.scenes.views import chosen_view
+from shadowbench.studies.study import Study, study_from_options
 from tests.scenes.conftest import refused
 from tests.scenes.pose_reference import Reference
 from tests.scenes.rigs import HALF, RIGS, Rig, tube, turn
@@ -247,6 +255,49 @@ def test_the_clip_and_its_time_are_a_note(tmp_path: Path) -> None:
     assert corners(path, Moment(1, "walk"))[0].tolist() != corners(path, Moment(1, "other"))[0].tolist()
 
 
+def test_a_scene_file_poses_each_of_its_meshes(tmp_path: Path) -> None:
+    RIGS["sheared"]().write(tmp_path / "a.glb")
+    table = '[[mesh]]\nfile = "a.glb"\n'
+    (tmp_path / "a.toml").write_text(table + 'time = 0.75\nclip = "walk"\n' + table + "time = 1.5\n" + table)
+    scene = load_scene(tmp_path / "a.toml")
+    for mesh, moment in zip(scene.meshes, (Moment(0.75, "walk"), Moment(1.5), Moment()), strict=True):
+        assert mesh.vertices[mesh.faces] == pytest.approx(corners(tmp_path / "a.glb", moment)[0], abs=1e-12)
+    for line in ("time = -1", 'clip = "run"', 'time = "now"'):
+        (tmp_path / "b.toml").write_text(table + line)
+        refused(tmp_path / "b.toml", "[[mesh]] 1", line.split()[0])
+    (tmp_path / "c.toml").write_text('[[mesh]]\nshape = "box"\ntime = 1')
+    refused(tmp_path / "c.toml", "time and clip are for a file")
+
+
+def test_options_choose_the_pose_everywhere(tmp_path: Path) -> None:
+    path = RIGS["sheared"]().write(tmp_path / "a.glb")
+    chosen = load_scene(path, moment=Moment(0.75, "walk")).geometry.digest()
+    view = chosen_view(str(path), 64, ViewOptions(time=0.75, clip="walk"))
+    study = Study.of([str(path)], [parse_spec("unshadowed", techniques())], time=0.75, clip="walk", view_size=64)
+    (block,) = study.blocks()
+    loaded = shadowbench.load(path, time=0.75, clip="walk")
+    assert {scene.geometry.digest() for scene in (view.scene, block.view.scene, loaded)} == {chosen}
+    assert (study.facts["time"], study.facts["clip"]) == (0.75, "walk")
+    assert load_scene(path).geometry.digest() != chosen
+    again = study_from_options(techniques(), [str(path)], view=ViewOptions(time=0.0))
+    assert again.time == 0.0 and again.clip is None
+
+
+@pytest.mark.parametrize("time", [-0.5, math.nan, math.inf, 1e10, "soon"])
+def test_a_time_is_a_number_of_seconds(time: Any) -> None:
+    with pytest.raises(InputError, match="time: found"):
+        ViewOptions(time=time)
+
+
+def test_what_has_no_clips_says_so(tmp_path: Path) -> None:
+    path = bar(0).write(tmp_path / "a.glb")
+    assert any(note == "a.glb: time: no clip to pose" for note in load_scene(path, moment=Moment(1.0)).notes)
+    refused(path, "a.glb: clip: found 'walk'", "none", moment=Moment(None, "walk"))
+    refused(RIGS["sheared"]().write(tmp_path / "b.glb"), "did you mean 'walk'", "1 to 2", moment=Moment(None, "walks"))
+    for source in ("cube-on-plane", tmp_path / "a.obj"):
+        refused(source, "--time, --clip", "no glTF", moment=Moment(1.0))
+
+
 def test_what_a_clip_cannot_move_is_a_note(tmp_path: Path) -> None:
     rig = moving([0.0], [[1, 0, 0]], "LINEAR")
     rig.json["animations"][0]["channels"] += [{"sampler": 0, "target": {"path": "pointer"}}]
@@ -270,14 +321,14 @@ SAMPLER: Place = ("animations", 0, "samplers", 0)
         ("bent", ("skins", 0, "joints", 0), 99, ["skins 1.joints 1: found 99; allowed: 0 to 5"]),
         ("bent", ("skins", 0, "joints"), [], ["skins 1.joints"]),
         ("bent", ("skins", 0, "joints"), [2, 3], ["has joint 3; its skin has 2"]),
-        ("bent", ("skins", 0, "inverseBindMatrices"), 0, ["VEC3", "MAT4"]),
+        ("bent", ("skins", 0, "inverseBindMatrices"), 2, ["VEC3", "MAT4"]),
         ("bent", ("skins", 0, "inverseBindMatrices"), np.eye(4)[None], ["4 joints, and 1 inverse"]),
-        ("bent", JOINTS, 0, ["VEC4 of unsigned integers"]),
+        ("bent", JOINTS, 2, ["VEC4 of unsigned integers"]),
         ("bent", WEIGHTS, None, ["attributes.WEIGHTS_0"]),
         ("bent", WEIGHTS, [[1, 0, 0, 0]], ["WEIGHTS_0 has 1 elements; allowed: 54"]),
         ("bent", WEIGHTS, [[2, -1, 0, 0]] * 54, ["-1", "not below 0"]),
         ("bent", WEIGHTS, [[np.nan, 0, 0, 0]] * 54, ["nan", "finite"]),
-        ("bent", ATTRIBUTES, {"POSITION": 0, "JOINTS_0": 1}, ["JOINTS_0 without WEIGHTS_0"]),
+        ("bent", ATTRIBUTES, {"POSITION": 2, "JOINTS_0": 0}, ["JOINTS_0 without WEIGHTS_0"]),
         ("bent", (*CHANNEL, "sampler"), 4, ["animations 1: channels 1: found sampler 4 of 4"]),
         ("bent", (*CHANNEL, "target", "node"), 8, ["node: found 8; allowed: 0 to 5"]),
         ("bent", (*SAMPLER, "input"), 99, ["input: found 99"]),
@@ -300,4 +351,4 @@ def test_an_invalid_rig_is_one_line(tmp_path: Path, name: str, place: Place, val
         part = part[key]
     data = isinstance(value, np.ndarray) or (isinstance(value, list) and value and "joints" not in place)
     part[place[-1]] = rig.accessor(value) if data and not isinstance(value[0], dict) else value
-    refused(rig.write(tmp_path / "rig.glb"), "rig.glb", *words, time=0.1)
+    refused(rig.write(tmp_path / "rig.glb"), "rig.glb", *words, moment=Moment(0.1))
