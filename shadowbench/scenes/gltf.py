@@ -24,7 +24,8 @@ from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.strict import validated
 
 HONOURED = re.compile(
-    r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_mesh_primitive_restart|KHR_lights_punctual|KHR_node_visibility"
+    r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_mesh_primitive_restart"
+    r"|(EXT|KHR)_meshopt_compression|KHR_lights_punctual|KHR_node_visibility"
     r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based"
 )
 """Extensions that are supported, or do not affect the geometry."""

@@ -3,7 +3,6 @@
 import math
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import AfterValidator, AliasPath, Field, model_validator
 
 from shadowbench.scenes.geometry import MOST_TRIANGLES
@@ -19,10 +18,9 @@ from shadowbench.scenes.gltf_fields import (
     index_into,
 )
 from shadowbench.scenes.gltf_motion import MOST_MORPHED, Animation, Skin
+from shadowbench.scenes.gltf_storage import Accessor, Buffer, BufferView, check_sizes
 from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
 
-DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by componentType
-NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # of components, by type
 DRACO = ("extensions", "KHR_draco_mesh_compression")
 
 
@@ -84,39 +82,6 @@ class _Mesh(JsonObject):
     primitives: list[Primitive]
 
 
-class Accessor(JsonObject):
-    """`count` elements in a bufferView."""
-
-    bufferView: ViewIndex | None = None
-    byteOffset: Count = 0
-    count: Count
-    componentType: Literal[5120, 5121, 5122, 5123, 5125, 5126]
-    type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
-    normalized: bool = Field(False, strict=True)
-    sparse: Any = None
-
-    @property
-    def row(self) -> tuple[np.dtype[Any], int]:
-        """Type and number of an element's components."""
-        return np.dtype(DTYPES[self.componentType]), NUMBERS[self.type]
-
-
-class _BufferView(JsonObject):
-    buffer: Annotated[Count, index_into("buffers")]
-    byteOffset: Count = 0
-    byteLength: Count
-    byteStride: Annotated[int, Field(ge=1, le=252, strict=True)] | None = None
-
-    @property
-    def end(self) -> int:
-        return self.byteOffset + self.byteLength
-
-
-class _Buffer(JsonObject):
-    uri: str | None = None
-    byteLength: Count
-
-
 class _Material(JsonObject):
     alphaMode: str = "OPAQUE"
     color: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = Field(
@@ -154,8 +119,8 @@ class Layout(JsonObject):
     nodes: Annotated[list[NodeTable], Field(max_length=MOST_COPIES)] = []
     meshes: list[_Mesh] = []
     accessors: list[Accessor] = []
-    bufferViews: list[_BufferView] = []
-    buffers: list[_Buffer] = []
+    bufferViews: list[BufferView] = []
+    buffers: list[Buffer] = []
     materials: list[_Material] = []
     cameras: list[_Camera] = []
     lights: list[_Light] = Field([], validation_alias=LIGHTS)
@@ -172,20 +137,7 @@ class Layout(JsonObject):
 
     @model_validator(mode="after")
     def _sizes_fit(self) -> Self:
-        for k, view in enumerate(self.bufferViews):
-            if view.end > (size := self.buffers[view.buffer].byteLength):
-                raise ValueError(f"bufferViews {k + 1}: ends at byte {view.end} of a buffer of {size}")
-        for k, accessor in enumerate(self.accessors):
-            if accessor.bufferView is None:
-                continue  # zeros by the specification, or filled by an extension's decoder
-            view, (dtype, numbers) = self.bufferViews[accessor.bufferView], accessor.row
-            row = dtype.itemsize * numbers
-            end = accessor.byteOffset + (accessor.count and (accessor.count - 1) * (view.byteStride or row) + row)
-            if end > view.byteLength:
-                raise ValueError(
-                    f"accessors {k + 1}: {accessor.count} elements end at byte {end} of a bufferView of "
-                    f"{view.byteLength}"
-                )
+        check_sizes(self.buffers, self.bufferViews, self.accessors)
         for what, held in (("cameras", [n.camera for n in self.nodes]), ("lights", [n.light for n in self.nodes])):
             if (count := len(held) - held.count(None)) > MOST_NAMED:
                 raise ValueError(f"its nodes hold {count} {what}; allowed are at most {MOST_NAMED}")
