@@ -17,7 +17,6 @@ from shadowbench.measure.rows import StudyFacts
 from shadowbench.options import (
     AS_STUDIED,
     FIRST,
-    LATEST,
     MAP_SIZE,
     PHASES,
     ROUNDS,
@@ -51,9 +50,8 @@ class Study(Strict):
     technique: crossed specs. phases: subtexel offsets of the map's grid to measure, for `technique` entries without
     their own number. step: what moves a little to count flips, None to count none. views, lights: "file" for the first
     camera and all lights of a scene, else by name. sun: whether directional lights without a size have the sun's
-    (`with_sun`); no_ground: whether no ground is assumed (`without_ground`);
-    time, clip: pose of animated glTF files. time_limit: seconds per cell;
-    memory_limit: GiB. notes: lines to show to the user.
+    (`with_sun`); no_ground: whether no ground is assumed (`without_ground`); time, clip: pose of animated glTF files.
+    time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
 
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
@@ -73,7 +71,7 @@ class Study(Strict):
     lights: Annotated[tuple[str | InstanceOf[Light], ...], _SOME] = ("file",)
     sun: bool = Field(False, strict=True)
     no_ground: bool = Field(False, strict=True)
-    time: float | None = Field(None, ge=0.0, le=LATEST)
+    time: float | None = Field(None, ge=0.0)
     clip: str | None = None
     technique: Annotated[tuple[InstanceOf[CrossedSpecs], ...], _SOME]
     assets: Path | None = None
