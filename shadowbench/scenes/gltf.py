@@ -13,8 +13,10 @@ import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import Triangles, triangles_of
+from shadowbench.scenes.gltf_accessors import Data
 from shadowbench.scenes.gltf_animation import NOW, Moment, pose_at
 from shadowbench.scenes.gltf_bytes import TRIANGLES, read_buffers, read_json, read_primitives
+from shadowbench.scenes.gltf_instances import instance_matrices
 from shadowbench.scenes.gltf_layout import Layout, Primitive
 from shadowbench.scenes.gltf_nodes import Node, scene_nodes
 from shadowbench.scenes.gltf_pose import Poser
@@ -25,11 +27,10 @@ from shadowbench.strict import validated
 
 HONOURED = re.compile(
     r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_mesh_primitive_restart"
-    r"|(EXT|KHR)_meshopt_compression|KHR_lights_punctual|KHR_node_visibility"
+    r"|(EXT|KHR)_meshopt_compression|EXT_mesh_gpu_instancing|KHR_lights_punctual|KHR_node_visibility"
     r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based"
 )
 """Extensions that are supported, or do not affect the geometry."""
-INSTANCING = "EXT_mesh_gpu_instancing"
 
 
 class Source(NamedTuple):
@@ -73,13 +74,14 @@ def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
         posed = poser.posed(each)
         still = triangles_of(each.positions, each.faces, where) if poser.stands(each, posed) else None
         sources[each.mesh].append(Source(still, _base_color(layout, each.primitive), posed))
-    instances = _instances(layout, nodes, sources, where)
+    instances = _instances(data, nodes, sources)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
     return Contents(instances, cameras[0], lights[0], notes + pose_notes + poser.notes + cameras[1] + lights[1])
 
 
-def _instances(layout: Layout, nodes: list[Node], sources: list[list[Source]], where: str) -> list[tuple[Mesh, Floats]]:
-    """The primitives of visible nodes, each with its matrix. sources: by mesh."""
+def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> list[tuple[Mesh, Floats]]:
+    """The primitives of visible nodes, as often as they are drawn, each with its matrix. sources: by mesh."""
+    layout = data.layout
     instances: list[tuple[Mesh, Floats]] = []
     hidden = 0
     for node in nodes:
@@ -90,12 +92,16 @@ def _instances(layout: Layout, nodes: list[Node], sources: list[list[Source]], w
             hidden += sum(len(source.triangles.faces) for source in rows if source.triangles)
             continue
         name = node.data.name or layout.meshes[node.data.mesh].name or "mesh"
+        copies = instance_matrices(data, node.data)
         for k, source in enumerate(rows, 1):
             triangles, matrix = source.posed.get(node.number, (source.triangles, node.matrix))
             assert triangles is not None  # as some node does not deform it
-            instances.append((Mesh(name if len(rows) == 1 else f"{name} {k}", *triangles, source.color), matrix))
+            title = name if len(rows) == 1 else f"{name} {k}"
+            for number, copy in enumerate(copies, 1):
+                once = title if len(copies) == 1 else f"{title} {number}"
+                instances.append((Mesh(once, *triangles, source.color), matrix @ copy))
     if hidden and not any(len(mesh.faces) for mesh, _ in instances):
-        raise InputError(f"{where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
+        raise InputError(f"{data.where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
     return instances
 
 
@@ -192,7 +198,6 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
             [each.mode < TRIANGLES for each in primitives],
             "primitive(s) of points or lines left out: they have no surface",
         ),
-        ([INSTANCING in node.extensions for node in layout.nodes], "GPU-instanced node(s) drawn once"),
     ]
     return [f"{where}: {sum(which)} {line}" for which, line in found if any(which)] + _ignored(layout, where)
 
@@ -200,6 +205,6 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
 def _ignored(layout: Layout, where: str) -> list[str]:
     """A note on the extensions that change what is seen and are not read, if there are any."""
     names = {*layout.extensionsUsed, *layout.extensions}.union(*(node.extensions for node in layout.nodes))
-    found = sorted(name for name in names if not HONOURED.fullmatch(name) and name != INSTANCING)
+    found = sorted(name for name in names if not HONOURED.fullmatch(name))
     shown = ", ".join(f"{name:.40}" for name in found[:5]) + ", ..." * (len(found) > 5)
     return [f"{where}: drawn as if the file did not use {shown}"] if found else []

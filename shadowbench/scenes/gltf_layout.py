@@ -35,7 +35,7 @@ class _Scene(JsonObject):
 
 
 class NodeTable(JsonObject):
-    """A node; with visible and light from KHR_node_visibility and KHR_lights_punctual."""
+    """A node; with visible, light, instances of KHR_node_visibility, KHR_lights_punctual, EXT_mesh_gpu_instancing."""
 
     name: str | None = None
     mesh: Annotated[Count, index_into("meshes")] | None = None
@@ -55,6 +55,9 @@ class NodeTable(JsonObject):
     visible: bool = Field(True, strict=True, validation_alias=AliasPath("extensions", "KHR_node_visibility", "visible"))
     light: Annotated[Count, index_into("lights")] | None = Field(
         None, validation_alias=AliasPath("extensions", "KHR_lights_punctual", "light")
+    )
+    instances: dict[str, AccessorIndex] = Field(
+        {}, validation_alias=AliasPath("extensions", "EXT_mesh_gpu_instancing", "attributes")
     )
     extensions: dict[str, Any] = {}
 
@@ -147,13 +150,26 @@ class Layout(JsonObject):
     def _not_too_many_triangles(self) -> Self:
         """Sharing of bufferViews and meshes allows many in a small file."""
         counts = [sum(self._corners(primitive) for primitive in mesh.primitives) for mesh in self.meshes]
-        drawn = sum(counts[node.mesh] for node in self.nodes if node.mesh is not None)
+        drawn, copies = 0, 0
+        for node in self.nodes:
+            if node.mesh is not None:
+                drawn += counts[node.mesh] * self.instance_count(node)
+                copies += len(self.meshes[node.mesh].primitives) * self.instance_count(node) if node.instances else 0
         if (corners := max(sum(counts), drawn)) > 3 * MOST_TRIANGLES:
             raise ValueError(f"its meshes have {corners} vertices; allowed are at most {3 * MOST_TRIANGLES}")
+        if copies > MOST_COPIES:
+            raise ValueError(f"its instances draw {copies} primitives; allowed are at most {MOST_COPIES}")
         morphed = sum(self._morphed(node.mesh) for node in self.nodes if node.mesh is not None)
         if morphed > MOST_MORPHED:
             raise ValueError(f"its morph targets move {morphed} vertices; allowed are at most {MOST_MORPHED}")
         return self
+
+    def instance_count(self, node: NodeTable) -> int:
+        """How often a node draws its mesh. Raises ValueError if the attributes of its instances differ in length."""
+        counts = {self.accessors[index].count for index in node.instances.values()} or {1}
+        if len(counts) > 1:
+            raise ValueError(f"EXT_mesh_gpu_instancing: attributes of {min(counts)} and {max(counts)} elements differ")
+        return counts.pop()
 
     def _morphed(self, mesh: int) -> int:
         """Number of displacements of a mesh's vertices."""

@@ -30,7 +30,8 @@ from shadowbench.strict import short
 READERS: dict[str, Callable[[bytes, str], Polygons]] = {
     ".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off,
 }  # fmt: skip
-MESH_SUFFIXES = (".glb", ".gltf", *READERS)
+GLTF_SUFFIXES = (".glb", ".gltf")
+MESH_SUFFIXES = (*GLTF_SUFFIXES, *READERS)
 
 
 def read_meshes(path: Path, where: str | None = None, moment: Moment = NOW) -> Scene:
