@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes.draco import Blob, Decoded, decode
 from shadowbench.scenes.gltf_accessors import Data, as_floats, floats_of, integers_of
-from shadowbench.scenes.gltf_layout import NUMBERS, Layout, Primitive
+from shadowbench.scenes.gltf_layout import Layout, Primitive
+from shadowbench.scenes.gltf_storage import NUMBERS
+from shadowbench.scenes.meshopt import decompressed
+from shadowbench.scenes.strips import fan_faces, strip_faces
 from shadowbench.scenes.vectors import Floats
 
-TRIANGLES, STRIP = 4, 5
+TRIANGLES, STRIP, FAN = 4, 5, 6
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 
@@ -88,12 +91,18 @@ def read_json(path: Path) -> tuple[dict[str, Any], bytes | None]:
 
 
 def read_buffers(layout: Layout, chunk: bytes | None, path: Path, where: str) -> Data:
-    """The layout with the bytes of its buffers. chunk: the binary chunk of a .glb, or None. Raises InputError."""
+    """The layout with the bytes of its buffers, decompressed. Raises InputError.
+
+    chunk: the binary chunk of a .glb, or None.
+    """
+    used = {(view.compressed or view).buffer for view in layout.bufferViews}  # others may stand for what is compressed
     buffers = [
         _buffer(layout, number, chunk if number == 0 else None, path, f"{where}: buffers {number + 1}")
+        if number in used
+        else b""
         for number in range(len(layout.buffers))
     ]
-    return Data(layout, buffers, where)
+    return decompressed(Data(layout, buffers, where))
 
 
 def read_primitives(data: Data) -> Iterator[TrianglePrimitive]:
@@ -101,7 +110,7 @@ def read_primitives(data: Data) -> Iterator[TrianglePrimitive]:
     layout = data.layout
     decoded = _decompressed(data)
     for number, each in [(number, each) for number, mesh in enumerate(layout.meshes) for each in mesh.primitives]:
-        if each.mode not in (TRIANGLES, STRIP):
+        if each.mode not in (TRIANGLES, STRIP, FAN):
             continue
         where = f"{data.where}: mesh {layout.meshes[number].name or number + 1!r:.60}"
         position = each.attributes.get("POSITION")
@@ -128,14 +137,12 @@ def _decompressed(data: Data) -> dict[tuple[Any, ...], Decoded]:
 
 def _faces(data: Data, primitive: Primitive, count: int, where: str) -> NDArray[Any]:
     """(F, 3) faces of a primitive of `count` vertices."""
-    corners = np.arange(count)
+    corners: NDArray[Any] = np.arange(count, dtype=np.uint64)
     if primitive.indices is not None:
-        corners = integers_of(data, primitive.indices, "SCALAR").ravel().astype(np.int64)
-    if primitive.mode == STRIP:
-        from trimesh.util import triangle_strips_to_faces
-
-        strips: NDArray[Any] = triangle_strips_to_faces([corners])
-        return strips
+        corners = integers_of(data, primitive.indices, "SCALAR").ravel()
+    if primitive.mode != TRIANGLES:
+        # The largest index begins another strip: in all files, as the specification forbids it as an index.
+        return (strip_faces if primitive.mode == STRIP else fan_faces)(corners, int(np.iinfo(corners.dtype).max))
     if len(corners) % 3:
         raise InputError(f"{where}: {len(corners)} corners of triangles; allowed are multiples of 3")
     return corners.reshape(-1, 3)
