@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.gltf_layout import Accessor, Layout
+from shadowbench.scenes.gltf_layout import Layout
+from shadowbench.scenes.gltf_storage import Accessor, Range
 from shadowbench.scenes.vectors import Floats
 
 
@@ -36,23 +37,34 @@ def integers_of(data: Data, index: int, *types: str) -> NDArray[Any]:
 
 
 def stored(data: Data, index: int, *types: str) -> NDArray[Any]:
-    """(count, n) elements of an accessor, a view of their buffer. Raises InputError as `floats_of` does."""
+    """(count, n) elements of an accessor, a view of their buffer or sparse. Raises InputError as `floats_of` does."""
     accessor = data.layout.accessors[index]
-    dtype, numbers = accessor.row
     if accessor.type not in types:
         raise _wrong(data, index, " or ".join(types))
-    place = f"{data.where}: accessors {index + 1}"
-    if accessor.sparse is not None:
-        raise InputError(f"{place}: sparse accessors are not supported")
-    if accessor.bufferView is None:
+    place, dense, replaced = f"{data.where}: accessors {index + 1}", accessor.dense, accessor.replaced
+    if dense is None and replaced is None:
         raise InputError(f"{place}: has no bufferView, and no extension fills it")
-    view = data.layout.bufferViews[accessor.bufferView]
+    dtype, numbers = accessor.row
+    elements = np.zeros((accessor.count, numbers), dtype) if dense is None else _range(data, dense)
+    if replaced is None:
+        return elements
+    indices, values = (_range(data, part) for part in replaced)
+    if (indices >= accessor.count).any():
+        raise InputError(f"{place}: sparse: found index {indices.max()}; allowed: 0 to {accessor.count - 1}")
+    elements = elements.copy()
+    elements[indices[:, 0]] = values
+    return elements
+
+
+def _range(data: Data, part: Range) -> NDArray[Any]:
+    """(count, n) elements, a view of their buffer."""
+    view = data.layout.bufferViews[part.bufferView]
     return np.ndarray(
-        (accessor.count, numbers),
-        dtype,
+        (part.length, part.numbers),
+        part.dtype,
         buffer=data.buffers[view.buffer],
-        offset=view.byteOffset + accessor.byteOffset,
-        strides=(view.byteStride or numbers * dtype.itemsize, dtype.itemsize),
+        offset=view.byteOffset + part.byteOffset,
+        strides=(view.byteStride or part.numbers * part.dtype.itemsize, part.dtype.itemsize),
     )
 
 

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes.draco import Blob, Decoded, decode
 from shadowbench.scenes.gltf_accessors import Data, as_floats, floats_of, integers_of
-from shadowbench.scenes.gltf_layout import NUMBERS, Layout, Primitive
+from shadowbench.scenes.gltf_layout import Layout, Primitive
+from shadowbench.scenes.gltf_storage import NUMBERS
+from shadowbench.scenes.meshopt import decompressed
 from shadowbench.scenes.strips import fan_faces, strip_faces
 from shadowbench.scenes.vectors import Floats
 
@@ -89,12 +91,18 @@ def read_json(path: Path) -> tuple[dict[str, Any], bytes | None]:
 
 
 def read_buffers(layout: Layout, chunk: bytes | None, path: Path, where: str) -> Data:
-    """The layout with the bytes of its buffers. chunk: the binary chunk of a .glb, or None. Raises InputError."""
+    """The layout with the bytes of its buffers, decompressed. Raises InputError.
+
+    chunk: the binary chunk of a .glb, or None.
+    """
+    used = {(view.compressed or view).buffer for view in layout.bufferViews}  # others may stand for what is compressed
     buffers = [
         _buffer(layout, number, chunk if number == 0 else None, path, f"{where}: buffers {number + 1}")
+        if number in used
+        else b""
         for number in range(len(layout.buffers))
     ]
-    return Data(layout, buffers, where)
+    return decompressed(Data(layout, buffers, where))
 
 
 def read_primitives(data: Data) -> Iterator[TrianglePrimitive]:

@@ -19,6 +19,7 @@ from shadowbench.scenes.geometry import (
     with_area,
 )
 from shadowbench.scenes.gltf import Contents, read_gltf
+from shadowbench.scenes.gltf_animation import NOW, Moment
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.obj_off_stl import read_obj, read_off, read_stl
 from shadowbench.scenes.ply import read_ply
@@ -29,15 +30,16 @@ from shadowbench.strict import short
 READERS: dict[str, Callable[[bytes, str], Polygons]] = {
     ".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off,
 }  # fmt: skip
-MESH_SUFFIXES = (".glb", ".gltf", *READERS)
+GLTF_SUFFIXES = (".glb", ".gltf")
+MESH_SUFFIXES = (*GLTF_SUFFIXES, *READERS)
 
 
-def read_meshes(path: Path, where: str | None = None) -> Scene:
+def read_meshes(path: Path, where: str | None = None, moment: Moment = NOW) -> Scene:
     """The meshes of a .glb, .gltf, .obj, .ply, .stl or .off file, with the cameras and lights of a glTF.
 
-    where: the beginning of each error message, by default the file's name. Raises InputError for a file that is
-    missing, unreadable, empty, truncated, of an unknown format, without triangles, or with invalid coordinates or
-    indices.
+    where: the beginning of each error message, by default the file's name; moment: at which the animations of a glTF
+    pose it. Raises InputError for a file that is missing, unreadable, empty, truncated, of an unknown format, without
+    triangles, or with invalid coordinates or indices.
     """
     where = where or path.name
     suffix = path.suffix.lower()
@@ -48,8 +50,10 @@ def read_meshes(path: Path, where: str | None = None) -> Scene:
             raise InputError(f"{where}: {'is not a file' if path.exists() else 'no such file'}")
         if path.stat().st_size == 0:
             raise InputError(f"{where}: the file is empty")
+        if suffix in READERS and moment != NOW:
+            raise InputError(f"{where}: time and clip are for glTF files, which may have animations")
         with np.errstate(all="ignore"):
-            contents = _polygonal(path, where) if suffix in READERS else read_gltf(path, where)
+            contents = _polygonal(path, where) if suffix in READERS else read_gltf(path, where, moment)
             return _assembled(contents, path.stem, where)
     except InputError:
         raise
