@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from shadowbench.scenes.cutouts import Cutout
-from shadowbench.scenes.model import Mesh
+from shadowbench.scenes.model import Camera, Mesh
 
 TEXELS = 16
+CAMERA = Camera("camera", (2.5, 3.0, 4.0), (0.0, 0.7, 0.0), math.radians(40))
 GROUND = Mesh(
     "ground",
     np.array([[-4, 0, 4], [4, 0, 4], [4, 0, -4], [-4, 0, -4.0]]),

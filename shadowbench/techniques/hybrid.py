@@ -141,7 +141,7 @@ class Classification:
         cut_out = geometry.faces[geometry.casts & geometry.is_cut_out]
         self._edge_program, *interior = (
             stage.program(f"hybrid/{part}.vert", "hybrid/silhouette.frag", params=map.params, includes={"map": kind})
-            for part in ["silhouette", *["interior"][: len(cut_out)]]
+            for part in (("silhouette", "interior") if len(cut_out) else ("silhouette",))
         )
         self._upload = stage.stream(self._edge_program, {"a": 3, "b": 3})
         self._interiors = [stage.indexed(program, cut_out) for program in interior]

@@ -14,10 +14,9 @@ from shadowbench.scenes.cutouts import Cutout, Wrap
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.survey.casters import casters_of
 from shadowbench.truths.trace import trace
-from tests.cards import GROUND, alpha_of, cards, made_of_triangles
+from tests.cards import CAMERA, GROUND, alpha_of, cards, made_of_triangles
 
 SIZE = 160
-CAMERA = Camera("camera", (2.5, 3.0, 4.0), (0.0, 0.7, 0.0), math.radians(40))
 LIGHTS = {
     "directional": Light("sun", "directional", (-0.4, -1.0, -0.3)),
     "spot": Light("spot", "spot", (-0.4, -1.0, -0.3), (1.0, 3.5, 1.0), math.radians(80)),
@@ -66,6 +65,20 @@ def test_exact_techniques_draw_the_leaves_that_triangles_make(spec, light, exact
     assert (decided & (truth.visibility == 0)).sum() > 1000
     # Of a silhouette for both camera and light, planar-projection draws single pixels too much.
     assert (mask(spec, view) != truth.visibility)[decided].sum() <= (spec == "planar-projection")
+
+
+@pytest.mark.parametrize("spec", ["ray-traced", "ray-traced:where=gpu", "hybrid:size=128", "hybrid:rest=embree"])
+@pytest.mark.parametrize("nearest", [True, False])
+def test_rays_are_the_truth_s(spec, nearest, light, studio, mask) -> None:
+    """Whatever the sampler and the vertices' alphas say."""
+    leaves = cards(60, Cutout(alpha_of("noise"), 0.9, 0.4, nearest, ("clamp", "mirror")))
+    view = leaves_view(light, leaves)
+    truth, triangle = trace(view, pixel_samples=1), studio.shot(view).triangle
+    decided = truth.receivers & ~truth.undecided
+    assert (triangle != truth.triangle)[decided].mean() < 5e-4
+    decided &= triangle == truth.triangle
+    assert 0.05 < (truth.visibility[decided] == 0).mean() < 0.9
+    assert (mask(spec, view) != truth.visibility)[decided].sum() <= 1
 
 
 MAPS = [
