@@ -143,7 +143,8 @@ def slerp(a: Floats, b: Floats, share: float) -> Floats:
 
     scipy's Slerp may take the other way round for half a turn, which is common between keys.
     """
-    cosine = float(a @ b) / float(np.linalg.norm(a) * np.linalg.norm(b) or 1.0)
+    a, b = (each / (np.linalg.norm(each) or 1.0) for each in (a, b))
+    cosine = float(a @ b)
     b = -b if cosine < 0.0 else b
     angle = math.acos(min(abs(cosine), 1.0))
     if angle < 1e-6:  # where sin(angle) rounds; off by less than angle³

@@ -32,7 +32,8 @@ from shadowbench.strict import short
 READERS: dict[str, Callable[[bytes, str], Polygons]] = {
     ".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off,
 }  # fmt: skip
-MESH_SUFFIXES = (".glb", ".gltf", *READERS, *USD_SUFFIXES)
+GLTF_SUFFIXES = (".glb", ".gltf")
+MESH_SUFFIXES = (*GLTF_SUFFIXES, *READERS, *USD_SUFFIXES)
 
 
 def read_meshes(path: Path, where: str | None = None, moment: Moment = NOW) -> Scene:
@@ -51,7 +52,7 @@ def read_meshes(path: Path, where: str | None = None, moment: Moment = NOW) -> S
             raise InputError(f"{where}: {'is not a file' if path.exists() else 'no such file'}")
         if path.stat().st_size == 0:
             raise InputError(f"{where}: the file is empty")
-        if suffix not in (".glb", ".gltf") and moment != NOW:
+        if suffix not in GLTF_SUFFIXES and moment != NOW:
             raise InputError(f"{where}: time and clip are for glTF files, which may have animations")
         with np.errstate(all="ignore"):
             if suffix in USD_SUFFIXES:

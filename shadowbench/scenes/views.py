@@ -8,6 +8,7 @@ from typing import TypeVar
 from shadowbench.errors import InputError, alternatives
 from shadowbench.options import FIRST, VIEW_SIZE, SceneOptions, ViewOptions
 from shadowbench.scenes.assumed import with_sun, without_ground
+from shadowbench.scenes.gltf_animation import Moment
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
 
@@ -35,7 +36,11 @@ def chosen_view(
 
 def opened(scene: str | Path | Scene, options: SceneOptions) -> Scene:
     """A scene by name or file, or a loaded one, with what options ask of its light and ground. Raises InputError."""
-    loaded = scene if isinstance(scene, Scene) else load_scene(scene, options.assets, options.up)
+    loaded = (
+        scene
+        if isinstance(scene, Scene)
+        else load_scene(scene, options.assets, options.up, Moment(options.time, options.clip))
+    )
     loaded = without_ground(loaded) if options.no_ground else loaded
     return with_sun(loaded) if options.sun else loaded
 

@@ -50,8 +50,8 @@ class Study(Strict):
     technique: crossed specs. phases: subtexel offsets of the map's grid to measure, for `technique` entries without
     their own number. step: what moves a little to count flips, None to count none. views, lights: "file" for the first
     camera and all lights of a scene, else by name. sun: whether directional lights without a size have the sun's
-    (`with_sun`); no_ground: whether no ground is assumed (`without_ground`). time_limit: seconds per cell;
-    memory_limit: GiB. notes: lines to show to the user.
+    (`with_sun`); no_ground: whether no ground is assumed (`without_ground`); time, clip: pose of animated glTF files.
+    time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
 
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
@@ -71,6 +71,8 @@ class Study(Strict):
     lights: Annotated[tuple[str | InstanceOf[Light], ...], _SOME] = ("file",)
     sun: bool = Field(False, strict=True)
     no_ground: bool = Field(False, strict=True)
+    time: float | None = Field(None, ge=0.0)
+    clip: str | None = None
     technique: Annotated[tuple[InstanceOf[CrossedSpecs], ...], _SOME]
     assets: Path | None = None
     up: str | None = None
@@ -136,6 +138,8 @@ class Study(Strict):
             "sun": self.sun,
             **({"no_ground": True} if self.no_ground else {}),
             **({"up": self.up} if self.up else {}),
+            **({} if self.time is None else {"time": self.time}),
+            **({} if self.clip is None else {"clip": self.clip}),
         }
 
     def cells(self, soft: bool = True) -> tuple[Cell, ...]:
@@ -159,7 +163,7 @@ class Study(Strict):
         """All blocks, scene by scene. Raises InputError for a scene that cannot be read."""
         files: dict[str, str | Scene] = {}
         for source in dict.fromkeys(self.scenes):
-            scene = opened(source, SceneOptions(self.assets, self.up, self.sun, self.no_ground))
+            scene = opened(source, SceneOptions(self.assets, self.up, self.sun, self.no_ground, self.time, self.clip))
             first = files.setdefault(scene.name, source)
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
@@ -264,7 +268,7 @@ def study_from_options(
     changes: dict[str, Any] = {"scenes": scenes, "map_size": map_size, **asdict(measuring), **asdict(view)}
     for one, several in (("view", "views"), ("light", "lights")):
         changes[several] = tuple(filter(None, [changes.pop(one)]))
-    changes = {name: value for name, value in changes.items() if value or type(value) is int}  # 0 rounds
+    changes = {name: value for name, value in changes.items() if value or type(value) in (int, float)}  # 0 rounds, 0 s
     if specs:
         changes["technique"] = (CrossedSpecs(tuple(specs), sweeps=found.sweeps),)
         if study is None and map_size is None:

@@ -52,7 +52,7 @@ def test_a_file_that_many_tables_name_is_read_once(
     mesh_file("a.obj", OBJ)
     asked: list[Path] = []
     monkeypatch.setattr(
-        "shadowbench.scenes.files.read_meshes", lambda path, where: asked.append(path) or read_meshes(path, where)
+        "shadowbench.scenes.files.read_meshes", lambda path, *how: asked.append(path) or read_meshes(path, *how)
     )
     scene = load_scene(scene_file('[[mesh]]\nfile = "a.obj"\n' * 50))
     assert len(scene.meshes) == 50
