@@ -35,9 +35,9 @@ def walker(
         elbow = shoulder + 0.16 * _down(_SWING * arm)
         hand = elbow + 0.17 * _down(_SWING * arm + 0.5)
         toe = ankle + 0.1 * np.array([0.0, np.sin(thigh - bend), np.cos(thigh - bend)])
-        limbs += [_limb(hip, knee, 0.055, 0.042, sections), _limb(knee, ankle, 0.042, 0.03, sections)]
-        limbs += [_limb(ankle, toe, 0.032, 0.026, sections), _limb(shoulder, elbow, 0.036, 0.03, sections)]
-        limbs.append(_limb(elbow, hand, 0.03, 0.026, sections))
+        limbs += [_limb(hip, knee, 0.055, 0.043, sections), _limb(knee, ankle, 0.041, 0.03, sections)]
+        limbs += [_limb(ankle, toe, 0.032, 0.026, sections), _limb(shoulder, elbow, 0.036, 0.031, sections)]
+        limbs.append(_limb(elbow, hand, 0.029, 0.026, sections))
     starts = np.cumsum([0, *(len(limb.vertices) for limb in limbs[:-1])])
     faces = np.concatenate([limb.faces + start for limb, start in zip(limbs, starts, strict=True)])
     vertices = np.concatenate([limb.vertices for limb in limbs])
