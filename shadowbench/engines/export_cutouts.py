@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shadowbench.files import png_of
 from shadowbench.scenes.cutouts import Cutout, Wrap
@@ -17,11 +16,11 @@ _WRAPS: dict[Wrap, int] = {"clamp": 33071, "mirror": 33648, "repeat": 10497}
 _NEAREST, _LINEAR = 9728, 9729
 
 
-def corner_attributes(mesh: Mesh) -> dict[str, NDArray[np.float32]]:
+def corner_attributes(mesh: Mesh) -> dict[str, Any]:
     """Texture coordinates and vertex alphas of a cut-out mesh by corner, in turn, for `name_attributes`."""
     if mesh.cutout is None:
         return {}
-    found = {} if mesh.coordinates is None else {"_PLACE": mesh.coordinates.reshape(-1, 2)}
+    found: dict[str, Any] = {} if mesh.coordinates is None else {"_PLACE": mesh.coordinates.reshape(-1, 2)}
     if mesh.alpha is not None:
         found["_ALPHA"] = np.insert(np.ones((mesh.alpha.size, 3), np.float32), 3, mesh.alpha.ravel(), axis=1)
     return found
