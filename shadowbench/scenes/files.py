@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
-from shadowbench.scenes.geometry import MOST_TRIANGLES
+from shadowbench.scenes.geometry import MOST_TRIANGLES, Triangles
 from shadowbench.scenes.gltf_animation import Moment
 from shadowbench.scenes.meshes import placed, read_meshes
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene
@@ -133,9 +133,9 @@ def _sources(
     table = validated(model, raw, where)
     if table.file is None:
         parameters = {key: value for key, value in raw.items() if key not in MeshTable.model_fields}
-        triangles = build_shape(str(shape), parameters, where)
-        normals = mean_normals(triangles) if table.smooth else None
-        return table, (Mesh(table.name or str(shape), *triangles, normals=normals),), 0
+        mesh = build_shape(str(shape), parameters, where)
+        normals = mean_normals(Triangles(mesh.vertices, mesh.faces)) if table.smooth else None
+        return table, (replace(mesh, name=table.name or mesh.name, normals=normals),), 0
     file = _resolved(table.file, scene, assets, where)
     moment = Moment(table.time, table.clip)
     if (file, moment) not in read:
