@@ -28,7 +28,7 @@ from shadowbench.plugin.registry import forget_components
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.scenes.views import chosen_view
+from shadowbench.survey.views import chosen_view
 from shadowbench.truths import packets
 from shadowbench.truths.trace import Truth, trace
 

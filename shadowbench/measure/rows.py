@@ -184,6 +184,10 @@ class StudyFacts(TypedDict, total=False):
     sun: bool
     no_ground: bool
     up: str
+    camera: str
+    target: str
+    lamp: str
+    sun_at: str
 
 
 @with_config(_STRICT)
