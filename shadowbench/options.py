@@ -26,6 +26,8 @@ VIEW_SIZE = Bounds(1, 16384)
 ROUNDS = Bounds(0, 10_000)
 PHASES = Bounds(1, 10_000)
 PIXEL_SAMPLES = Bounds(1, 64)
+LATEST = 1e9
+"""Largest time of an animation, in seconds."""
 LARGEST = 1e18
 """Largest allowed coordinate: squares of larger ones overflow float32, which `coordinates="absolute"` uses."""
 
@@ -116,6 +118,11 @@ class SceneOptions:
     no_ground: bool = option(
         "Assume no ground below a mesh file that has none; the assumed one receives shadows that count.", default=False
     )
+    time: float | None = option("Seconds at which the clip of an animated glTF poses it  [0].", "S")
+    clip: str | None = option(
+        "Clip of an animated glTF, by name or by number from 1, or none for its nodes as they stand  [the first].",
+        "NAME",
+    )
     camera: str | None = option(
         "Where the camera stands: a side of what the scene holds, inside for an interior, or a point in the scene's "
         "units. A camera of the scene with such a name is meant first  [the scene's own cameras].",
@@ -130,6 +137,11 @@ class SceneOptions:
     )
 
     def __post_init__(self) -> None:
+        if self.time is not None:
+            time = number(self.time, "time")
+            if not 0.0 <= time <= LATEST:
+                raise InputError(f"--time: found {time:g}; allowed: seconds from 0 to {LATEST:g}")
+            object.__setattr__(self, "time", time)
         for name in PLACES:
             object.__setattr__(self, name, place_text(getattr(self, name), name))
         if self.camera and "," in self.camera:

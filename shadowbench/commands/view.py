@@ -91,7 +91,7 @@ def _check(scene: str | None, asked: WindowOptions, view: ViewOptions) -> None:
         raise InputError("view: found --state and --cell; allowed: one")
     if (asked.state or asked.cell) and replace(view, assets=None) != FIRST:
         raise InputError(
-            "options on how a SCENE is read, such as --camera, are for one; a state and a cell have their own"
+            "options on how a SCENE is read, such as --view or --sun, are for one; a state and a cell have their own"
         )
 
 

@@ -115,6 +115,25 @@ def projection_matrix(view: View) -> Floats:
     )
 
 
+def nearest_depth(view: View) -> float:
+    """Depth of the nearest surface in the picture, in metres along the camera's axis, at least that of the near plane.
+
+    The near plane of a camera within the scene's bounds is at far/10⁴, where a depth buffer of 24 bits is coarse: a
+    shadow volume that is tested against it ends millimetres beside the shadow.
+    """
+    camera, (near, far) = view.camera, view.near_far
+    right, up, back = camera.basis()
+    slope, eye = math.tan(camera.fov_y / 2), np.asarray(camera.position)
+    vertices, faces = view.scene.geometry.vertices, view.scene.geometry.faces
+    for normal in (right, -right, up, -up):
+        cut = trimesh.intersections.slice_faces_plane(  # type: ignore[no-untyped-call]
+            vertices, faces, normal - slope * back, eye
+        )
+        vertices, faces = cut[:2]
+    depths = (vertices[np.unique(faces)] - eye) @ -back
+    return max(near, float(depths.min(initial=far)))
+
+
 def describe(view: View, scene_name: str, sides: "Sides" = "double", options: SceneOptions = FIRST) -> Json:
     """Contents of `view.json`: conventions that glTF leaves open, camera, light, meshes and the format of masks."""
     camera, (near, far) = view.camera, view.near_far
@@ -143,6 +162,7 @@ def describe(view: View, scene_name: str, sides: "Sides" = "double", options: Sc
             "fov_y": math.degrees(camera.fov_y),
             "near": near,
             "far": far,
+            "nearest": nearest_depth(view),
             "view": view_matrix(camera).tolist(),
             "projection": projection_matrix(view).tolist(),
         },

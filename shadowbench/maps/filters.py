@@ -6,7 +6,8 @@ from typing import ClassVar, Literal
 
 from shadowbench.maps.biases import ALL_MAPS, MapKind
 from shadowbench.plugin.params import Component, param
-from shadowbench.scenes.model import Light, Placement
+from shadowbench.scenes.model import Light
+from shadowbench.scenes.placement import Placement
 
 Kernel = Literal["box", "gaussian"]
 

@@ -6,7 +6,8 @@ from typing import Literal
 from shadowbench.maps.biases import ALL_MAPS
 from shadowbench.maps.filters import Contents, Filter
 from shadowbench.plugin.params import param
-from shadowbench.scenes.model import Light, Placement
+from shadowbench.scenes.model import Light
+from shadowbench.scenes.placement import Placement
 
 
 class Disc(Filter):

@@ -184,6 +184,8 @@ class StudyFacts(TypedDict, total=False):
     sun: bool
     no_ground: bool
     up: str
+    time: float
+    clip: str
     camera: str
     target: str
     lamp: str

@@ -77,10 +77,12 @@ def _two_folders(first: Path, second: Path) -> tuple[Sequence[Result], Sequence[
     if one.renderer != other.renderer:
         raise InputError(f"{second}: found rows of {other.renderer}; allowed: of {one.renderer}, as in {first}")
     studies = [run.about.get("study", {}) for run in (one, other)]
-    for field, option in (("sun", "--sun"), ("no_ground", "--no-ground")):
+    for field in ("sun", "no_ground", "time", "clip"):
         given = [study.get(field, False) for study in studies if study]
         if len(set(given)) > 1:
-            how = f"with{'' if given[1] else 'out'} {option}"
+            option = f"--{field.replace('_', '-')}"
+            how = f"without {option}" if given[1] is False else f"with {option}"
+            how += f" {given[1]}" if not isinstance(given[1], bool) else ""
             raise InputError(f"{second}: was measured {how}; allowed: as {first} was, whose shadows are others")
     return one.results, other.results
 

@@ -6,7 +6,7 @@ python -m shadowbench.scenes.draco < blobs.npz > arrays.npz
 import io
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -23,24 +23,31 @@ MOST_MEMORY = 2 << 30
 
 
 class Blob(NamedTuple):
-    """A compressed primitive, and the Draco id of its position attribute."""
+    """A compressed primitive, and the Draco ids of its attributes by their names."""
 
     data: bytes
-    positions: int
+    ids: Mapping[str, int]
 
 
 class Decoded(NamedTuple):
-    """A decoded primitive. positions: (V, 3) float64, not dequantized; faces: (F, 3) int64 indices into them."""
+    """A decoded primitive.
 
-    positions: NDArray[np.float64]
+    attributes: by name, (V, n) of floats or integers, as an accessor of the same type would hold them; faces: (F, 3)
+    int64 indices into them.
+    """
+
+    attributes: Mapping[str, NDArray[Any]]
     faces: NDArray[np.int64]
 
 
 def decode(blobs: list[Blob], where: str) -> list[Decoded]:
     """The decoded primitives. Raises InputError that begins with `where` if one cannot be decoded."""
-    request = _packed(
-        np.array([blob.positions for blob in blobs]), *(np.frombuffer(blob.data, dtype=np.uint8) for blob in blobs)
-    )
+    parts = [
+        part
+        for blob in blobs
+        for part in (np.array([*blob.ids.values()], np.int64), np.frombuffer(blob.data, np.uint8))
+    ]
+    request = _packed(*parts)
     where = f"{where}: KHR_draco_mesh_compression"
     try:
         # -P: do not import from the current folder, which may have a numpy.py.
@@ -53,8 +60,8 @@ def decode(blobs: list[Blob], where: str) -> list[Decoded]:
         errors = done.stderr.decode(errors="replace").strip().splitlines()
         crash = f"the decoder died with code {done.returncode}"
         raise InputError(f"{where}: {errors[-1][:160] if done.returncode == 1 and errors else crash}")
-    arrays = _unpacked(done.stdout)
-    return [Decoded(*pair) for pair in zip(arrays[::2], arrays[1::2], strict=True)]
+    arrays = iter(_unpacked(done.stdout))
+    return [Decoded({name: next(arrays) for name in blob.ids}, next(arrays)) for blob in blobs]
 
 
 def _packed(*arrays: NDArray[Any]) -> bytes:
@@ -68,21 +75,22 @@ def _unpacked(data: bytes) -> list[NDArray[Any]]:
         return list(file.values())
 
 
-def _decode_here(numbers: NDArray[Any], *blobs: NDArray[np.uint8]) -> Iterator[NDArray[Any]]:
-    """Positions and faces of each blob in turn."""
+def _decode_here(*parts: NDArray[Any]) -> Iterator[NDArray[Any]]:
+    """Attributes and faces of each blob in turn; parts: the ids of a blob's attributes and its bytes, in turn."""
     import DracoPy  # type: ignore[import-not-found]  # compiled, without stubs
 
     triangles = 0
-    for number, blob in zip(numbers, blobs, strict=True):
+    for ids, blob in zip(parts[::2], parts[1::2], strict=True):
         mesh = DracoPy.decode(blob.tobytes())
-        found = [row["data"] for row in mesh.attributes if row["unique_id"] == number]
-        if not found:
-            raise ValueError(f"no attribute {number}, which the file says is its positions")
+        found = {row["unique_id"]: row["data"] for row in mesh.attributes}
         faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64).reshape(-1, 3)
         triangles += len(faces)
         if triangles > MOST_TRIANGLES:
             raise ValueError(f"more than {MOST_TRIANGLES} triangles")
-        yield np.asarray(found[0], dtype=np.float64).reshape(-1, 3)
+        for number in ids.tolist():
+            if number not in found:
+                raise ValueError(f"no attribute {number}, which the file names")
+            yield found[number].reshape(len(found[number]), -1)
         yield faces
 
 

@@ -4,6 +4,7 @@ import math
 import os
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +15,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
 from shadowbench.scenes.geometry import MOST_TRIANGLES
+from shadowbench.scenes.gltf_animation import Moment
 from shadowbench.scenes.meshes import placed, read_meshes
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene
 from shadowbench.scenes.shapes import build_shape, shape_table
@@ -99,7 +101,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     if not document.mesh:
         raise InputError(f"{path.name}: mesh: found none; at least one [[mesh]] is needed")
     meshes: list[Mesh] = []
-    read: dict[Path, Scene] = {}  # many tables may use the same large file
+    read: dict[tuple[Path, Moment], Scene] = {}  # many tables may use the same large file
     dropped = triangles = copies = 0
     for number, raw in enumerate(document.mesh, 1):
         where = f"{path.name}: [[mesh]] {number}"
@@ -122,7 +124,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
 
 
 def _sources(
-    raw: dict[str, Any], scene: Path, assets: Path | None, read: dict[Path, Scene], where: str
+    raw: dict[str, Any], scene: Path, assets: Path | None, read: dict[tuple[Path, Moment], Scene], where: str
 ) -> tuple[MeshTable, tuple[Mesh, ...], int]:
     """The validated table, its shape's or file's meshes in object space, and the zero-area triangles of the file."""
     shape = raw.get("shape")
@@ -132,9 +134,10 @@ def _sources(
         parameters = {key: value for key, value in raw.items() if key not in MeshTable.model_fields}
         return table, (Mesh(table.name or str(shape), *build_shape(str(shape), parameters, where)),), 0
     file = _resolved(table.file, scene, assets, where)
-    if file not in read:
-        read[file] = read_meshes(file, f"{where}: {table.file}")
-    return table, read[file].meshes, read[file].dropped
+    moment = Moment(table.time, table.clip)
+    if (file, moment) not in read:
+        read[file, moment] = read_meshes(file, f"{where}: {table.file}", moment)
+    return table, read[file, moment].meshes, read[file, moment].dropped
 
 
 def _copies(table: MeshTable, sources: tuple[Mesh, ...]) -> Iterator[tuple[Mesh, Floats]]:
@@ -148,8 +151,8 @@ def _copies(table: MeshTable, sources: tuple[Mesh, ...]) -> Iterator[tuple[Mesh,
         suffix = "".join(f" {k + 1}" for k in indices)
         for mesh in sources:
             name = (mesh.name if table.name is None or len(sources) > 1 else table.name) + suffix
-            color, flags = table.color or mesh.color, (table.casts, table.receives, table.planar)
-            yield Mesh(name, mesh.vertices, mesh.faces, color, *flags), moved
+            copy = replace(mesh, name=name, color=table.color or mesh.color)
+            yield replace(copy, casts=table.casts, receives=table.receives, planar=table.planar), moved
 
 
 def transform_of(table: MeshTable) -> Floats:

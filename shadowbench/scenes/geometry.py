@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.options import LARGEST as LARGEST
+from shadowbench.scenes.cutouts import CutoutFaces
 
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int32]
@@ -54,25 +55,35 @@ def check_indices(indices: NDArray[Any], count: int, where: str) -> NDArray[np.i
     return indices.astype(np.int64)
 
 
+def without_zero_area(triangles: Triangles) -> tuple[Triangles, int]:
+    """The triangles without those of zero area, and the number removed."""
+    kept = with_area(triangles)
+    return Triangles(triangles.vertices, triangles.faces[kept]), int(len(kept) - kept.sum())
+
+
 def transformed(triangles: Triangles, matrix: Floats) -> Triangles:
     """The triangles under an affine (4, 4) matrix; a mirroring one reverses the winding, which stays outwards."""
     with np.errstate(over="ignore", invalid="ignore"):  # `checked` reports what overflows
         vertices = triangles.vertices @ matrix[:3, :3].T + matrix[:3, 3]
-    mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
-    return Triangles(vertices, np.ascontiguousarray(triangles.faces[:, ::-1]) if mirrored else triangles.faces)
+    faces = np.ascontiguousarray(triangles.faces[:, ::-1]) if mirrors(matrix) else triangles.faces
+    return Triangles(vertices, faces)
 
 
-def without_zero_area(triangles: Triangles) -> tuple[Triangles, int]:
-    """The triangles without those of zero area, and the number removed."""
+def mirrors(matrix: Floats) -> bool:
+    """Whether an affine (4, 4) matrix mirrors."""
+    return bool(np.linalg.det(matrix[:3, :3]) < 0.0)
+
+
+def with_area(triangles: Triangles) -> NDArray[np.bool_]:
+    """(F,) bool, False for triangles of zero area."""
     a, b, c = (triangles.vertices[triangles.faces[:, k]] for k in range(3))
     edges = np.stack([b - a, c - b, a - c])
     longest = np.linalg.norm(edges, axis=2).max(axis=0)
     # Relative to the longest edge, as squares of tiny or huge edges would underflow or overflow.
     scale = np.where(longest > 0.0, longest, 1.0)[:, None]
     doubled = np.linalg.norm(np.cross(edges[0] / scale, edges[2] / scale), axis=1)
-    kept = doubled > FLATTEST
-    dropped = int(len(kept) - kept.sum())
-    return (Triangles(triangles.vertices, triangles.faces[kept]) if dropped else triangles), dropped
+    kept: NDArray[np.bool_] = doubled > FLATTEST
+    return kept
 
 
 def checked(vertices: Floats, where: str) -> Floats:
@@ -89,7 +100,8 @@ def checked(vertices: Floats, where: str) -> Floats:
 class Geometry:
     """All triangles of a scene in one indexed list, meshes in file order; an index identifies a triangle.
 
-    vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives, planar: (F,) bool; colors: (F, 3) float64, linear.
+    vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives, planar: (F,) bool; colors: (F, 3) float64, linear;
+    cutouts: the cut-out triangles, None without any.
     """
 
     vertices: Floats
@@ -98,6 +110,7 @@ class Geometry:
     receives: NDArray[np.bool_]
     planar: NDArray[np.bool_]
     colors: Floats
+    cutouts: CutoutFaces | None = None
 
     @cached_property
     def crosses(self) -> Floats:
@@ -128,10 +141,17 @@ class Geometry:
         """(C, 3) int32 faces of the casters."""
         return self.faces if bool(self.casts.all()) else self.faces[self.casts]
 
+    @cached_property
+    def caster_cutouts(self) -> CutoutFaces | None:
+        """The cut-out triangles among `caster_faces`; None without any."""
+        return None if self.cutouts is None else self.cutouts.among(self.casts)
+
     def digest(self) -> str:
         """Hex digest of all properties of triangles that affect shadows; colours do not."""
         digest = hashlib.sha256()
-        for array in (self.vertices, self.faces, self.casts, self.receives):
+        cut = () if self.cutouts is None else self.cutouts.arrays()
+        arrays: tuple[NDArray[Any], ...] = (self.vertices, self.faces, self.casts, self.receives, *cut)
+        for array in arrays:
             digest.update(repr((array.shape, array.dtype.str)).encode())
             digest.update(np.ascontiguousarray(array).tobytes())
         if self.planar.any():  # used by planar-projection:receives=flagged

@@ -6,7 +6,6 @@ camera's node.
 
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,27 +13,35 @@ import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import Triangles, triangles_of
-from shadowbench.scenes.gltf_bytes import STRIP, TRIANGLES, read_json, read_primitives
-from shadowbench.scenes.gltf_layout import Layout, NodeTable, Primitive
+from shadowbench.scenes.gltf_accessors import Data
+from shadowbench.scenes.gltf_animation import NOW, Moment, pose_at
+from shadowbench.scenes.gltf_bytes import TRIANGLES, read_buffers, read_json, read_primitives
+from shadowbench.scenes.gltf_instances import instance_matrices
+from shadowbench.scenes.gltf_layout import Layout, Primitive
+from shadowbench.scenes.gltf_nodes import Node, scene_nodes
+from shadowbench.scenes.gltf_pose import Poser
 from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
 from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, name_from
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.strict import validated
 
 HONOURED = re.compile(
-    r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_lights_punctual|KHR_node_visibility"
+    r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_mesh_primitive_restart"
+    r"|(EXT|KHR)_meshopt_compression|EXT_mesh_gpu_instancing|KHR_lights_punctual|KHR_node_visibility"
     r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based"
 )
 """Extensions that are supported, or do not affect the geometry."""
-INSTANCING = "EXT_mesh_gpu_instancing"
 
 
-class Node(NamedTuple):
-    """A node of the default scene: its table, its (4, 4) float64 node-to-world matrix, and its visibility."""
+class Source(NamedTuple):
+    """A primitive: its triangles as a node's matrix moves them, None where all nodes deform it; and its colour.
 
-    data: NodeTable
-    matrix: Floats
-    visible: bool
+    posed: triangles and their matrix to the world by number of a node that deforms it.
+    """
+
+    triangles: Triangles | None
+    color: Vec3
+    posed: dict[int, tuple[Triangles, Floats]]
 
 
 class Contents(NamedTuple):
@@ -46,8 +53,11 @@ class Contents(NamedTuple):
     notes: list[str]
 
 
-def read_gltf(path: Path, where: str) -> Contents:
-    """The contents of a .gltf or .glb, in the order of its nodes. Raises InputError or ValueError for invalid ones."""
+def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
+    """The contents of a .gltf or .glb at a moment, in the order of its nodes.
+
+    Raises InputError or ValueError for invalid ones.
+    """
     document, chunk = read_json(path)
     layout = validated(Layout, document, where, context=document)
     for extension in layout.extensionsRequired:
@@ -55,19 +65,23 @@ def read_gltf(path: Path, where: str) -> Contents:
             raise InputError(
                 f"{where}: extensionsRequired: {extension!r:.60} is not supported; save the file without it"
             )
-    sources: list[list[tuple[Triangles, Vec3]]] = [[] for _ in layout.meshes]
-    for number, primitive, positions, faces in read_primitives(layout, chunk, path, where):
-        sources[number].append((triangles_of(positions, faces, where), _base_color(layout, primitive)))
-    nodes = list(_nodes(layout))
-    instances = _instances(layout, nodes, sources, where)
+    data = read_buffers(layout, chunk, path, where)
+    pose, pose_notes = pose_at(data, moment)
+    nodes = scene_nodes(layout, pose)
+    poser = Poser(data, pose, nodes)
+    sources: list[list[Source]] = [[] for _ in layout.meshes]
+    for each in read_primitives(data):
+        posed = poser.posed(each)
+        still = triangles_of(each.positions, each.faces, where) if poser.stands(each, posed) else None
+        sources[each.mesh].append(Source(still, _base_color(layout, each.primitive), posed))
+    instances = _instances(data, nodes, sources)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
-    return Contents(instances, cameras[0], lights[0], notes + cameras[1] + lights[1])
+    return Contents(instances, cameras[0], lights[0], notes + pose_notes + poser.notes + cameras[1] + lights[1])
 
 
-def _instances(
-    layout: Layout, nodes: list[Node], sources: list[list[tuple[Triangles, Vec3]]], where: str
-) -> list[tuple[Mesh, Floats]]:
-    """The primitives of visible nodes, each with its matrix. sources: triangles and colours by mesh."""
+def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> list[tuple[Mesh, Floats]]:
+    """The primitives of visible nodes, as often as they are drawn, each with its matrix. sources: by mesh."""
+    layout = data.layout
     instances: list[tuple[Mesh, Floats]] = []
     hidden = 0
     for node in nodes:
@@ -75,13 +89,19 @@ def _instances(
             continue
         rows = sources[node.data.mesh]
         if not node.visible:
-            hidden += sum(len(triangles.faces) for triangles, _ in rows)
+            hidden += sum(len(source.triangles.faces) for source in rows if source.triangles)
             continue
         name = node.data.name or layout.meshes[node.data.mesh].name or "mesh"
-        for k, (triangles, color) in enumerate(rows, 1):
-            instances.append((Mesh(name if len(rows) == 1 else f"{name} {k}", *triangles, color), node.matrix))
+        copies = instance_matrices(data, node.data)
+        for k, source in enumerate(rows, 1):
+            triangles, matrix = source.posed.get(node.number, (source.triangles, node.matrix))
+            assert triangles is not None  # as some node does not deform it
+            title = name if len(rows) == 1 else f"{name} {k}"
+            for number, copy in enumerate(copies, 1):
+                once = title if len(copies) == 1 else f"{title} {number}"
+                instances.append((Mesh(once, *triangles, source.color), matrix @ copy))
     if hidden and not any(len(mesh.faces) for mesh, _ in instances):
-        raise InputError(f"{where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
+        raise InputError(f"{data.where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
     return instances
 
 
@@ -89,40 +109,6 @@ def _base_color(layout: Layout, primitive: Primitive) -> Vec3:
     """The material's linear base colour factor; grey without one, as where a texture has the colour."""
     factor = None if primitive.material is None else layout.materials[primitive.material].color
     return GREY if factor is None else vec3(np.clip(factor[:3], 0.0, 1.0))
-
-
-def _nodes(layout: Layout) -> Iterator[Node]:
-    """Every node of the default scene, parents before children, in the order of the file."""
-    nodes = layout.nodes
-    if layout.scenes:
-        roots = layout.scenes[layout.scene or 0].nodes
-    else:
-        children = {child for node in nodes for child in node.children}
-        roots = [index for index in range(len(nodes)) if index not in children]
-    waiting = [(index, np.eye(4), True) for index in reversed(roots)]
-    seen: set[int] = set()
-    while waiting:
-        index, parent, visible = waiting.pop()
-        if index in seen:
-            raise ValueError(f"node {index} has two parents or is its own ancestor")
-        seen.add(index)
-        node = nodes[index]
-        matrix = parent @ _local_matrix(node)
-        # KHR_node_visibility hides the meshes and lights of a node and its descendants, but not cameras.
-        visible = visible and node.visible
-        waiting.extend((child, matrix, visible) for child in reversed(node.children))
-        yield Node(node, matrix, visible)
-
-
-def _local_matrix(node: NodeTable) -> Floats:
-    from scipy.spatial.transform import Rotation  # the import takes 0.3 s
-
-    if node.matrix is not None:
-        return np.array(node.matrix).reshape(4, 4).T
-    matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_quat(node.rotation).as_matrix() * node.scale
-    matrix[:3, 3] = node.translation
-    return matrix
 
 
 def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera], list[str]]:
@@ -208,14 +194,10 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
             [one.see_through for k, one in enumerate(layout.materials) if k in used],
             "see-through material(s) drawn opaque",
         ),
-        ([True] * len(layout.animations), "animation(s) drawn still, as the nodes stand"),
-        ([node.skin is not None for node in layout.nodes], "skinned mesh(es) drawn still, undeformed"),
-        ([each.targets is not None for each in primitives], "morphed primitive(s) drawn still, in their base shape"),
         (
-            [each.mode not in (TRIANGLES, STRIP) for each in primitives],
+            [each.mode < TRIANGLES for each in primitives],
             "primitive(s) of points or lines left out: they have no surface",
         ),
-        ([INSTANCING in node.extensions for node in layout.nodes], "GPU-instanced node(s) drawn once"),
     ]
     return [f"{where}: {sum(which)} {line}" for which, line in found if any(which)] + _ignored(layout, where)
 
@@ -223,6 +205,6 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
 def _ignored(layout: Layout, where: str) -> list[str]:
     """A note on the extensions that change what is seen and are not read, if there are any."""
     names = {*layout.extensionsUsed, *layout.extensions}.union(*(node.extensions for node in layout.nodes))
-    found = sorted(name for name in names if not HONOURED.fullmatch(name) and name != INSTANCING)
+    found = sorted(name for name in names if not HONOURED.fullmatch(name))
     shown = ", ".join(f"{name:.40}" for name in found[:5]) + ", ..." * (len(found) > 5)
     return [f"{where}: drawn as if the file did not use {shown}"] if found else []

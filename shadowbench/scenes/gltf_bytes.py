@@ -5,7 +5,7 @@ import binascii
 import json
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import unquote
@@ -15,19 +15,56 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.draco import Blob, Decoded, decode
-from shadowbench.scenes.gltf_layout import Accessor, Layout, Primitive
+from shadowbench.scenes.gltf_accessors import Data, as_floats, floats_of, integers_of
+from shadowbench.scenes.gltf_layout import Layout, Primitive
+from shadowbench.scenes.gltf_storage import NUMBERS
+from shadowbench.scenes.meshopt import decompressed
+from shadowbench.scenes.strips import fan_faces, strip_faces
+from shadowbench.scenes.vectors import Floats
 
-TRIANGLES, STRIP = 4, 5
+TRIANGLES, STRIP, FAN = 4, 5, 6
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 
 class TrianglePrimitive(NamedTuple):
-    """A triangle primitive: index of its mesh, (V, 3) positions, (F, 3) indices into them, not yet validated."""
+    """A triangle primitive: index of its mesh, and its (F, 3) indices of vertices, not yet validated.
+
+    decoded: its attributes that were compressed, by name.
+    """
 
     mesh: int
     primitive: Primitive
-    positions: NDArray[Any]
     faces: NDArray[Any]
+    data: Data
+    decoded: Mapping[str, NDArray[Any]]
+
+    @property
+    def positions(self) -> Floats:
+        """(V, 3) float64."""
+        positions = self.floats("POSITION", "VEC3")
+        assert positions is not None  # as `read_primitives` checks
+        return positions
+
+    def floats(self, name: str, *types: str) -> Floats | None:
+        """(V, n) float64 elements of an attribute of one of the types, None if there is none. Raises InputError."""
+        index = self.primitive.attributes.get(name)
+        if index is None or name not in self.decoded:
+            return None if index is None else floats_of(self.data, index, *types)
+        return as_floats(self._compressed(name, types), self.data.layout.accessors[index])
+
+    def integers(self, name: str, *types: str) -> NDArray[Any] | None:
+        """(V, n) unsigned integers of an attribute, as `floats`."""
+        index = self.primitive.attributes.get(name)
+        if index is None or name not in self.decoded:
+            return None if index is None else integers_of(self.data, index, *types)
+        return self._compressed(name, types).astype(np.uint32)
+
+    def _compressed(self, name: str, types: tuple[str, ...]) -> NDArray[Any]:
+        found = self.decoded[name]
+        if found.shape[1] not in [NUMBERS[each] for each in types]:
+            allowed = " or ".join(types)
+            raise InputError(f"{self.data.where}: {name}: found {found.shape[1]} components; allowed: {allowed}")
+        return found
 
 
 def read_json(path: Path) -> tuple[dict[str, Any], bytes | None]:
@@ -53,85 +90,62 @@ def read_json(path: Path) -> tuple[dict[str, Any], bytes | None]:
     return document, chunk
 
 
-def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str) -> Iterator[TrianglePrimitive]:
-    """The triangle primitives in the order of the file. Raises InputError for invalid data.
+def read_buffers(layout: Layout, chunk: bytes | None, path: Path, where: str) -> Data:
+    """The layout with the bytes of its buffers, decompressed. Raises InputError.
 
     chunk: the binary chunk of a .glb, or None.
     """
+    used = {(view.compressed or view).buffer for view in layout.bufferViews}  # others may stand for what is compressed
     buffers = [
         _buffer(layout, number, chunk if number == 0 else None, path, f"{where}: buffers {number + 1}")
+        if number in used
+        else b""
         for number in range(len(layout.buffers))
     ]
-    decoded = _decompressed(layout, buffers, where)
+    return decompressed(Data(layout, buffers, where))
+
+
+def read_primitives(data: Data) -> Iterator[TrianglePrimitive]:
+    """The triangle primitives in the order of the file. Raises InputError for invalid data."""
+    layout = data.layout
+    decoded = _decompressed(data)
     for number, each in [(number, each) for number, mesh in enumerate(layout.meshes) for each in mesh.primitives]:
-        if each.mode not in (TRIANGLES, STRIP):
+        if each.mode not in (TRIANGLES, STRIP, FAN):
             continue
-        mesh_where = f"{where}: mesh {layout.meshes[number].name or number + 1!r:.60}"
+        where = f"{data.where}: mesh {layout.meshes[number].name or number + 1!r:.60}"
         position = each.attributes.get("POSITION")
-        if position is None or (each.draco is not None and each.draco_position is None):
-            raise InputError(f"{mesh_where}: a primitive has no POSITION")
+        if position is None or (each.draco is not None and "POSITION" not in each.draco_ids):
+            raise InputError(f"{where}: a primitive has no POSITION")
         if each.draco is not None:
-            positions, faces = decoded[each.draco, each.draco_position]
+            attributes, faces = decoded[each.draco, *each.draco_ids.items()]
+            yield TrianglePrimitive(number, each, faces, data, attributes)
         else:
-            positions = _array(layout, buffers, position, "VEC3", where)
-            faces = _faces(layout, buffers, each, len(positions), mesh_where)
-        yield TrianglePrimitive(number, each, _dequantized(positions, layout.accessors[position]), faces)
+            faces = _faces(data, each, layout.accessors[position].count, where)
+            yield TrianglePrimitive(number, each, faces, data, {})
 
 
-def _decompressed(layout: Layout, buffers: list[bytes], where: str) -> dict[tuple[int, int | None], Decoded]:
-    """All primitives of KHR_draco_mesh_compression, decoded once each, by bufferView and id of the positions."""
+def _decompressed(data: Data) -> dict[tuple[Any, ...], Decoded]:
+    """All primitives of KHR_draco_mesh_compression, decoded once each, by bufferView and ids of the attributes."""
     blobs = {}
-    for each in layout.primitives:
-        if each.draco is not None and each.draco_position is not None:
-            view = layout.bufferViews[each.draco]
-            data = buffers[view.buffer][view.byteOffset : view.end]
-            blobs[each.draco, each.draco_position] = Blob(data, each.draco_position)
-    return dict(zip(blobs, decode([*blobs.values()], where), strict=True)) if blobs else {}
+    for each in data.layout.primitives:
+        if each.draco is not None and "POSITION" in each.draco_ids:
+            view = data.layout.bufferViews[each.draco]
+            blob = data.buffers[view.buffer][view.byteOffset : view.end]
+            blobs[each.draco, *each.draco_ids.items()] = Blob(blob, each.draco_ids)
+    return dict(zip(blobs, decode([*blobs.values()], data.where), strict=True)) if blobs else {}
 
 
-def _faces(layout: Layout, buffers: list[bytes], primitive: Primitive, count: int, where: str) -> NDArray[Any]:
+def _faces(data: Data, primitive: Primitive, count: int, where: str) -> NDArray[Any]:
     """(F, 3) faces of a primitive of `count` vertices."""
-    corners = np.arange(count)
+    corners: NDArray[Any] = np.arange(count, dtype=np.uint64)
     if primitive.indices is not None:
-        corners = _array(layout, buffers, primitive.indices, "SCALAR", where).ravel().astype(np.int64)
-    if primitive.mode == STRIP:
-        from trimesh.util import triangle_strips_to_faces
-
-        strips: NDArray[Any] = triangle_strips_to_faces([corners])
-        return strips
+        corners = integers_of(data, primitive.indices, "SCALAR").ravel()
+    if primitive.mode != TRIANGLES:
+        # The largest index begins another strip: in all files, as the specification forbids it as an index.
+        return (strip_faces if primitive.mode == STRIP else fan_faces)(corners, int(np.iinfo(corners.dtype).max))
     if len(corners) % 3:
         raise InputError(f"{where}: {len(corners)} corners of triangles; allowed are multiples of 3")
     return corners.reshape(-1, 3)
-
-
-def _array(layout: Layout, buffers: list[bytes], index: int, kind: str, where: str) -> NDArray[Any]:
-    """(count, n) array of an accessor, a view of its buffer; kind: SCALAR, of unsigned integers, or VEC3."""
-    accessor = layout.accessors[index]
-    place = f"{where}: accessors {index + 1}"
-    dtype, numbers = accessor.row
-    if accessor.type != kind or (kind == "SCALAR" and dtype.kind != "u"):
-        allowed = kind + " of unsigned integers" * (kind == "SCALAR")
-        raise InputError(f"{place}: found {accessor.type} of {accessor.componentType}; allowed: {allowed}")
-    if accessor.sparse is not None:
-        raise InputError(f"{place}: sparse accessors are not supported")
-    if accessor.bufferView is None:
-        raise InputError(f"{place}: has no bufferView, and no extension fills it")
-    view = layout.bufferViews[accessor.bufferView]
-    return np.ndarray(
-        (accessor.count, numbers),
-        dtype,
-        buffer=buffers[view.buffer],
-        offset=view.byteOffset + accessor.byteOffset,
-        strides=(view.byteStride or numbers * dtype.itemsize, dtype.itemsize),
-    )
-
-
-def _dequantized(positions: NDArray[Any], accessor: Accessor) -> NDArray[np.float64]:
-    """float64 positions, with normalised integers of KHR_mesh_quantization converted to fractions."""
-    dtype, _ = accessor.row
-    if accessor.normalized and dtype.kind in "iu":
-        return np.maximum(positions.astype(np.float64) / np.iinfo(dtype).max, -1.0)
-    return positions.astype(np.float64)
 
 
 def _buffer(layout: Layout, number: int, chunk: bytes | None, path: Path, where: str) -> bytes:

@@ -3,47 +3,25 @@
 import math
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
-from pydantic import (
-    AfterValidator,
-    AliasPath,
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import AfterValidator, AliasPath, Field, model_validator
 
 from shadowbench.scenes.geometry import MOST_TRIANGLES
+from shadowbench.scenes.gltf_fields import (
+    LIGHTS,
+    AccessorIndex,
+    Count,
+    JsonObject,
+    NodeIndex,
+    Number,
+    Three,
+    ViewIndex,
+    index_into,
+)
+from shadowbench.scenes.gltf_motion import MOST_MORPHED, Animation, Skin
+from shadowbench.scenes.gltf_storage import Accessor, Buffer, BufferView, check_sizes
 from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
 
-DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by componentType
-NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # of components, by type
-LIGHTS = AliasPath("extensions", "KHR_lights_punctual", "lights")
 DRACO = ("extensions", "KHR_draco_mesh_compression")
-
-Count = Annotated[int, Field(ge=0, le=2**53, strict=True)]
-Number = Annotated[float, Field(strict=True)]
-Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
-
-
-def _index_into(part: str) -> AfterValidator:
-    """Checks an index into a list of the file's top level."""
-
-    def check(index: int, info: ValidationInfo) -> int:
-        document: dict[str, Any] = info.context or {}
-        parts = LIGHTS.search_dict_for_path(document) if part == "lights" else document.get(part)
-        count = len(parts) if isinstance(parts, list | dict) else 0
-        if index >= count:
-            raise ValueError(f"found {index}; allowed: {f'0 to {count - 1}' if count else 'none, as there are none'}")
-        return index
-
-    return AfterValidator(check)
-
-
-AccessorIndex = Annotated[Count, _index_into("accessors")]
-NodeIndex = Annotated[Count, _index_into("nodes")]
-ViewIndex = Annotated[Count, _index_into("bufferViews")]
 
 
 def _unit_quaternion(rotation: list[float]) -> list[float]:
@@ -52,23 +30,18 @@ def _unit_quaternion(rotation: list[float]) -> list[float]:
     return rotation
 
 
-class _JsonObject(BaseModel):
-    """Unknown fields are ignored."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class _Scene(_JsonObject):
+class _Scene(JsonObject):
     nodes: list[NodeIndex] = []
 
 
-class NodeTable(_JsonObject):
-    """A node; with visible and light from KHR_node_visibility and KHR_lights_punctual."""
+class NodeTable(JsonObject):
+    """A node; with visible, light, instances of KHR_node_visibility, KHR_lights_punctual, EXT_mesh_gpu_instancing."""
 
     name: str | None = None
-    mesh: Annotated[Count, _index_into("meshes")] | None = None
-    camera: Annotated[Count, _index_into("cameras")] | None = None
-    skin: Any = None
+    mesh: Annotated[Count, index_into("meshes")] | None = None
+    camera: Annotated[Count, index_into("cameras")] | None = None
+    skin: Annotated[Count, index_into("skins")] | None = None
+    weights: list[Number] | None = None
     children: list[NodeIndex] = []
     matrix: Annotated[list[Number], Field(min_length=16, max_length=16)] | None = None
     rotation: Annotated[list[Number], Field(min_length=4, max_length=4), AfterValidator(_unit_quaternion)] = [
@@ -80,66 +53,39 @@ class NodeTable(_JsonObject):
     scale: Three = [1, 1, 1]
     translation: Three = [0, 0, 0]
     visible: bool = Field(True, strict=True, validation_alias=AliasPath("extensions", "KHR_node_visibility", "visible"))
-    light: Annotated[Count, _index_into("lights")] | None = Field(
+    light: Annotated[Count, index_into("lights")] | None = Field(
         None, validation_alias=AliasPath("extensions", "KHR_lights_punctual", "light")
+    )
+    instances: dict[str, AccessorIndex] = Field(
+        {}, validation_alias=AliasPath("extensions", "EXT_mesh_gpu_instancing", "attributes")
     )
     extensions: dict[str, Any] = {}
 
 
-class Primitive(_JsonObject):
-    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip of triangles; no fan.
+class Primitive(JsonObject):
+    """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip and fan of triangles.
 
-    draco, draco_position: bufferView of KHR_draco_mesh_compression, and the Draco id of the positions.
+    draco, draco_ids: bufferView of KHR_draco_mesh_compression, and the Draco ids of attributes by name.
     """
 
     attributes: dict[str, AccessorIndex]
     indices: AccessorIndex | None = None
-    mode: Literal[0, 1, 2, 3, 4, 5] = 4
-    material: Annotated[Count, _index_into("materials")] | None = None
-    targets: list[Any] | None = None
+    mode: Literal[0, 1, 2, 3, 4, 5, 6] = 4
+    material: Annotated[Count, index_into("materials")] | None = None
+    targets: list[dict[str, AccessorIndex]] = []
     draco: ViewIndex | None = Field(None, validation_alias=AliasPath(*DRACO, "bufferView"))
-    draco_position: Count | None = Field(None, validation_alias=AliasPath(*DRACO, "attributes", "POSITION"))
+    draco_ids: dict[str, Annotated[Count, Field(lt=2**32)]] = Field(
+        {}, validation_alias=AliasPath(*DRACO, "attributes")
+    )
 
 
-class _Mesh(_JsonObject):
+class _Mesh(JsonObject):
     name: str | None = None
+    weights: list[Number] = []
     primitives: list[Primitive]
 
 
-class Accessor(_JsonObject):
-    """`count` elements in a bufferView."""
-
-    bufferView: ViewIndex | None = None
-    byteOffset: Count = 0
-    count: Count
-    componentType: Literal[5120, 5121, 5122, 5123, 5125, 5126]
-    type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
-    normalized: bool = Field(False, strict=True)
-    sparse: Any = None
-
-    @property
-    def row(self) -> tuple[np.dtype[Any], int]:
-        """Type and number of an element's components."""
-        return np.dtype(DTYPES[self.componentType]), NUMBERS[self.type]
-
-
-class _BufferView(_JsonObject):
-    buffer: Annotated[Count, _index_into("buffers")]
-    byteOffset: Count = 0
-    byteLength: Count
-    byteStride: Annotated[int, Field(ge=1, le=252, strict=True)] | None = None
-
-    @property
-    def end(self) -> int:
-        return self.byteOffset + self.byteLength
-
-
-class _Buffer(_JsonObject):
-    uri: str | None = None
-    byteLength: Count
-
-
-class _Material(_JsonObject):
+class _Material(JsonObject):
     alphaMode: str = "OPAQUE"
     color: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = Field(
         None, validation_alias=AliasPath("pbrMetallicRoughness", "baseColorFactor")
@@ -151,7 +97,7 @@ class _Material(_JsonObject):
         return self.alphaMode != "OPAQUE" or "KHR_materials_transmission" in self.extensions
 
 
-class _Camera(_JsonObject):
+class _Camera(JsonObject):
     name: str | None = None
     type: Literal["perspective", "orthographic"]
     yfov: Number = Field(0.0, lt=math.pi, validation_alias=AliasPath("perspective", "yfov"))
@@ -159,7 +105,7 @@ class _Camera(_JsonObject):
     zfar: Number | None = Field(None, validation_alias=AliasPath("perspective", "zfar"))
 
 
-class _Light(_JsonObject):
+class _Light(JsonObject):
     name: str | None = None
     type: Literal["directional", "point", "spot"]
     outerConeAngle: Number = Field(math.pi / 4, validation_alias=AliasPath("spot", "outerConeAngle"))
@@ -167,21 +113,22 @@ class _Light(_JsonObject):
     intensity: Number | None = None
 
 
-class Layout(_JsonObject):
+class Layout(JsonObject):
     """The JSON of a glTF file."""
 
     version: str = Field(strict=True, pattern=r"^2\.", validation_alias=AliasPath("asset", "version"))
-    scene: Annotated[Count, _index_into("scenes")] | None = None
+    scene: Annotated[Count, index_into("scenes")] | None = None
     scenes: list[_Scene] | None = None
     nodes: Annotated[list[NodeTable], Field(max_length=MOST_COPIES)] = []
     meshes: list[_Mesh] = []
     accessors: list[Accessor] = []
-    bufferViews: list[_BufferView] = []
-    buffers: list[_Buffer] = []
+    bufferViews: list[BufferView] = []
+    buffers: list[Buffer] = []
     materials: list[_Material] = []
     cameras: list[_Camera] = []
     lights: list[_Light] = Field([], validation_alias=LIGHTS)
-    animations: list[Any] = []
+    animations: list[Animation] = []
+    skins: list[Skin] = []
     extensionsUsed: list[str] = []
     extensionsRequired: list[str] = []
     extensions: dict[str, Any] = {}
@@ -193,20 +140,7 @@ class Layout(_JsonObject):
 
     @model_validator(mode="after")
     def _sizes_fit(self) -> Self:
-        for k, view in enumerate(self.bufferViews):
-            if view.end > (size := self.buffers[view.buffer].byteLength):
-                raise ValueError(f"bufferViews {k + 1}: ends at byte {view.end} of a buffer of {size}")
-        for k, accessor in enumerate(self.accessors):
-            if accessor.bufferView is None:
-                continue  # zeros by the specification, or filled by an extension's decoder
-            view, (dtype, numbers) = self.bufferViews[accessor.bufferView], accessor.row
-            row = dtype.itemsize * numbers
-            end = accessor.byteOffset + (accessor.count and (accessor.count - 1) * (view.byteStride or row) + row)
-            if end > view.byteLength:
-                raise ValueError(
-                    f"accessors {k + 1}: {accessor.count} elements end at byte {end} of a bufferView of "
-                    f"{view.byteLength}"
-                )
+        check_sizes(self.buffers, self.bufferViews, self.accessors)
         for what, held in (("cameras", [n.camera for n in self.nodes]), ("lights", [n.light for n in self.nodes])):
             if (count := len(held) - held.count(None)) > MOST_NAMED:
                 raise ValueError(f"its nodes hold {count} {what}; allowed are at most {MOST_NAMED}")
@@ -216,10 +150,30 @@ class Layout(_JsonObject):
     def _not_too_many_triangles(self) -> Self:
         """Sharing of bufferViews and meshes allows many in a small file."""
         counts = [sum(self._corners(primitive) for primitive in mesh.primitives) for mesh in self.meshes]
-        drawn = sum(counts[node.mesh] for node in self.nodes if node.mesh is not None)
+        drawn, copies = 0, 0
+        for node in self.nodes:
+            if node.mesh is not None:
+                drawn += counts[node.mesh] * self.instance_count(node)
+                copies += len(self.meshes[node.mesh].primitives) * self.instance_count(node) if node.instances else 0
         if (corners := max(sum(counts), drawn)) > 3 * MOST_TRIANGLES:
             raise ValueError(f"its meshes have {corners} vertices; allowed are at most {3 * MOST_TRIANGLES}")
+        if copies > MOST_COPIES:
+            raise ValueError(f"its instances draw {copies} primitives; allowed are at most {MOST_COPIES}")
+        morphed = sum(self._morphed(node.mesh) for node in self.nodes if node.mesh is not None)
+        if morphed > MOST_MORPHED:
+            raise ValueError(f"its morph targets move {morphed} vertices; allowed are at most {MOST_MORPHED}")
         return self
+
+    def instance_count(self, node: NodeTable) -> int:
+        """How often a node draws its mesh. Raises ValueError if the attributes of its instances differ in length."""
+        counts = {self.accessors[index].count for index in node.instances.values()} or {1}
+        if len(counts) > 1:
+            raise ValueError(f"EXT_mesh_gpu_instancing: attributes of {min(counts)} and {max(counts)} elements differ")
+        return counts.pop()
+
+    def _morphed(self, mesh: int) -> int:
+        """Number of displacements of a mesh's vertices."""
+        return sum(len(each.targets) * self._corners(each) for each in self.meshes[mesh].primitives)
 
     def _corners(self, primitive: Primitive) -> int:
         """Lower bound on the number of vertices that a primitive draws."""

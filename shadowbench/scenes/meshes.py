@@ -4,7 +4,6 @@ Here, and only here, exceptions of all readers become a one-line InputError.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +13,13 @@ from shadowbench.scenes.geometry import (
     MOST_TRIANGLES,
     Triangles,
     checked,
+    mirrors,
     transformed,
     welded,
-    without_zero_area,
+    with_area,
 )
 from shadowbench.scenes.gltf import Contents, read_gltf
+from shadowbench.scenes.gltf_animation import NOW, Moment
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.obj_off_stl import read_obj, read_off, read_stl
 from shadowbench.scenes.ply import read_ply
@@ -29,15 +30,16 @@ from shadowbench.strict import short
 READERS: dict[str, Callable[[bytes, str], Polygons]] = {
     ".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off,
 }  # fmt: skip
-MESH_SUFFIXES = (".glb", ".gltf", *READERS)
+GLTF_SUFFIXES = (".glb", ".gltf")
+MESH_SUFFIXES = (*GLTF_SUFFIXES, *READERS)
 
 
-def read_meshes(path: Path, where: str | None = None) -> Scene:
+def read_meshes(path: Path, where: str | None = None, moment: Moment = NOW) -> Scene:
     """The meshes of a .glb, .gltf, .obj, .ply, .stl or .off file, with the cameras and lights of a glTF.
 
-    where: the beginning of each error message, by default the file's name. Raises InputError for a file that is
-    missing, unreadable, empty, truncated, of an unknown format, without triangles, or with invalid coordinates or
-    indices.
+    where: the beginning of each error message, by default the file's name; moment: at which the animations of a glTF
+    pose it. Raises InputError for a file that is missing, unreadable, empty, truncated, of an unknown format, without
+    triangles, or with invalid coordinates or indices.
     """
     where = where or path.name
     suffix = path.suffix.lower()
@@ -48,8 +50,10 @@ def read_meshes(path: Path, where: str | None = None) -> Scene:
             raise InputError(f"{where}: {'is not a file' if path.exists() else 'no such file'}")
         if path.stat().st_size == 0:
             raise InputError(f"{where}: the file is empty")
+        if suffix in READERS and moment != NOW:
+            raise InputError(f"{where}: time and clip are for glTF files, which may have animations")
         with np.errstate(all="ignore"):
-            contents = _polygonal(path, where) if suffix in READERS else read_gltf(path, where)
+            contents = _polygonal(path, where) if suffix in READERS else read_gltf(path, where, moment)
             return _assembled(contents, path.stem, where)
     except InputError:
         raise
@@ -94,13 +98,14 @@ def placed(instances: Iterable[tuple[Mesh, Floats]], where: str) -> tuple[list[M
     """
     meshes, dropped = [], 0
     for mesh, matrix in instances:
-        triangles = transformed(Triangles(mesh.vertices, mesh.faces), matrix)
-        checked(triangles.vertices, where)
-        (vertices, faces), lost = without_zero_area(triangles)
+        triangles = vertices, faces = transformed(Triangles(mesh.vertices, mesh.faces), matrix)
+        checked(vertices, where)
+        kept = with_area(triangles)
+        lost = int(len(kept) - kept.sum())
         dropped += lost
         if lost:  # and without the vertices that only those used
-            used, corners = np.unique(faces, return_inverse=True)
+            used, corners = np.unique(faces[kept], return_inverse=True)
             vertices, faces = vertices[used], corners.reshape(-1, 3).astype(np.int32)
         if len(faces):
-            meshes.append(replace(mesh, vertices=vertices, faces=faces))
+            meshes.append(mesh.reshaped(vertices, faces, kept if lost else None, mirrors(matrix)))
     return meshes, dropped

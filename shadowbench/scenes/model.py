@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.cutouts import Cutout, cutout_faces
 from shadowbench.scenes.geometry import Geometry
+from shadowbench.scenes.placement import Placement
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 
 LightKind = Literal["directional", "spot", "point"]
@@ -29,6 +31,8 @@ SUN_RADIUS = float(np.radians(0.2665))
 NEAREST_TARGET = 1e-12
 """Least distance from a camera to its target, as a share of their coordinates, whose float64 precision is 2e-16."""
 GREY: Vec3 = (0.8, 0.8, 0.8)
+CORNERS = ("coordinates", "alpha")
+"""What a mesh has by corner of a triangle, as vertices at one place are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +41,9 @@ class Mesh:
 
     vertices: (V, 3) float64; faces: (F, 3) int32 indices into them, counter-clockwise seen from outside; both are
     read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
-    and receives shadows; planar: flagged as a planar receiver.
+    and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere;
+    coordinates: (F, 3, 2) float32 texture coordinates of the triangles' corners, alpha: (F, 3) float32 vertex alphas,
+    None for 0 and for 1.
     """
 
     name: str
@@ -47,12 +53,30 @@ class Mesh:
     casts: bool = True
     receives: bool = True
     planar: bool = False
+    cutout: Cutout | None = None
+    coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
+    alpha: NDArray[np.float32] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        for name in ("vertices", "faces"):
-            view = getattr(self, name).view()
-            view.flags.writeable = False
-            object.__setattr__(self, name, view)
+        for name in ("vertices", "faces", *CORNERS):
+            if getattr(self, name) is not None:
+                view = getattr(self, name).view()
+                view.flags.writeable = False
+                object.__setattr__(self, name, view)
+
+    def reshaped(
+        self, vertices: Floats, faces: NDArray[np.int32], kept: NDArray[np.bool_] | None = None, mirrored: bool = False
+    ) -> "Mesh":
+        """The mesh with other vertices and faces.
+
+        kept: (F,) bool, which of its faces these are, by default all; mirrored: whether their corners are reversed.
+        """
+        corners = {name: values for name in CORNERS if (values := getattr(self, name)) is not None}
+        if kept is not None:
+            corners = {name: values[kept] for name, values in corners.items()}
+        if mirrored:
+            corners = {name: values[:, ::-1] for name, values in corners.items()}
+        return replace(self, vertices=vertices, faces=faces, **corners)
 
     @cached_property
     def closed(self) -> bool:
@@ -170,59 +194,17 @@ class Scene:
             receives=np.repeat([mesh.receives for mesh in self.meshes], counts),
             planar=np.repeat([mesh.planar for mesh in self.meshes], counts),
             colors=np.repeat(np.array([mesh.color for mesh in self.meshes], dtype=np.float64), counts, axis=0),
+            cutouts=cutout_faces(
+                [(len(mesh.faces), mesh.cutout, mesh.coordinates, mesh.alpha) for mesh in self.meshes]
+            ),
         )
 
     @cached_property
-    def placement(self) -> "Placement":
+    def placement(self) -> Placement:
         """The transform to local coordinates: scene centred at the origin, scaled by a power of 2 to diagonal ≈ 1."""
         low, high = self.geometry.bounds
         diagonal = float(np.linalg.norm(high - low))
         return Placement(vec3((low + high) / 2), float(2.0 ** -np.round(np.log2(diagonal))))
-
-
-@dataclass(frozen=True)
-class Placement:
-    """Transform from file coordinates to local ones, local = (file − center) · scale, in float64.
-
-    Local coordinates keep float32 precision for scenes of any size far from the origin.
-    """
-
-    center: Vec3
-    scale: float
-
-    def points(self, points: Floats | Vec3) -> Floats:
-        """(…, 3) points in local coordinates."""
-        return (np.asarray(points, dtype=np.float64) - self.center) * self.scale
-
-    def length(self, metres: float) -> float:
-        """A length in metres as a local length."""
-        return metres * self.scale
-
-    def camera(self, camera: Camera) -> Camera:
-        """The camera in local coordinates."""
-        position, target = (vec3(self.points(point)) for point in (camera.position, camera.target))
-        near, far = (None if plane is None else self.length(plane) for plane in (camera.near, camera.far))
-        return replace(camera, position=position, target=target, near=near, far=far)
-
-    def light(self, light: Light) -> Light:
-        """The light in local coordinates; the angular radius of a directional light is unchanged."""
-        if light.kind == "directional":
-            return light
-        width, height = (self.length(side) for side in light.size)
-        position, radius = vec3(self.points(light.position)), self.length(light.radius)
-        return replace(light, position=position, radius=radius, size=(width, height))
-
-    def scene(self, scene: Scene) -> Scene:
-        """The scene with all its meshes, cameras and lights in local coordinates."""
-        return replace(
-            scene,
-            meshes=tuple(replace(mesh, vertices=self.points(mesh.vertices)) for mesh in scene.meshes),
-            cameras=tuple(self.camera(camera) for camera in scene.cameras),
-            lights=tuple(self.light(light) for light in scene.lights),
-        )
-
-
-IDENTITY_PLACEMENT = Placement((0.0, 0.0, 0.0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from shadowbench.errors import InputError, alternatives
+from shadowbench.options import LATEST
 from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light
 from shadowbench.scenes.vectors import Vec3
@@ -148,6 +149,7 @@ class _Repeat(Strict):
 class MeshTable(Strict):
     """A `[[mesh]]` table, without the parameters of its shape.
 
+    time, clip: which pose of an animated glTF, as of `Moment`.
     repeat: `count` copies including the original, each translated by `step` from the previous one, in one or two
     directions.
     """
@@ -161,6 +163,8 @@ class MeshTable(Strict):
     repeat: Annotated[list[_Repeat], BeforeValidator(lambda v: [v] if isinstance(v, dict) else v)] = Field(
         [], max_length=2
     )
+    time: Number | None = Field(None, ge=0.0, le=LATEST)
+    clip: Text | None = None
     color: Color | None = None
     casts: Flag = True
     receives: Flag = True
@@ -170,6 +174,8 @@ class MeshTable(Strict):
     def _one_source(self) -> Self:
         if (self.file is None) == (self.shape is None):
             raise ValueError(f"needs file or shape, {'not both' if self.file is not None else 'found neither'}")
+        if self.file is None and (self.time is not None or self.clip is not None):
+            raise ValueError("time and clip are for a file, which may have animations")
         return self
 
 

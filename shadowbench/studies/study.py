@@ -2,11 +2,11 @@
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import BeforeValidator, Field, InstanceOf, ValidationError, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, InstanceOf, ValidationError
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder
@@ -22,16 +22,14 @@ from shadowbench.options import (
     ROUNDS,
     VIEW_SIZE,
     Measuring,
-    SceneOptions,
     ViewOptions,
-    in_python,
-    place_text,
 )
 from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
-from shadowbench.strict import Strict, explain, read_toml
+from shadowbench.strict import explain, read_toml
 from shadowbench.studies.crossing import MOST_SPECS, CrossedSpecs, Techniques, convert, to_list
+from shadowbench.studies.scene_fields import SceneFields
 from shadowbench.survey.views import Named, named, opened
 
 if TYPE_CHECKING:
@@ -40,30 +38,18 @@ if TYPE_CHECKING:
 MOST_CELLS = 1_000_000
 """Most cells of a study file in one view, counting each phase."""
 
-
-def _place(value: object, info: ValidationInfo) -> str | None:
-    try:
-        return place_text(value, str(info.field_name))
-    except InputError as error:
-        raise ValueError(str(error)) from None
-
-
 _Size = Annotated[int, Field(ge=MAP_SIZE.least, le=MAP_SIZE.most, strict=True)]
-_Place = Annotated[str | None, BeforeValidator(_place)]
 _SOME = Field(min_length=1)
 
 
-class Study(Strict):
+class Study(SceneFields):
     """Scenes × views × lights × specs × map sizes × phases to measure, and the settings of the measurement.
 
     The fields are those of a study file, except `assets`, `up` and `notes`. scenes: built-in names, paths, or loaded
-    scenes; assets, up: see `load_scene`. map_size: for specs that name no size; None for each technique's own.
-    technique: crossed specs. phases: subtexel offsets of the map's grid to measure, for `technique` entries without
-    their own number. step: what moves a little to count flips, None to count none. views, lights: "file" for the first
-    camera and all lights of a scene, else by name. sun: whether directional lights without a size have the sun's
-    (`with_sun`); no_ground: whether no ground is assumed (`without_ground`); camera, target, lamp, sun_at: as in
-    `SceneOptions`. time_limit: seconds per cell;
-    memory_limit: GiB. notes: lines to show to the user.
+    scenes. map_size: for specs that name no size; None for each technique's own. technique: crossed specs. phases:
+    subtexel offsets of the map's grid to measure, for `technique` entries without their own number. step: what moves a
+    little to count flips, None to count none. views, lights: "file" for the first camera and all lights of a scene,
+    else by name. time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
 
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
@@ -81,30 +67,8 @@ class Study(Strict):
     memory_limit: float = Field(8.0, gt=0, le=4096)
     views: Annotated[tuple[str | InstanceOf[Camera], ...], _SOME] = ("file",)
     lights: Annotated[tuple[str | InstanceOf[Light], ...], _SOME] = ("file",)
-    sun: bool = Field(False, strict=True)
-    no_ground: bool = Field(False, strict=True)
-    camera: _Place = None
-    target: _Place = None
-    lamp: _Place = None
-    sun_at: _Place = None
     technique: Annotated[tuple[InstanceOf[CrossedSpecs], ...], _SOME]
-    assets: Path | None = None
-    up: str | None = None
     notes: tuple[str, ...] = ()
-
-    @model_validator(mode="after")
-    def _places(self) -> Self:
-        """Raises ValueError for invalid places."""
-        try:
-            _ = self.scene_options
-        except InputError as error:
-            raise ValueError(in_python(str(error))) from None
-        return self
-
-    @property
-    def scene_options(self) -> SceneOptions:
-        """How its scenes are read."""
-        return SceneOptions(**{field.name: getattr(self, field.name) for field in fields(SceneOptions)})
 
     @property
     def specs(self) -> tuple[Spec, ...]:
@@ -163,13 +127,7 @@ class Study(Strict):
             "rounds": self.rounds,
             "phases": self.phases,
             "coordinates": self.coordinates,
-            "sun": self.sun,
-            **({"no_ground": True} if self.no_ground else {}),
-            **({"up": self.up} if self.up else {}),
-            **({"camera": self.camera} if self.camera else {}),
-            **({"target": self.target} if self.target else {}),
-            **({"lamp": self.lamp} if self.lamp else {}),
-            **({"sun_at": self.sun_at} if self.sun_at else {}),
+            **self.scene_facts(),
         }
 
     def cells(self, soft: bool = True) -> tuple[Cell, ...]:
@@ -193,7 +151,7 @@ class Study(Strict):
         """All blocks, scene by scene. Raises InputError for a scene that cannot be read."""
         files: dict[str, str | Scene] = {}
         for source in dict.fromkeys(self.scenes):
-            scene = opened(source, self.scene_options)
+            scene = opened(source, self.scene_options())
             first = files.setdefault(scene.name, source)
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
@@ -298,7 +256,7 @@ def study_from_options(
     changes: dict[str, Any] = {"scenes": scenes, "map_size": map_size, **asdict(measuring), **asdict(view)}
     for one, several in (("view", "views"), ("light", "lights")):
         changes[several] = tuple(filter(None, [changes.pop(one)]))
-    changes = {name: value for name, value in changes.items() if value or type(value) is int}  # 0 rounds
+    changes = {name: value for name, value in changes.items() if value or type(value) in (int, float)}  # 0 rounds, 0 s
     if view.camera:
         changes["target"] = view.target
     if view.lamp or view.sun_at:

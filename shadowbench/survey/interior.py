@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import SUN, content_of, pose_of
-from shadowbench.scenes.model import Camera, Light, Placement, Scene
+from shadowbench.scenes.model import Camera, Light, Scene
+from shadowbench.scenes.placement import Placement
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.truths.embree import Tracer, over_slices
 
@@ -116,7 +117,7 @@ def is_interior(scene: Scene) -> bool:
 def _places(scene: Scene, places: int) -> _Places:
     """Points at eye height above each floor at about so many places of a scene, seen from above."""
     place, geometry = content_of(scene).placement, scene.geometry
-    tracer = Tracer(place.points(geometry.vertices), geometry.faces)
+    tracer = Tracer(place.points(geometry.vertices), geometry.faces, geometry.cutouts)
     eye, floor, height, in_metres = _eyes(tracer, place.points(content_of(scene).geometry.bounds), place.scale, places)
     rise = (np.arange(_ABOVE) + 0.5) / _ABOVE  # a spiral of directions that are equally dense
     turn, level = math.pi * (3 - math.sqrt(5)) * np.arange(_ABOVE), np.sqrt(1 - rise**2)
@@ -125,9 +126,9 @@ def _places(scene: Scene, places: int) -> _Places:
     def traced(part: slice) -> tuple[Floats, Floats, Floats]:
         shape = part.stop - part.start, len(directions)
         origins, rays = np.repeat(eye[part], shape[1], axis=0), np.tile(directions, (shape[0], 1))
-        triangle = tracer.nearest(origins, rays, _FAR)
+        triangle, reach, _ = tracer.hits(origins, rays, _FAR)
         facing = (triangle >= 0) & (np.einsum("ij,ij->i", geometry.normals[triangle], rays) < 0.0)
-        distance = tracer.distance(origins, rays, _FAR).astype(np.float64).reshape(shape)
+        distance = reach.astype(np.float64).reshape(shape)
         hits, faces = (each.reshape(shape).mean(axis=1) for each in (triangle >= 0, facing))
         return distance[:, :_AROUND], hits, faces
 
@@ -145,11 +146,11 @@ def _eyes(tracer: Tracer, bounds: Floats, scale: float, places: int) -> tuple[Fl
     across, along = (math.ceil(math.sqrt(places * share)) for share in (width / depth, depth / width))
     steps = [(np.arange(count) + 0.5) / count for count in (across, _LEVELS, along)]
     start = low + np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3) * (high - low)
-    down = tracer.distance(start, -_UP, _FAR).astype(np.float64)
+    down = tracer.hits(start, -_UP, _FAR).distance.astype(np.float64)
     start, floor = start[down < _FAR], (start[:, 1] - down)[down < _FAR]
     _, first = np.unique(np.column_stack([start[:, [0, 2]], floor.round(4)]), axis=0, return_index=True)
     start, floor = start[first], floor[first]
-    height = np.minimum(start[:, 1] + tracer.distance(start, _UP, _FAR), high[1]) - floor
+    height = np.minimum(start[:, 1] + tracer.hits(start, _UP, _FAR).distance, high[1]) - floor
     in_metres = (ROOM_M[0] <= height / scale) & (height / scale <= ROOM_M[1])
     eye = floor + np.where(in_metres, EYE_M * scale, height / 2)
     return np.column_stack([start[:, 0], eye, start[:, 2]]), floor, height, in_metres

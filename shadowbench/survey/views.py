@@ -23,6 +23,7 @@ from shadowbench.scenes.assumed import (
     with_sun,
     without_ground,
 )
+from shadowbench.scenes.gltf_animation import Moment
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
 from shadowbench.scenes.tables import LONGEST_NAME
@@ -66,7 +67,10 @@ def opened(scene: str | Path | Scene, options: SceneOptions) -> Scene:
 
     A camera that stands inside gets a lamp in place of a sun that was assumed and does not come in.
     """
-    loaded = scene if isinstance(scene, Scene) else load_scene(scene, options.assets, options.up)
+    if isinstance(scene, Scene):
+        loaded = scene
+    else:
+        loaded = load_scene(scene, options.assets, options.up, Moment(options.time, options.clip))
     loaded = without_ground(loaded) if options.no_ground else loaded
     if options.camera is not None:
         loaded = _seen_from(loaded, options.camera, options.target)

@@ -123,7 +123,7 @@ class RayTraced(Technique):
             self.target, self.trace = stage.target(self.visibility), TracePass(stage, self.offset)
         else:
             geometry = stage.scene.geometry
-            self.tracer = Tracer(geometry.vertices, geometry.caster_faces)
+            self.tracer = Tracer(geometry.vertices, geometry.caster_faces, geometry.caster_cutouts)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         if self.params.where == "gpu":

@@ -13,6 +13,7 @@ import pytest
 from shadowbench.engines.export import describe, export_view, glb_of, projection_matrix, view_matrix
 from shadowbench.engines.light_box import light_box
 from shadowbench.gl.gbuffer import view_projection
+from shadowbench.measure.scoring import depths
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light, Scene, View, view_of
@@ -174,6 +175,15 @@ def test_bounds_box_and_sides_are_described(
         assert material["doubleSided"] == (sides == "double")
         stairs = next(mesh for mesh in view.scene.meshes if mesh.name == "stairs")
         assert material["pbrMetallicRoughness"]["baseColorFactor"] == [*(color or stairs.color), 1]
+
+
+@pytest.mark.parametrize("name", ["cube-on-plane", "colonnade", "room-with-lamp"])
+def test_the_nearest_surface_is_the_nearest_that_is_seen(builtin: Callable[..., View], name: str) -> None:
+    """As far as between two pixels; the camera of two scenes is within their bounds."""
+    view = builtin(name, SIZE)
+    hit = trace(view, 1).triangle
+    seen = float(depths(view, hit)[hit >= 0].min())
+    assert 0.99 * seen < describe(view, name)["camera"]["nearest"] <= seen
 
 
 def test_the_matrices_are_those_that_our_own_techniques_use(builtin: Callable[..., View]) -> None:

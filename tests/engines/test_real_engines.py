@@ -31,8 +31,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 @pytest.mark.usefixtures("installed")
 def test_ogre_s_shadow_volumes_agree_with_the_truth(tmp_path: Path, shadowbench: Command) -> None:
-    """Somebody else's exact shadows, of closed meshes that 16 bits can index."""
-    scenes = ["cube-on-plane", "stairs", "railings", "street"]
+    """Somebody else's exact shadows, of closed meshes that 16 bits can index; also from within the scene's bounds."""
+    scenes = ["cube-on-plane", "stairs", "railings", "street", "colonnade", "spot-lamp", "room-with-lamp"]
     answer = shadowbench("run", *scenes, "-t", "ogre", *SIZE, "-o", tmp_path / "out", "-q")
     assert answer.code == 0, answer.err
     for row in pd.read_csv(tmp_path / "out" / "table.csv").itertuples():

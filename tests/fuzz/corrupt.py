@@ -7,6 +7,7 @@ import struct
 from functools import cache
 from typing import Any
 
+import meshopt
 import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
@@ -165,3 +166,46 @@ def _lie(document: dict[str, Any], chance: random.Random) -> None:
             more = [f"../{OUTSIDE}/part.bin", "out.bin", "..%2Foutside%2Fpart.bin", "data:;base64,*", "data:"]
             uri = chance.choice([*PATHS, *more])
             document |= {"buffers": [{"byteLength": 4096, "uri": uri}], "images": [{"uri": uri}]}
+
+
+def compressed_glb(
+    mesh: trimesh.Trimesh,
+    extension: str = "EXT_meshopt_compression",
+    mode: str = "TRIANGLES",
+    width: int = 2,
+    positions: str = "NONE",
+    change: dict[str, Any] | None = None,
+) -> bytes:
+    """A .glb of meshopt-compressed positions and indices of `width` bytes. change: of the table of the positions."""
+    vertices, corners = np.float32(mesh.vertices), mesh.faces.ravel().astype(f"<u{width}")
+    rows = meshopt.encode_filter_exp(vertices, 15) if positions == "EXPONENTIAL" else vertices
+    first = meshopt.encode_gltf_buffer(rows, "ATTRIBUTES", version=int(extension[0] == "K"))
+    second = meshopt.encode_gltf_buffer(corners, mode)
+    sizes = [{"count": len(vertices), "byteStride": 12}, {"count": len(corners), "byteStride": width}]
+    packed = [
+        {"byteLength": len(first), "mode": "ATTRIBUTES", "filter": positions, **sizes[0], **(change or {})},
+        {"byteLength": len(second), "mode": mode, **sizes[1], "byteOffset": len(first)},
+    ]
+    lengths = [vertices.nbytes, corners.nbytes]
+    document = {
+        "asset": {"version": "2.0"},
+        "extensionsRequired": [extension],
+        "extensionsUsed": [extension],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": len(vertices)},
+            {"bufferView": 1, "componentType": {2: 5123, 4: 5125}[width], "type": "SCALAR", "count": len(corners)},
+        ],
+        "bufferViews": [
+            {
+                "buffer": 1,
+                "byteOffset": sum(lengths[:k]),
+                "byteLength": lengths[k],
+                "extensions": {extension: {"buffer": 0, **packed[k]}},
+            }
+            for k in (0, 1)
+        ],
+        "buffers": [{"byteLength": len(first + second)}, {"byteLength": sum(lengths)}],
+    }
+    return glb_of(document, first + second)

@@ -89,9 +89,10 @@ def test_lights_shine_along_minus_z_of_their_node(gltf_file: Gltf) -> None:
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"extensionsRequired": ["EXT_meshopt_compression"]}, ["EXT_meshopt_compression"]),
-        ({"primitive": {"mode": 6}}, ["mode: found 6; allowed: 0, 1, 2, 3, 4 or 5"]),
-        ({"accessor": {"sparse": {"count": 1}}}, ["accessors 1", "sparse"]),
+        ({"extensionsRequired": ["EXT_made_up"]}, ["EXT_made_up"]),
+        ({"primitive": {"mode": 7}}, ["mode: found 7; allowed: 0, 1, 2, 3, 4, 5 or 6"]),
+        ({"accessor": {"sparse": {"count": 1}}}, ["accessors 1.sparse.indices: found none"]),
+        ({"accessor": {"bufferView": None, "count": 10**9}}, ["accessors 1: 1000000000 zeros"]),
         ({"nodes": [{"mesh": 0, "children": [0]}]}, ["ancestor"]),
         ({"nodes": [{"mesh": 7}]}, ["nodes 1.mesh: found 7; allowed: 0 to 0"]),
         ({"nodes": [{"mesh": 0, "matrix": [1, 2]}]}, ["matrix", "16 or more entries"]),
@@ -147,16 +148,12 @@ def test_an_invalid_or_unsupported_gltf_is_one_line_that_names_the_place(
 
 def test_simplified_drawing_is_a_note(gltf_file: Gltf) -> None:
     path = gltf_file(
-        primitive={"material": 0, "targets": [{}]},
+        primitive={"material": 0},
         materials=[{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 1.0]}}],
-        nodes=[{"mesh": 0, "skin": 0}],
-        skins=[{"joints": [0]}],
-        animations=[{"channels": [], "samplers": []}],
     )
     contents = read_meshes(path)
     assert contents.meshes[0].color == (0.1, 0.2, 0.3)
-    for word in ("opaque", "animation", "skinned", "morphed"):
-        assert sum(word in note for note in contents.notes) == 1
+    assert sum("opaque" in note for note in contents.notes) == 1
 
 
 def test_lines_are_left_out_and_triangles_beside_them_kept(gltf_file: Gltf) -> None:
@@ -236,7 +233,7 @@ def test_an_extension_that_is_not_read_is_a_note(gltf_file: Gltf) -> None:
     for parts in (
         {"extensions": {"CESIUM_RTC": {"center": [6378137, 0, 0]}}},
         {"nodes": [{"mesh": 0, "extensions": {"CESIUM_RTC": {}, "KHR_node_visibility": {"visible": True}}}]},
-        {"extensionsUsed": ["CESIUM_RTC", "KHR_materials_ior", "EXT_mesh_gpu_instancing"]},
+        {"extensionsUsed": ["CESIUM_RTC", "KHR_materials_ior"]},
     ):
         assert read_meshes(gltf_file(**parts)).notes == ("model.gltf: drawn as if the file did not use CESIUM_RTC",)
 

@@ -52,7 +52,7 @@ def test_a_file_that_many_tables_name_is_read_once(
     mesh_file("a.obj", OBJ)
     asked: list[Path] = []
     monkeypatch.setattr(
-        "shadowbench.scenes.files.read_meshes", lambda path, where: asked.append(path) or read_meshes(path, where)
+        "shadowbench.scenes.files.read_meshes", lambda path, *how: asked.append(path) or read_meshes(path, *how)
     )
     scene = load_scene(scene_file('[[mesh]]\nfile = "a.obj"\n' * 50))
     assert len(scene.meshes) == 50
@@ -70,7 +70,7 @@ def test_a_line_never_steers_the_terminal(scene_file: Write) -> None:
 
 
 def test_names_of_a_gltf_that_cannot_be_encoded_are_escaped(gltf_file: Write) -> None:
-    refused(gltf_file(meshes=[{"name": "\ud800\x1b[2J", "primitives": [{"attributes": {"POSITION": 0}, "mode": 6}]}]))
+    refused(gltf_file(meshes=[{"name": "\ud800\x1b[2J", "primitives": [{"attributes": {"POSITION": 0}, "mode": 7}]}]))
 
 
 def test_a_pipe_is_not_waited_for(tmp_path: Path, scene_file: Write, gltf_file: Write) -> None:

@@ -7,7 +7,12 @@ from shadowbench.plugin.params import param
 class BlenderParams(EngineParams):
     """Parameters of EEVEE."""
 
-    samples: int = param(64, "`eevee.taa_render_samples`: samples of a pixel", ge=1, le=4096)
+    samples: int = param(
+        16,
+        "`eevee.taa_render_samples`: of a pixel, as many as `taa_samples` of viewports; final renders: 64",
+        ge=1,
+        le=4096,
+    )
     rays: int = param(1, "`eevee.shadow_ray_count`: rays of a sample through the map", ge=1, le=4)
     steps: int = param(6, "`eevee.shadow_step_count`: samples of the map along a ray", ge=1, le=16)
     radius: float = param(1.0, "`light.shadow_filter_radius`: blur at the edges, in texels", ge=0, le=5)
@@ -28,5 +33,5 @@ class Blender(Engine):
     python = "3.11"
     encoding = "linear"
     presets = {"shipped": ""}
-    sources = {"shipped": "source/blender/makesdna/DNA_light_types.h and DNA_scene_types.h, 5.0.1"}
+    sources = {"shipped": "source/blender/makesdna/DNA_light_types.h and DNA_scene_types.h (`taa_samples`), 5.0.1"}
     seconds = 600.0

@@ -46,7 +46,7 @@ def load(glb, view):
     pose, node = view["camera"], camera.getParentSceneNode()
     node.setPosition(Ogre.Vector3(*pose["position"]))
     node.setOrientation(Ogre.Quaternion(*(Ogre.Vector3(*row[:3]) for row in pose["view"][:3])))
-    camera.setNearClipDistance(pose["near"])
+    camera.setNearClipDistance(0.99 * pose["nearest"])  # volumes need all of the 24 bits
     camera.setFarClipDistance(0)  # infinite, as volumes set it
     camera.setFOVy(Ogre.Radian(Ogre.Degree(pose["fov_y"])))
 

@@ -1,0 +1,354 @@
+"""Poses of glTF files: against an independent evaluation, known values, and laws."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import shadowbench
+from shadowbench.errors import InputError
+from shadowbench.options import ViewOptions
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
+from shadowbench.scenes.geometry import Triangles, transformed
+from shadowbench.scenes.gltf import read_gltf
+from shadowbench.scenes.gltf_animation import Moment, slerp
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.meshes import read_meshes
+from shadowbench.studies.study import Study, study_from_options
+from shadowbench.survey.views import chosen_view
+from tests.scenes.conftest import refused
+from tests.scenes.pose_reference import Reference
+from tests.scenes.rigs import HALF, RIGS, Rig, tube, turn
+
+Floats = NDArray[np.float64]
+UP = [[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.2, 1.0, 0.0], [0.2, 2.0, 0.0], [0.0, 2.0, 0.0], [0.0, 1.0, 0.0]]
+STRIP = [[0, 1, 2], [0, 2, 5], [5, 2, 3], [5, 3, 4]]
+BELOW, ABOVE = [0, 0, 0, 0], [1, 0, 0, 0]
+ALL = [1, 0, 0, 0]
+
+
+def corners(path: Path, moment: Moment) -> list[Floats]:
+    """(F, 3, 3) corners of each mesh in the world."""
+    found = []
+    for mesh, matrix in read_gltf(path, path.name, moment).instances:
+        moved = transformed(Triangles(mesh.vertices, mesh.faces), matrix)
+        found.append(moved.vertices[moved.faces])
+    return found
+
+
+@pytest.mark.parametrize("time", [0.0, 0.5, 0.8, 1.9, 7.0])
+@pytest.mark.parametrize("name", RIGS)
+def test_vertices_are_those_of_an_evaluation_by_hand(tmp_path: Path, name: str, time: float) -> None:
+    path = RIGS[name]().write(tmp_path / "rig.glb")
+    clip = 1 if name == "sheared" else 0
+    found, expected = corners(path, Moment(time, str(clip + 1))), Reference(path, clip, time).corners()
+    assert len(found) == len(expected)
+    everything = np.concatenate([np.reshape(part, (-1, 3)) for part in expected])
+    diagonal = np.linalg.norm(np.ptp(everything, axis=0))
+    for mine, theirs in zip(found, expected, strict=True):
+        order = np.array(theirs)
+        assert min(np.abs(mine - order).max(), np.abs(mine - order[:, ::-1]).max()) < 1e-12 * diagonal
+
+
+def bar(degrees: float, inverse: bool = True) -> Rig:
+    """A strip of two squares whose upper half hangs on a joint at half its height, turned about z."""
+    rig = Rig()
+    joints = [BELOW if y < 1 else ABOVE for _, y, _ in UP]
+    mesh = rig.mesh(UP, STRIP, **rig.influences(joints, [ALL] * 6))
+    rig.json["nodes"] = [{"mesh": mesh, "skin": 0, "children": [1]}, {"children": [2]}]
+    rig.json["nodes"].append({"translation": [0, 1, 0], "rotation": turn([0, 0, 1], degrees).tolist()})
+    bind = np.tile(np.eye(4), (2, 1, 1))
+    bind[1, 1, 3] = -1
+    rig.skin([1, 2], bind if inverse else None)
+    return rig
+
+
+def test_a_bar_is_bent_by_a_quarter_turn(tmp_path: Path) -> None:
+    (mesh,) = corners(bar(90).write(tmp_path / "a.glb"), Moment())
+    bent = {0: (0, 0, 0), 1: (0.2, 0, 0), 2: (0, 1.2, 0), 3: (-1, 1.2, 0), 4: (-1, 1, 0), 5: (0, 1, 0)}
+    assert mesh == pytest.approx(np.array([[bent[corner] for corner in face] for face in STRIP]), abs=1e-7)
+
+
+def test_a_bar_whose_joint_does_not_turn_is_as_it_was(tmp_path: Path) -> None:
+    (mesh,) = corners(bar(0).write(tmp_path / "a.glb"), Moment())
+    assert np.array_equal(mesh, np.array(UP, np.float32)[STRIP])
+
+
+def test_half_a_weight_is_half_way(tmp_path: Path) -> None:
+    rig = bar(180)
+    halves = rig.influences([[0, 1, 0, 0]] * 6, [[0.5, 0.5, 0, 0]] * 6)
+    rig.json["meshes"][0]["primitives"][0]["attributes"] |= halves
+    (mesh,) = corners(rig.write(tmp_path / "a.glb"), Moment())
+    # Half of (x, y) and half of its image (−x, 2 − y) under half a turn about (0, 1).
+    assert mesh == pytest.approx(np.broadcast_to([0.0, 1.0, 0.0], mesh.shape), abs=1e-7)
+
+
+def moving(times: Any, values: Any, kind: str, path: str = "translation") -> Rig:
+    rig = Rig()
+    rig.json["nodes"] = [{"mesh": rig.mesh(*tube())}]
+    rig.clip((0, path, times, values), kind=kind)
+    return rig
+
+
+def place(path: Path, time: float) -> Floats:
+    (instance,) = read_gltf(path, path.name, Moment(time)).instances
+    return instance[1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows", "half"),
+    [
+        ("STEP", [[0, 0, 0], [8, 0, 0]], 0.0),
+        ("LINEAR", [[0, 0, 0], [8, 0, 0]], 4.0),
+        # h = t³ − 2t² + t is 1/8 at the middle, times 2 s of duration and the tangent 4; its mirror image is 0.
+        ("CUBICSPLINE", [[0] * 3, [0] * 3, [4, 0, 0], [0] * 3, [8, 0, 0], [0] * 3], 5.0),
+        ("CUBICSPLINE", [[0] * 3, [0] * 3, [4, 0, 0], [4, 0, 0], [8, 0, 0], [0] * 3], 4.0),
+        ("CUBICSPLINE", [[9] * 3, [0] * 3, [0, 0, 0], [0, 0, 0], [8, 0, 0], [9] * 3], 4.0),
+    ],
+)
+def test_known_values_between_two_keys(tmp_path: Path, kind: str, rows: Any, half: float) -> None:
+    path = moving([1.0, 3.0], rows, kind).write(tmp_path / "a.glb")
+    assert [place(path, time)[0, 3] for time in (0.0, 1.0, 2.0, 3.0, 99.0)] == pytest.approx([0, 0, half, 8, 8])
+
+
+def test_half_a_turn_goes_the_way_of_the_specification(tmp_path: Path) -> None:
+    path = moving([0.0, 1.0], [[0, 0, 0, 1], [0, 0, 1, 0]], "LINEAR", "rotation").write(tmp_path / "a.glb")
+    assert place(path, 0.5)[:3, 0] == pytest.approx([0, 1, 0])  # 90° counter-clockwise about z
+    assert place(path, 1 / 6)[:3, 0] == pytest.approx([math.cos(math.pi / 6), 0.5, 0])
+
+
+def test_a_rotation_takes_the_shorter_arc(tmp_path: Path) -> None:
+    path = moving([0.0, 1.0], [[0, 0, 0, 1], [0, 0, -HALF, -HALF]], "LINEAR", "rotation").write(tmp_path / "a.glb")
+    assert place(path, 0.5)[:3, 0] == pytest.approx([math.cos(math.pi / 4), math.sin(math.pi / 4), 0], abs=1e-7)
+
+
+quaternions = st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: sum(x * x for x in q) > 0.01)
+
+
+@given(quaternions, quaternions, st.floats(0, 1))
+def test_slerp_turns_by_its_share_of_the_angle(a: list[float], b: list[float], share: float) -> None:
+    from scipy.spatial.transform import Rotation
+
+    first, last = (np.array(q) / np.linalg.norm(q) for q in (a, b))
+    whole = (Rotation.from_quat(first).inv() * Rotation.from_quat(last)).magnitude()
+    part = (Rotation.from_quat(first).inv() * Rotation.from_quat(slerp(first, last, share))).magnitude()
+    assert part == pytest.approx(share * whole, abs=1e-6)
+
+
+def test_targets_add_up(tmp_path: Path) -> None:
+    rig, (points, faces) = Rig(), tube()
+    right, up = np.broadcast_to([1.0, 0, 0], points.shape), np.broadcast_to([0, 1.0, 0], points.shape)
+    rig.json["nodes"] = [{"mesh": rig.mesh(points, faces, [right, up]), "weights": [0.5, -2]}]
+    rig.clip((0, "weights", [0.0, 1.0], [0, 0, 1, 4]), name="up")
+    path, still = rig.write(tmp_path / "a.glb"), np.array(points, np.float32)[faces]
+    for moment, move in ((Moment(clip="none"), [0.5, -2, 0]), (Moment(), [0, 0, 0]), (Moment(0.5, "up"), [0.5, 2, 0])):
+        (mesh,) = corners(path, moment)
+        assert mesh == pytest.approx(still + move)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25)
+@given(st.sampled_from(["bent", "morphed_skin", "eight_joints", "two_skins"]), quaternions, st.floats(0, 2))
+def test_moving_all_joints_and_nodes_moves_the_posed_mesh(
+    tmp_path: Path, name: str, turned: list[float], time: float
+) -> None:
+    from scipy.spatial.transform import Rotation
+
+    rig = RIGS[name]()
+    still = corners(rig.write(tmp_path / "a.glb"), Moment(time))
+    number = len(rig.json["nodes"])
+    rig.json["nodes"].append({"children": [0], "rotation": turned, "translation": [3, -2, 1]})
+    rig.json["scenes"] = [{"nodes": [number]}]
+    moved = corners(rig.write(tmp_path / "b.glb"), Moment(time))
+    for before, after in zip(still, moved, strict=True):
+        expected = Rotation.from_quat(turned).apply(before.reshape(-1, 3)).reshape(before.shape) + np.array([3, -2, 1])
+        assert after == pytest.approx(expected, abs=1e-11)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25)
+@given(st.sampled_from(sorted(RIGS)), st.floats(0, 3), st.integers(1, 64))
+def test_a_clip_that_begins_later_is_the_same_later(tmp_path: Path, name: str, time: float, later: int) -> None:
+    rig = RIGS[name]()
+    first = corners(rig.write(tmp_path / "a.glb"), Moment(time))
+    for index in {sampler["input"] for clip in rig.json["animations"] for sampler in clip["samplers"]}:
+        accessor = rig.json["accessors"][index]
+        start = rig.json["bufferViews"][accessor["bufferView"]]["byteOffset"]
+        times = np.frombuffer(rig.blob, np.float32, accessor["count"], start)
+        size = times.nbytes
+        rig.blob = rig.blob[:start] + (times + np.float32(later)).tobytes() + rig.blob[start + size :]
+    second = corners(rig.write(tmp_path / "b.glb"), Moment(time + later))
+    for before, after in zip(first, second, strict=True):
+        assert after == pytest.approx(before, abs=1e-9)
+
+
+def test_a_rigid_skin_is_a_rigid_transform(tmp_path: Path) -> None:
+    """All vertices on one joint, as on a node with the joint's matrix."""
+    points, faces = tube()
+    place = {"translation": [1, 2, 3], "rotation": turn([1, 1, 0], 70).tolist(), "scale": [2, 2, 2]}
+    rigid, plain = Rig(), Rig()
+    mesh = rigid.mesh(points, faces, **rigid.influences([BELOW] * len(points), [ALL] * len(points)))
+    rigid.json["nodes"] = [{"mesh": mesh, "skin": 0, "translation": [7, 7, 7], "children": []}, place]
+    rigid.json["scenes"] = [{"nodes": [0, 1]}]
+    rigid.skin([1])
+    plain.json["nodes"] = [{"mesh": plain.mesh(points, faces), **place}]
+    (one,), (other,) = (corners(each.write(tmp_path / "a.glb"), Moment()) for each in (rigid, plain))
+    assert one == pytest.approx(other, abs=1e-12)
+
+
+def test_a_mirrored_skin_still_faces_outwards(tmp_path: Path) -> None:
+    def signed_volume(x: float) -> float:
+        rig, box = bar(0), np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float64)
+        faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+        rig.json["nodes"][0]["mesh"] = rig.mesh(box, faces, **rig.influences([BELOW] * 4, [ALL] * 4))
+        rig.json["nodes"][1]["scale"] = [x, 1, 1]
+        (mesh,) = corners(rig.write(tmp_path / "a.glb"), Moment())
+        return float(np.linalg.det(mesh).sum() / 6)
+
+    assert signed_volume(1) == signed_volume(-1) == pytest.approx(1 / 6)
+
+
+def test_weights_are_divided_by_their_sum_with_a_note(tmp_path: Path) -> None:
+    for factor, noted in ((1.0, False), (1.002, False), (0.5, True)):
+        rig = bar(90)
+        weights = np.array([ALL] * 6) * factor
+        weights[0] = 0.0 if noted else weights[0]
+        rig.json["meshes"][0]["primitives"][0]["attributes"] |= {"WEIGHTS_0": rig.accessor(weights)}
+        contents = read_gltf(rig.write(tmp_path / "a.glb"), "a.glb")
+        assert contents.notes == ["a.glb: weights of joints of 6 vertices divided by their sum, which is not 1"] * noted
+        assert corners(tmp_path / "a.glb", Moment())[0] == pytest.approx(
+            corners(bar(90).write(tmp_path / "b.glb"), Moment())[0]
+        )
+
+
+def test_joints_outside_the_scene_move_a_skin(tmp_path: Path) -> None:
+    rig = bar(90)
+    rig.json["nodes"][0].pop("children")
+    (mesh,) = corners(rig.write(tmp_path / "a.glb"), Moment())
+    assert mesh == pytest.approx(corners(bar(90).write(tmp_path / "b.glb"), Moment())[0])
+
+
+def test_cameras_and_lights_move_with_their_nodes(tmp_path: Path) -> None:
+    rig = moving([0.0, 1.0], [[0, 0, 0], [0, 4, 0]], "LINEAR")
+    light = {"KHR_lights_punctual": {"light": 0}}
+    rig.json["nodes"][0] |= {"camera": 0, "extensions": light}
+    rig.json["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}]
+    rig.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
+    scene = read_meshes(rig.write(tmp_path / "a.glb"), moment=Moment(0.25))
+    assert scene.cameras[0].position == scene.lights[0].position == (0, 1, 0)
+
+
+def test_the_clip_and_its_time_are_a_note(tmp_path: Path) -> None:
+    path = RIGS["sheared"]().write(tmp_path / "a.glb")
+    posed = "from 0 to 2 s: posed at"
+    for moment, note in {
+        Moment(): f"clip 'other', 1 of 2, {posed} 0 s; clip and time choose another",
+        Moment(3, "walk"): f"clip 'walk', 2 of 2, {posed} 3 s (held at its end); clip and time choose another",
+        Moment(None, "2"): f"clip 'walk', 2 of 2, {posed} 0 s; clip and time choose another",
+        Moment(None, "none"): "none of 2 clip(s) taken: nodes stand as in the file",
+    }.items():
+        assert read_gltf(path, "a.glb", moment).notes == [f"a.glb: {note}"]
+    assert corners(path, Moment(1, "walk"))[0].tolist() != corners(path, Moment(1, "other"))[0].tolist()
+
+
+def test_a_scene_file_poses_each_of_its_meshes(tmp_path: Path) -> None:
+    RIGS["sheared"]().write(tmp_path / "a.glb")
+    table = '[[mesh]]\nfile = "a.glb"\n'
+    (tmp_path / "a.toml").write_text(table + 'time = 0.75\nclip = "walk"\n' + table + "time = 1.5\n" + table)
+    scene = load_scene(tmp_path / "a.toml")
+    for mesh, moment in zip(scene.meshes, (Moment(0.75, "walk"), Moment(1.5), Moment()), strict=True):
+        assert mesh.vertices[mesh.faces] == pytest.approx(corners(tmp_path / "a.glb", moment)[0], abs=1e-12)
+    for line in ("time = -1", 'clip = "run"', 'time = "now"'):
+        (tmp_path / "b.toml").write_text(table + line)
+        refused(tmp_path / "b.toml", "[[mesh]] 1", line.split()[0])
+    (tmp_path / "c.toml").write_text('[[mesh]]\nshape = "box"\ntime = 1')
+    refused(tmp_path / "c.toml", "time and clip are for a file")
+
+
+def test_options_choose_the_pose_everywhere(tmp_path: Path) -> None:
+    path = RIGS["sheared"]().write(tmp_path / "a.glb")
+    chosen = load_scene(path, moment=Moment(0.75, "walk")).geometry.digest()
+    view = chosen_view(str(path), 64, ViewOptions(time=0.75, clip="walk"))
+    study = Study.of([str(path)], [parse_spec("unshadowed", techniques())], time=0.75, clip="walk", view_size=64)
+    (block,) = study.blocks()
+    loaded = shadowbench.load(path, time=0.75, clip="walk")
+    assert {scene.geometry.digest() for scene in (view.scene, block.view.scene, loaded)} == {chosen}
+    assert (study.facts["time"], study.facts["clip"]) == (0.75, "walk")
+    assert load_scene(path).geometry.digest() != chosen
+    again = study_from_options(techniques(), [str(path)], view=ViewOptions(time=0.0))
+    assert again.time == 0.0 and again.clip is None
+
+
+@pytest.mark.parametrize("time", [-0.5, math.nan, math.inf, 1e10, "soon"])
+def test_a_time_is_a_number_of_seconds(time: Any) -> None:
+    with pytest.raises(InputError, match="time: found"):
+        ViewOptions(time=time)
+
+
+def test_what_has_no_clips_says_so(tmp_path: Path) -> None:
+    path = bar(0).write(tmp_path / "a.glb")
+    assert any(note == "a.glb: time: no clip to pose" for note in load_scene(path, moment=Moment(1.0)).notes)
+    refused(path, "a.glb: clip: found 'walk'", "none", moment=Moment(None, "walk"))
+    refused(RIGS["sheared"]().write(tmp_path / "b.glb"), "did you mean 'walk'", "1 to 2", moment=Moment(None, "walks"))
+    for source in ("cube-on-plane", tmp_path / "a.obj"):
+        refused(source, "--time, --clip", "no glTF", moment=Moment(1.0))
+
+
+def test_what_a_clip_cannot_move_is_a_note(tmp_path: Path) -> None:
+    rig = moving([0.0], [[1, 0, 0]], "LINEAR")
+    rig.json["animations"][0]["channels"] += [{"sampler": 0, "target": {"path": "pointer"}}]
+    rig.json["animations"][0]["channels"] += [{"sampler": 0, "target": {"node": 0, "path": "weights"}}]
+    notes = read_gltf(rig.write(tmp_path / "a.glb"), "a.glb").notes
+    assert sum("2 channel(s) of the clip left out" in note for note in notes) == 1
+
+
+Place = tuple[str | int, ...]
+ATTRIBUTES: Place = ("meshes", 0, "primitives", 0, "attributes")
+JOINTS, WEIGHTS = (*ATTRIBUTES, "JOINTS_0"), (*ATTRIBUTES, "WEIGHTS_0")
+TARGETS: Place = ("meshes", 0, "primitives", 0, "targets")
+CHANNEL: Place = ("animations", 0, "channels", 0)
+SAMPLER: Place = ("animations", 0, "samplers", 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "value", "words"),
+    [
+        ("bent", ("nodes", 1, "skin"), 1, ["nodes 2.skin: found 1; allowed: 0 to 0"]),
+        ("bent", ("skins", 0, "joints", 0), 99, ["skins 1.joints 1: found 99; allowed: 0 to 5"]),
+        ("bent", ("skins", 0, "joints"), [], ["skins 1.joints"]),
+        ("bent", ("skins", 0, "joints"), [2, 3], ["has joint 3; its skin has 2"]),
+        ("bent", ("skins", 0, "inverseBindMatrices"), 2, ["VEC3", "MAT4"]),
+        ("bent", ("skins", 0, "inverseBindMatrices"), np.eye(4)[None], ["4 joints, and 1 inverse"]),
+        ("bent", JOINTS, 2, ["VEC4 of unsigned integers"]),
+        ("bent", WEIGHTS, None, ["attributes.WEIGHTS_0"]),
+        ("bent", WEIGHTS, [[1, 0, 0, 0]], ["WEIGHTS_0 has 1 elements; allowed: 54"]),
+        ("bent", WEIGHTS, [[2, -1, 0, 0]] * 54, ["-1", "not below 0"]),
+        ("bent", WEIGHTS, [[np.nan, 0, 0, 0]] * 54, ["nan", "finite"]),
+        ("bent", ATTRIBUTES, {"POSITION": 2, "JOINTS_0": 0}, ["JOINTS_0 without WEIGHTS_0"]),
+        ("bent", (*CHANNEL, "sampler"), 4, ["animations 1: channels 1: found sampler 4 of 4"]),
+        ("bent", (*CHANNEL, "target", "node"), 8, ["node: found 8; allowed: 0 to 5"]),
+        ("bent", (*SAMPLER, "input"), 99, ["input: found 99"]),
+        ("bent", (*SAMPLER, "input"), [0, np.nan, 1, 1], ["times that increase"]),
+        ("bent", (*SAMPLER, "input"), [0, 0, 1, np.inf], ["times from 0 to inf"]),
+        ("bent", (*SAMPLER, "output"), [[0, 0, 0, 0]] * 4, ["rotation at 0.1 s", "not zero"]),
+        ("bent", (*SAMPLER, "interpolation"), "CUBIC", ["interpolation", "'CUBIC'"]),
+        ("bent", (*SAMPLER, "interpolation"), "CUBICSPLINE", ["needed are 3"]),
+        ("morphing", (*TARGETS, 0, "POSITION"), 1, ["SCALAR", "VEC3"]),
+        ("morphing", (*TARGETS, 0, "POSITION"), [[1, 1, 1]], ["POSITION has 1 elements; allowed: 54"]),
+        ("morphing", TARGETS, [{"POSITION": 0}] * 400_000, ["morph targets move", "at most 300000000"]),
+        ("morphing", ("nodes", 0, "weights"), "heavy", ["nodes 1.weights"]),
+    ],
+)  # fmt: skip
+def test_an_invalid_rig_is_one_line(tmp_path: Path, name: str, place: Place, value: Any, words: list[str]) -> None:
+    """Numbers in lists become an accessor."""
+    rig = RIGS[name]()
+    part: Any = rig.json
+    for key in place[:-1]:
+        part = part[key]
+    data = isinstance(value, np.ndarray) or (isinstance(value, list) and value and "joints" not in place)
+    part[place[-1]] = rig.accessor(value) if data and not isinstance(value[0], dict) else value
+    refused(rig.write(tmp_path / "rig.glb"), "rig.glb", *words, moment=Moment(0.1))

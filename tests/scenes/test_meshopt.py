@@ -1,0 +1,117 @@
+"""meshopt-compressed glTF: the same triangles, refused counts, and a decoder that keeps to its buffer."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from shadowbench.scenes.meshes import read_meshes
+from tests.fuzz.corrupt import compressed_glb
+from tests.scenes.conftest import refused
+
+BALL = trimesh.creation.icosphere(subdivisions=2)
+
+
+@pytest.mark.parametrize("extension", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
+@pytest.mark.parametrize(("mode", "width"), [("TRIANGLES", 2), ("TRIANGLES", 4), ("INDICES", 2), ("INDICES", 4)])
+def test_a_compressed_file_has_the_triangles_that_were_compressed(
+    tmp_path: Path, extension: str, mode: str, width: int
+) -> None:
+    path = tmp_path / "ball.glb"
+    path.write_bytes(compressed_glb(BALL, extension, mode, width))
+    (mesh,) = read_meshes(path).meshes
+    assert cycles(mesh.vertices[mesh.faces]) == cycles(np.float32(BALL.vertices)[BALL.faces])
+    assert not [note for note in read_meshes(path).notes if "meshopt" in note]
+
+
+def cycles(triangles: np.ndarray) -> list[list[list[float]]]:
+    """Sorted triangles, each from its smallest corner on, as the codec may begin one with another of its corners."""
+    turned = []
+    for corners in triangles.tolist():
+        first = corners.index(min(corners))
+        turned.append(corners[first:] + corners[:first])
+    return sorted(turned)
+
+
+def test_the_exponential_filter_is_undone(tmp_path: Path) -> None:
+    path = tmp_path / "ball.glb"
+    path.write_bytes(compressed_glb(BALL, positions="EXPONENTIAL"))
+    (mesh,) = read_meshes(path).meshes
+    assert np.linalg.norm(mesh.vertices, axis=1) == pytest.approx(1.0, abs=1e-3)
+    assert len(mesh.faces) == len(BALL.faces)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"byteLength": 10**6}, ["ends at byte"]),
+        ({"count": 10**9}, ["too few for 1000000000 elements"]),
+        ({"count": 161}, ["161 elements of 12 bytes", "1944"]),
+        ({"byteStride": 10}, ["byteStride 10", "multiples of 4"]),
+        ({"byteStride": 260}, ["byteStride"]),
+        ({"filter": "QUATERNION"}, ["QUATERNION", "allowed: 8"]),
+        ({"filter": "GZIP"}, ["filter"]),
+        ({"mode": "TRIANGLES"}, ["byteStride 12", "2 or 4"]),
+        ({"mode": "INDICES", "filter": "COLOR"}, ["COLOR with mode INDICES"]),
+        ({"buffer": 9}, ["buffer", "9"]),
+        ({"byteOffset": 1}, ["bufferViews 1: cannot be decompressed"]),
+        ({"count": 0}, ["0 elements"]),
+    ],
+)
+def test_counts_that_do_not_fit_are_refused_before_decoding(
+    tmp_path: Path, change: dict[str, Any], words: list[str]
+) -> None:
+    path = tmp_path / "ball.glb"
+    path.write_bytes(compressed_glb(BALL, change=change))
+    refused(path, "ball.glb", *words)
+
+
+DEBUG_MALLOC = "libc_malloc_debug.so.0"
+MUTATIONS = """
+import ctypes, random, sys
+import meshopt, numpy as np
+chance = random.Random(0)
+rows = (np.arange(600).reshape(50, 12) * 7 % 251).astype(np.uint8)
+corners = np.array(range(60), dtype=np.uint32) // 2
+streams = [(meshopt.encode_gltf_buffer(rows, "ATTRIBUTES", version), 50, 12, "ATTRIBUTES") for version in (0, 1)]
+streams += [(meshopt.encode_gltf_buffer(corners, mode), 60, 4, mode) for mode in ("TRIANGLES", "INDICES")]
+if sys.argv[1:]:  # as if the decoder wrote a byte too many
+    found = meshopt.decode_gltf_buffer(*streams[0])
+    ctypes.memset(found.ctypes.data, 7, found.nbytes + 1)
+    del found
+decoded = 0
+for _ in range(10_000):
+    stream, count, size, mode = chance.choice(streams)
+    changed = bytearray(stream)
+    for _ in range(chance.choice([1, 2, 5])):
+        changed[chance.randrange(len(changed))] = chance.randrange(256)
+    end = chance.choice([*[None] * 8, -1, chance.randrange(len(changed))])
+    count, size = chance.choice([*[count] * 8, 3, 300]), chance.choice([*[size] * 8, 4])
+    kinds = ["NONE", "EXPONENTIAL", "OCTAHEDRAL", "COLOR"] if (mode, size) == ("ATTRIBUTES", 4) else ["NONE"]
+    try:
+        meshopt.decode_gltf_buffer(bytes(changed[:end]), count, size, mode, chance.choice(kinds))
+        decoded += 1
+    except ValueError:
+        pass
+print(decoded)
+"""
+
+
+def mutated(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """The mutations with a malloc that ends the process where a block's guard byte was overwritten."""
+    guarded = os.environ | {"LD_PRELOAD": DEBUG_MALLOC, "MALLOC_CHECK_": "3"}
+    command = [sys.executable, "-c", MUTATIONS, *arguments]
+    return subprocess.run(command, env=guarded, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the malloc that guards blocks is glibc's")
+def test_the_decoder_stays_within_its_buffer_whatever_it_reads() -> None:
+    assert "free(): invalid pointer" in mutated("overflow").stderr
+    done = mutated()
+    assert (done.returncode, done.stderr) == (0, "")
+    assert 1000 < int(done.stdout) < 9000
