@@ -59,7 +59,7 @@ def export_view(
 
 
 def inexpressible_in_gltf(view: View) -> list[str]:
-    """One line for each mesh that casts or receives no shadow and for a light's size, which glTF cannot express."""
+    """One line for each mesh that casts or receives no shadow, or is cut out, and for a light's size."""
     lines, light = [], view.light
     if light.kind != light.hard_kind:
         spot = f"a spot of {math.degrees(light.frustum_angle or 0.0):.0f}° in {MODEL}"
@@ -69,6 +69,8 @@ def inexpressible_in_gltf(view: View) -> list[str]:
     for mesh in view.scene.meshes:
         if lacking := [name.removesuffix("s") for name in _lacking(mesh)]:
             lines.append(f"{mesh.name} is to {' and '.join(lacking)} no shadow, which glTF cannot say: see view.json")
+        if mesh.cutout is not None:
+            lines.append(f"{mesh.name} is cut out by alpha, but opaque in {MODEL}: textures are not exported")
     return lines
 
 

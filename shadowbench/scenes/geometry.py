@@ -142,6 +142,14 @@ class Geometry:
         return self.faces if bool(self.casts.all()) else self.faces[self.casts]
 
     @cached_property
+    def is_cut_out(self) -> NDArray[np.bool_]:
+        """(F,) bool."""
+        cut = np.zeros(len(self.faces), dtype=bool)
+        if self.cutouts is not None:
+            cut[self.cutouts.faces] = True
+        return cut
+
+    @cached_property
     def caster_cutouts(self) -> CutoutFaces | None:
         """The cut-out triangles among `caster_faces`; None without any."""
         return None if self.cutouts is None else self.cutouts.among(self.casts)

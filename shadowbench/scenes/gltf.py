@@ -6,6 +6,7 @@ camera's node.
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from shadowbench.scenes.gltf_animation import NOW, Moment, pose_at
 from shadowbench.scenes.gltf_bytes import TRIANGLES, read_buffers, read_json, read_primitives
 from shadowbench.scenes.gltf_instances import instance_matrices
 from shadowbench.scenes.gltf_layout import Layout, Primitive
+from shadowbench.scenes.gltf_materials import Cut, Materials
 from shadowbench.scenes.gltf_nodes import Node, scene_nodes
 from shadowbench.scenes.gltf_pose import Poser
 from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
@@ -36,12 +38,13 @@ HONOURED = re.compile(
 class Source(NamedTuple):
     """A primitive: its triangles as a node's matrix moves them, None where all nodes deform it; and its colour.
 
-    posed: triangles and their matrix to the world by number of a node that deforms it.
+    posed: triangles and their matrix to the world by number of a node that deforms it; cut: what cuts it out.
     """
 
     triangles: Triangles | None
     color: Vec3
     posed: dict[int, tuple[Triangles, Floats]]
+    cut: Cut | None
 
 
 class Contents(NamedTuple):
@@ -68,15 +71,18 @@ def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
     data = read_buffers(layout, chunk, path, where)
     pose, pose_notes = pose_at(data, moment)
     nodes = scene_nodes(layout, pose)
-    poser = Poser(data, pose, nodes)
+    poser, materials = Poser(data, pose, nodes), Materials(data, path)
     sources: list[list[Source]] = [[] for _ in layout.meshes]
     for each in read_primitives(data):
         posed = poser.posed(each)
         still = triangles_of(each.positions, each.faces, where) if poser.stands(each, posed) else None
-        sources[each.mesh].append(Source(still, _base_color(layout, each.primitive), posed))
+        cut = materials.cut(each)
+        if cut is None or not materials.clear(cut):
+            sources[each.mesh].append(Source(still, _base_color(layout, each.primitive), posed, cut))
     instances = _instances(data, nodes, sources)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
-    return Contents(instances, cameras[0], lights[0], notes + pose_notes + poser.notes + cameras[1] + lights[1])
+    notes += materials.notes + pose_notes + poser.notes + cameras[1] + lights[1]
+    return Contents(instances, cameras[0], lights[0], notes)
 
 
 def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> list[tuple[Mesh, Floats]]:
@@ -99,7 +105,10 @@ def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> li
             title = name if len(rows) == 1 else f"{name} {k}"
             for number, copy in enumerate(copies, 1):
                 once = title if len(copies) == 1 else f"{title} {number}"
-                instances.append((Mesh(once, *triangles, source.color), matrix @ copy))
+                mesh = Mesh(once, *triangles, source.color)
+                if source.cut is not None:
+                    mesh = replace(mesh, **source.cut._asdict())
+                instances.append((mesh, matrix @ copy))
     if hidden and not any(len(mesh.faces) for mesh, _ in instances):
         raise InputError(f"{data.where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
     return instances
@@ -191,8 +200,8 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
         ([node.mesh is not None for node in hidden], "mesh(es) of hidden nodes left out"),
         ([node.light is not None for node in hidden], "light(s) of hidden nodes left out"),
         (
-            [one.see_through for k, one in enumerate(layout.materials) if k in used],
-            "see-through material(s) drawn opaque",
+            [one.transmits for k, one in enumerate(layout.materials) if k in used],
+            "transmissive material(s) drawn opaque",
         ),
         (
             [each.mode < TRIANGLES for each in primitives],
