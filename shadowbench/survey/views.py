@@ -28,7 +28,6 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
 from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.scenes.vectors import Vec3, vec3
-from shadowbench.survey.interior import interior, is_interior
 
 _RISE = math.tan(math.radians(15.0))
 SIDES: Mapping[str, Vec3] = {
@@ -74,7 +73,7 @@ def opened(scene: str | Path | Scene, options: SceneOptions) -> Scene:
     loaded = without_ground(loaded) if options.no_ground else loaded
     if options.camera is not None:
         loaded = _seen_from(loaded, options.camera, options.target)
-    elif loaded is not scene and "camera" in loaded.assumed and find_spec("embreex") and is_interior(loaded):
+    elif loaded is not scene and "camera" in loaded.assumed and find_spec("embreex") and _is_interior(loaded):
         note = f"{loaded.name} seems to be an interior, which the assumed camera sees from outside: --camera inside"
         loaded = replace(loaded, notes=(*loaded.notes, note))
     if options.lamp is not None:
@@ -82,6 +81,12 @@ def opened(scene: str | Path | Scene, options: SceneOptions) -> Scene:
     elif options.sun_at is not None:
         loaded = with_lights(loaded, [_sun(options.sun_at)])
     return with_sun(loaded) if options.sun else loaded
+
+
+def _is_interior(scene: Scene) -> bool:
+    from shadowbench.survey.interior import is_interior  # with Embree and Numba
+
+    return is_interior(scene)
 
 
 def _seen_from(scene: Scene, camera: str, target: str | None) -> Scene:
@@ -100,6 +105,8 @@ def _seen_from(scene: Scene, camera: str, target: str | None) -> Scene:
         view = whole_view(bounds, SIDES[camera], camera, up)
         return with_cameras(scene, [view], f"{camera} of {scene.name}: camera {pose_of(view)}")
     if camera == INSIDE:
+        from shadowbench.survey.interior import interior
+
         found = interior(scene)
         inside = with_cameras(scene, [found.camera], found.note)
         if "light" not in scene.assumed or found.sunny:
