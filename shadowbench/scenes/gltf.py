@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.contents import Contents, unique_name
 from shadowbench.scenes.geometry import Triangles, triangles_of
 from shadowbench.scenes.gltf_accessors import Data
 from shadowbench.scenes.gltf_animation import NOW, Moment, pose_at
@@ -23,7 +24,7 @@ from shadowbench.scenes.gltf_materials import Cut, Materials
 from shadowbench.scenes.gltf_nodes import Node, scene_nodes
 from shadowbench.scenes.gltf_pose import Poser
 from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
-from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, name_from
+from shadowbench.scenes.tables import NARROWEST
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.strict import validated
 
@@ -45,15 +46,6 @@ class Source(NamedTuple):
     color: Vec3
     posed: dict[int, tuple[Triangles, Floats]]
     cut: Cut | None
-
-
-class Contents(NamedTuple):
-    """Contents of a file: meshes in object space with their (4, 4) object-to-world matrices, cameras, lights, notes."""
-
-    instances: list[tuple[Mesh, Floats]]
-    cameras: list[Camera]
-    lights: list[Light]
-    notes: list[str]
 
 
 def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
@@ -137,7 +129,7 @@ def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera
             found = f"znear is {data.znear:g} and zfar {data.zfar}"
             raise InputError(f"{where}: camera: perspective: {found}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
-        name = _unique(node.data.name or data.name, "camera", {camera.name for camera in cameras})
+        name = unique_name(node.data.name or data.name, "camera", {camera.name for camera in cameras})
         # The distance of the target scales with the position's coordinates, so that rounding keeps the direction.
         up = vec3(unit(node.matrix[:3, 1]))
         target = vec3(position + forward * max(1.0, float(np.linalg.norm(position))))
@@ -154,7 +146,7 @@ def _lights(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Light],
         if node.data.light is None or not node.visible:
             continue
         data = layout.lights[node.data.light]
-        name = _unique(node.data.name or data.name, "light", {light.name for light in lights})
+        name = unique_name(node.data.name or data.name, "light", {light.name for light in lights})
         position, direction = (vec3(values) for values in _pose(node, where, "light"))
         light_where = f"{where}: light {name}"
         if data.type == "directional":
@@ -180,15 +172,6 @@ def _pose(node: Node, where: str, what: str) -> tuple[Floats, Floats]:
     if not np.isfinite(node.matrix).all() or not node.matrix[:3, 2].any() or not node.matrix[:3, 1].any():
         raise InputError(f"{where}: {what}: its node's transform is singular, so that it has no direction")
     return node.matrix[:3, 3], unit(-node.matrix[:3, 2])
-
-
-def _unique(name: str | None, default: str, taken: set[str]) -> str:
-    """A valid name for a scene file, with a number appended if it is taken."""
-    plain = candidate = (name_from(name or "") or default)[:LONGEST_NAME]
-    number = 2
-    while candidate in taken:
-        candidate, number = f"{plain[: LONGEST_NAME - len(f'-{number}')]}-{number}", number + 1
-    return candidate
 
 
 def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
