@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.options import LARGEST as LARGEST
 from shadowbench.scenes.cutouts import CutoutFaces
 
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int32]
-
-LARGEST = 1e18
-"""Largest allowed coordinate: squares of larger ones overflow float32, which `coordinates="absolute"` uses."""
 
 FLATTEST = 1e-10
 """Height of a triangle, as a share of its longest edge, below which float64 cannot distinguish its area from zero."""
