@@ -47,7 +47,7 @@ class PicturePass:
     def _fullscreen(self, fragment: str) -> Drawable:
         vertex, text = (
             compose("fullscreen.vert", SHADERS),
-            compose(f"picture/{fragment}.frag", SHADERS, TRIANGLE_DEFINES),
+            compose(f"picture/{fragment}.frag", SHADERS, {**TRIANGLE_DEFINES, **self._geometry.smooth_defines}),
         )
         program = link(self._device, vertex, text)
         return Drawable(program, self._device.context.vertex_array(program.linked, []), count=3)
