@@ -34,7 +34,10 @@ def valid(kind: str) -> list[bytes]:
     if kind == "glb":
         draco = export_glb(trimesh.Scene(ball), extension_draco=True)
         assert b"KHR_draco_mesh_compression" in draco
-        return [export_glb(trimesh.Scene(box)), export_glb(two), draco, export_glb(two, extension_draco=True)]
+        from tests.scenes.rigs import morphed_skin, two_skins  # they use this module
+
+        rigs = [morphed_skin().glb(), two_skins().glb()]
+        return [export_glb(trimesh.Scene(box)), export_glb(two), draco, export_glb(two, extension_draco=True), *rigs]
     if kind == "gltf":
         return [_embedded(data) for data in valid("glb")]
     if kind == "ply":
