@@ -1,2 +1,4 @@
 // Writes depth only.
-void main() {}
+#include "cutout/fragment.glsl"
+
+void main() { cut_out(); }

@@ -2,12 +2,29 @@
 // which one follows its subtree.
 #include "triangle.glsl"
 uniform usampler2D tree_nodes;     // box, lowest | highest << 16 in steps; node after the subtree, or LEAF and triangles
-uniform sampler2D tree_triangles;  // three corners each, side by side
+uniform sampler2D tree_triangles;  // three corners each, side by side; w of the first: 1 + index of a cut-out triangle
 uniform int tree_size;             // nodes
 uniform vec3 tree_low;             // lowest corner of the box of all
 uniform vec3 tree_step;            // local lengths
 const uint LEAF = 0x80000000u;     // then the first triangle times 8 plus their number
 const float INFINITE = 1.0e30;
+#ifdef CUTOUTS
+#include "cutout.glsl"
+uniform sampler2D tree_cutouts;    // texture coordinates, vertex alpha and cut-out of three corners each, side by side
+
+// Whether a triangle is opaque where a ray meets it; weights: of its corners, not normalised.
+bool is_opaque_at(int i, vec3 weights) {
+    int cut = int(texelFetch(tree_triangles, texel_of(i) * ivec2(3, 1), 0).w) - 1;
+    if (cut < 0) return true;
+    ivec2 first = texel_of(cut) * ivec2(3, 1);
+    weights /= weights.x + weights.y + weights.z;
+    vec4 place = vec4(0.0);
+    for (int k = 0; k < 3; ++k) place += weights[k] * texelFetch(tree_cutouts, first + ivec2(k, 0), 0);
+    return is_opaque(int(place.w + 0.5), place.xy, place.z);
+}
+#else
+bool is_opaque_at(int i, vec3 weights) { return true; }
+#endif
 
 // Whether a triangle lies within reach. The signs of three volumes (Plücker coordinates) say so; neighbours have the same
 // one at their common edge but for its sign, so that no ray passes between them. a × b = (a − b) × (a + b) / 2 loses fewer
@@ -22,7 +39,7 @@ bool hits_triangle(int i, vec3 origin, vec3 direction, float reach) {
     vec3 normal = cross(b - a, c - a);
     float distance = dot(normal, a) / dot(normal, direction);  // NaN or infinite for a triangle seen edge-on
     bool inside = min(volumes.x, min(volumes.y, volumes.z)) >= 0.0 || max(volumes.x, max(volumes.y, volumes.z)) <= 0.0;
-    return inside && distance > 0.0 && distance <= reach;
+    return inside && distance > 0.0 && distance <= reach && is_opaque_at(i, volumes);
 }
 
 // Whether a triangle lies within reach in a unit direction. The inner loop walks nodes only, so that pixels that have found

@@ -1,5 +1,9 @@
 // Casters in world space for cascades/layers.geom, which projects them into each layer.
+#include "cutout/vertex.glsl"
 in vec3 position;
 out vec3 world;
 
-void main() { world = position; }
+void main() {
+    pass_cutout();
+    world = position;
+}

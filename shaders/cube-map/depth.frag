@@ -1,5 +1,9 @@
 // Distance to the light, linear in [0, 1].
+#include "cutout/fragment.glsl"
 in vec3 away;
 uniform float map_far;
 
-void main() { gl_FragDepth = length(away) / map_far; }
+void main() {
+    cut_out();
+    gl_FragDepth = length(away) / map_far;
+}

@@ -2,6 +2,7 @@
 layout(triangles, invocations = 6) in;
 layout(triangle_strip, max_vertices = 3) out;
 #include "cube_faces.glsl"
+#include "cutout/geometry.glsl"
 in vec3 from_light[];
 out vec3 away;
 
@@ -13,6 +14,7 @@ void main() {
     vec3 w = vec3(corners[0].w, corners[1].w, corners[2].w);
     if (all(greaterThan(x, w)) || all(lessThan(x, -w)) || all(greaterThan(y, w)) || all(lessThan(y, -w))) return;
     for (int i = 0; i < 3; ++i) {
+        pass_cutout(i);
         away = from_light[i];
         gl_Position = corners[i];
         gl_Layer = gl_InvocationID;

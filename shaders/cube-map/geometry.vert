@@ -1,6 +1,10 @@
 // Casters relative to the light, for faces.geom.
+#include "cutout/vertex.glsl"
 in vec3 position;
 out vec3 from_light;
 uniform vec3 light_position;
 
-void main() { from_light = position - light_position; }
+void main() {
+    pass_cutout();
+    from_light = position - light_position;
+}

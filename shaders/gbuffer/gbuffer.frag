@@ -1,4 +1,5 @@
 #include "triangle.glsl"
+#include "cutout/fragment.glsl"
 in vec3 world;
 in float view_depth;
 uniform sampler2D normals;  // by triangle; w = 1 for triangles that receive shadows
@@ -9,11 +10,12 @@ layout(location = 1) out vec4 surface_normal;
 layout(location = 2) out int surface_triangle;
 
 void main() {
+    cut_out();
     // Read per triangle: screen derivatives of the position are wrong at silhouettes.
-    vec4 normal = texelFetch(normals, texel_of(gl_PrimitiveID), 0);
+    vec4 normal = texelFetch(normals, texel_of(triangle_here()), 0);
     surface_position = vec4(world, 1.0);
     surface_normal = vec4(dot(normal.xyz, eye - world) < 0.0 ? -normal.xyz : normal.xyz, normal.w);
-    surface_triangle = gl_PrimitiveID;
+    surface_triangle = triangle_here();
     // Linear, because hyperbolic depth cannot resolve distant surfaces of a deep scene.
     gl_FragDepth = view_depth / far;
 }

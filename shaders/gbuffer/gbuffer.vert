@@ -1,10 +1,12 @@
 // G-buffer pass: position, geometric normal and triangle index of the visible surface of every pixel.
+#include "cutout/vertex.glsl"
 in vec3 position;
 uniform mat4 world_to_clip;
 out vec3 world;
 out float view_depth;
 
 void main() {
+    pass_cutout();
     world = position;
     gl_Position = world_to_clip * vec4(position, 1.0);
     view_depth = gl_Position.w;

@@ -1,4 +1,5 @@
 // Casters projected from the light onto a plane (Blinn 1988), in the camera's clip space.
+#include "cutout/vertex.glsl"
 in vec3 position;
 uniform vec3 center;             // of the scene: subtracted first, as large coordinates would lose precision below
 uniform mat4 flattened_to_clip;  // view-projection · ((π·l) I − l πᵀ), for positions relative to the centre
@@ -7,6 +8,7 @@ uniform float clearance;         // casters closer to the plane are clipped, a l
 out float gl_ClipDistance[1];
 
 void main() {
+    pass_cutout();
     vec4 point = vec4(position - center, 1.0);
     // Points above a spot or point light get a negative w from the projection, and are clipped: in front of the camera by
     // that w, behind it, where both signs change, by the far plane.

@@ -1,6 +1,7 @@
 """`engines`: what other engines there are, their installation, whether they draw here, and how well."""
 
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -65,8 +66,9 @@ def engines(
     They are measured like techniques, each by a program of its own: `shadowbench run stairs -t three`.
 
     An engine is installed in an environment of its own below the cache folder, from a lock file with hashes; nothing
-    is downloaded unless `install` asks for it. `doctor` starts each engine and has it draw a probe. An engine's
-    parameters are those of `shadowbench list engines NAME`; at their defaults they are what the engine ships with.
+    is downloaded unless `install` asks for it. `doctor` starts each engine and has it draw a probe, and a shadow of
+    each kind of light. An engine's parameters are those of `shadowbench list engines NAME`; at their defaults they are
+    what the engine ships with.
 
     `measure` draws each preset of each engine, with single- and with double-sided materials, in scenes with hard
     shadows, and writes a page with tables and pictures; repeated, it goes on where it was stopped. `page` writes it
@@ -129,9 +131,11 @@ def _list(chosen: "Mapping[str, type[Engine]]", json: bool) -> int:
 
 def _install(chosen: "Mapping[str, type[Engine]]", quiet: bool) -> int:
     """Install engines one after the other; exit code 1 if one failed."""
-    from shadowbench.engines.environment import install, what_lacks
+    from shadowbench.engines.environment import check_lock, install, what_lacks
 
     failed = False
+    for one in chosen.values():
+        check_lock(one)
     for name, one in chosen.items():
         if not quiet:
             console.print_error(f"{name}: installing")
@@ -148,9 +152,10 @@ def _install(chosen: "Mapping[str, type[Engine]]", quiet: bool) -> int:
 
 
 def _doctor(chosen: "Mapping[str, type[Engine]]", named: bool) -> int:
-    """Have engines draw a probe; exit code 1 if one does not."""
+    """Have engines draw a probe and a shadow of each kind of light; exit code 1 if one does not."""
     from shadowbench.engines.environment import what_lacks
     from shadowbench.engines.session import EngineSession
+    from shadowbench.engines.trial import shadows_drawn
     from shadowbench.measure.drawer import CellFailed
 
     failed = False
@@ -161,9 +166,9 @@ def _doctor(chosen: "Mapping[str, type[Engine]]", named: bool) -> int:
             console.print_line(f"{name}: {lacking}")
             continue
         try:
-            session = EngineSession(one, _SIZE)
-            console.print_line(f"{name}: draws; {session.version}, {session.renderer}")
-            session.close()
+            with closing(EngineSession(one, _SIZE)) as session:
+                drawn = [f"{light} {share:.0%}" for light, share in shadows_drawn(session).items()]
+            console.print_line(f"{name}: draws; {session.version}, {session.renderer}; shadows: {', '.join(drawn)}")
         except CellFailed as error:
             failed = True
             console.print_line(f"{name}: {error}")

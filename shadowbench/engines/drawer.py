@@ -11,6 +11,7 @@ from typing import Any, Self, cast
 from shadowbench.engines.environment import browser_version, environment, what_lacks
 from shadowbench.engines.session import EngineSession
 from shadowbench.errors import InputError, Unsupported
+from shadowbench.geometry.topology import is_closed, surrounds
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.gl_drawer import GLDrawer
@@ -23,6 +24,7 @@ from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import View
 from shadowbench.versions import ENGINES
 
+_MOST_OPEN = 2  # programs, of hundreds of MB each; a page of an engine that is drawn with others is opened again
 _MOST_BYTES = 1 << 30  # memory of an engine that is started anew: some keep what each picture took, and grow slow
 
 
@@ -60,7 +62,7 @@ class EngineDrawer:
     def unsupported(self, block: Block, cell: Cell) -> str | None:
         """See `Drawer`."""
         engine = engine_of(cell.spec)
-        return self.own.unsupported(block, cell) if engine is None else engine.unsupported(block.view)
+        return self.own.unsupported(block, cell) if engine is None else _unsupported(engine, block.view, cell)
 
     def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
         """See `Drawer`. Raises InputError for an engine that is not installed."""
@@ -84,14 +86,17 @@ class EngineDrawer:
         return self.own.time(block, sizes)
 
     def _draw(self, engine: type[Engine], view: View, cell: Cell) -> Rendering:
-        if reason := engine.unsupported(view):
+        if reason := _unsupported(engine, view, cell):
             raise Unsupported(reason)
-        session = self._sessions.get(engine)
+        session = self._sessions.pop(engine, None)
         if session is not None and (session.ended or session.size != view.size or session.memory > _MOST_BYTES):
-            self._close(engine)
+            session.close()
             session = None
         if session is None:
-            session = self._sessions[engine] = EngineSession(engine, view.size)
+            while len(self._sessions) >= _MOST_OPEN:
+                self._close(next(iter(self._sessions)))
+            session = EngineSession(engine, view.size)
+        self._sessions[engine] = session  # behind those that were used before
         try:
             return session.draw(view, cast(EngineParams, cell.spec.params), Phase(cell.phase))
         except BaseException:
@@ -109,6 +114,16 @@ def engine_of(spec: Spec) -> type[Engine] | None:
     if lacking := what_lacks(spec.technique):
         raise InputError(f"{spec.technique.name}: {lacking}")
     return spec.technique
+
+
+def _unsupported(engine: type[Engine], view: View, cell: Cell) -> str | None:
+    """Why an engine cannot draw a cell; None if it can."""
+    if (reason := engine.unsupported(view)) or cast(EngineParams, cell.spec.params).sides == "double":
+        return reason
+    for mesh in view.scene.meshes:
+        if surrounds(mesh, view.camera.position) and is_closed(mesh):
+            return f"the camera is inside {mesh.name}, of which only the outside is drawn; sides=double draws both"
+    return None
 
 
 @cache

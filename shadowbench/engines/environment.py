@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 
 import platformdirs
@@ -17,15 +18,24 @@ from shadowbench.files import make_folder
 from shadowbench.plugin.engine import Engine
 
 _LOCKS = {"web": ("package.json", "package-lock.json"), "python": ("requirements.txt",)}
+_MESA = {  # variables that name files of drivers, and Mesa's files below /etc and the folders of shared data
+    ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"): "vulkan/icd.d/lvp_icd*.json",
+    ("__EGL_VENDOR_LIBRARY_FILENAMES",): "glvnd/egl_vendor.d/*mesa*.json",
+}
+_PINNED = re.compile(r"[\w.\[\]-]+==[\w.+!-]+(\s*;[^#]+?)?(\s+--hash=sha256:[0-9a-f]{64})+")
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 def environment(engine: type[Engine]) -> Path:
     """Folder of an engine's environment, in $SHADOWBENCH_ENGINES or the platform's cache folder; it may not exist."""
-    digest = hashlib.sha256(b"".join(file.read_bytes() for file in _locks(engine))).hexdigest()[:12]
     chosen = os.environ.get("SHADOWBENCH_ENGINES")
     folder = Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "engines"
-    return folder / f"{engine.name}-{digest}"
+    return folder / f"{engine.name}-{_digest(engine)}"
+
+
+@cache
+def _digest(engine: type[Engine]) -> str:
+    return hashlib.sha256(b"".join(file.read_bytes() for file in _locks(engine))).hexdigest()[:12]
 
 
 def locked_version(engine: type[Engine]) -> str:
@@ -45,10 +55,13 @@ def python_of(engine: type[Engine]) -> Path:
 
 def browser() -> str:
     """Path of Chromium. Raises InputError if it is not here."""
-    for name in _BROWSERS:
-        if path := shutil.which(name):
-            return str(path)
+    if path := _chromium():
+        return path
     raise InputError("chromium not found: apt-get install chromium")
+
+
+def _chromium() -> str | None:
+    return next(filter(None, map(shutil.which, _BROWSERS)), None)
 
 
 def browser_version() -> str:
@@ -60,14 +73,28 @@ def browser_version() -> str:
 def needed_programs(engine: type[Engine]) -> dict[str, str]:
     """Programs that an engine needs to draw and that are not here, and the package of Debian that has each."""
     missing = {}
-    if engine.host == "web" and not any(map(shutil.which, _BROWSERS)):
+    if engine.host == "web" and _chromium() is None:
         missing["chromium"] = "chromium"
     if engine.display and shutil.which("Xvfb") is None:
         missing["Xvfb"] = "xvfb"
-    drivers = Path("/usr/share/vulkan/icd.d")
-    if engine.vulkan and not any(drivers.glob("*.json")):
-        missing["a driver of Vulkan"] = "mesa-vulkan-drivers"
+    if engine.vulkan and "VK_DRIVER_FILES" not in software_renderer():
+        missing["Mesa's software driver of Vulkan"] = "mesa-vulkan-drivers"
     return missing
+
+
+def software_renderer() -> dict[str, str]:
+    """Variables that have OpenGL and Vulkan drawn by Mesa's software renderer, also where there is a GPU.
+
+    Engines then differ by what they draw alone. Files of Mesa that are not where the loaders of Vulkan and EGL look for
+    them are left out: of Vulkan the engine then lacks them, of EGL the renderer that draws is in the rows.
+    """
+    places = os.environ.get("XDG_DATA_DIRS") or "/usr/local/share:/usr/share"
+    folders = [Path(place) for place in ("/etc", *places.split(":"))]
+    found = {"LIBGL_ALWAYS_SOFTWARE": "1"}
+    for names, pattern in _MESA.items():
+        if files := sorted(str(file) for folder in folders for file in folder.glob(pattern)):
+            found |= dict.fromkeys(names, files[0])
+    return found
 
 
 def what_lacks(engine: type[Engine]) -> str | None:
@@ -77,6 +104,22 @@ def what_lacks(engine: type[Engine]) -> str | None:
     if not _installed(engine):
         return f"not installed: shadowbench engines install {engine.name}"
     return None
+
+
+def check_lock(engine: type[Engine]) -> None:
+    """Raises InputError for a lock file with addresses, options, or packages without a version and hashes."""
+    file = _locks(engine)[-1]
+    text = file.read_text(encoding="utf-8")
+    if engine.host == "web":
+        packages = {name: one for name, one in json.loads(text)["packages"].items() if name}
+        bad = [name for name, one in packages.items() if "resolved" in one or not one.get("integrity")]
+        allowed = "packages with `integrity` and without `resolved`"
+    else:
+        lines = (line.strip() for line in text.replace("\\\n", " ").splitlines())
+        bad = [line for line in lines if line and line[0] != "#" and not _PINNED.fullmatch(line)]
+        allowed = "NAME==VERSION with --hash=sha256:…, of each package"
+    if bad:
+        raise InputError(f"{file}: found {quoted(bad[0])}; allowed: {allowed}")
 
 
 def install(engine: type[Engine]) -> Path:

@@ -155,7 +155,14 @@ class WebHost(Host):
     """
 
     def __init__(
-        self, browser: str, draw: Path, packages: Path, imports: Mapping[str, str], scripts: Sequence[str], log: Path
+        self,
+        browser: str,
+        draw: Path,
+        packages: Path,
+        imports: Mapping[str, str],
+        scripts: Sequence[str],
+        log: Path,
+        environment: Mapping[str, str],
     ) -> None:
         self._calls: queue.Queue[bytes] = queue.Queue()
         self._profile = tempfile.TemporaryDirectory(prefix="shadowbench-", ignore_cleanup_errors=True)
@@ -168,7 +175,7 @@ class WebHost(Host):
         start.write_text(f'<meta http-equiv="refresh" content="0;url={self.address}{self.secret}">', encoding="utf-8")
         command = [*_WITH_PIPE, browser, *_CHROMIUM, f"--user-data-dir={self._profile.name}", start.as_uri()]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL}
-        super().__init__(command, log, {"LIBGL_ALWAYS_SOFTWARE": "1"}, **pipes)
+        super().__init__(command, log, environment, **pipes)
 
     def _send(self, message: bytes) -> None:
         self._calls.put(message)

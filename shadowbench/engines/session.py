@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.engines.environment import browser, environment, python_of
+from shadowbench.engines.environment import browser, environment, python_of, software_renderer
 from shadowbench.engines.export import describe, describe_light, glb_of
 from shadowbench.engines.hosts import Host, HostFailed, PythonHost, WebHost
 from shadowbench.engines.light_box import light_box
@@ -150,10 +150,10 @@ class EngineSession:
         host: Host
         if engine.host == "web":
             packages = folder / "node_modules"
-            host = WebHost(browser(), engine.folder() / "draw.js", packages, engine.imports, engine.scripts, log)
+            drawing = engine.folder() / "draw.js"
+            host = WebHost(browser(), drawing, packages, engine.imports, engine.scripts, log, software_renderer())
         else:
-            # Mesa's software renderer everywhere, so that engines differ by what they draw alone.
-            variables = {"LIBGL_ALWAYS_SOFTWARE": "1", "PYTHONPATH": ""}
+            variables = {**software_renderer(), "PYTHONPATH": ""}
             if engine.display:
                 variables["DISPLAY"] = self._display()
             host = PythonHost(python_of(engine), engine.folder() / "draw.py", log, variables)

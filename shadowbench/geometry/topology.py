@@ -123,6 +123,18 @@ def is_closed(mesh: Mesh) -> bool:
     return bool(topology_of(Scene(mesh.name, (alone,), (), ())).closed.all())
 
 
+def surrounds(mesh: Mesh, point: Vec3) -> bool:
+    """Whether a point is inside a closed mesh, whose triangles then fill all directions.
+
+    By solid angles (Van Oosterom, Strackee 1983).
+    """
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces] - np.asarray(point), 1, 0)
+    la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
+    ab, bc, ca = (np.einsum("ij,ij->i", *pair) for pair in ((a, b), (b, c), (c, a)))
+    halves = np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), la * lb * lc + ab * lc + bc * la + ca * lb)
+    return bool(halves.sum() > np.pi)  # of 2π
+
+
 def casters_of(scene: Scene) -> Casters:
     """The closed and open casters of a scene, ordered by part."""
     topology = topology_of(scene)

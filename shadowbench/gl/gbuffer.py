@@ -1,5 +1,6 @@
 """The G-buffer: positions, normals and triangle indices of the visible surfaces, input of every resolve pass."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 from pyglm import glm
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
+from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Program, Sampling, State, link
 from shadowbench.gl.shaders import SHADERS, compose
@@ -78,9 +79,14 @@ class GBufferPass:
 
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
         self.device, self.geometry = device, geometry
-        stages = (compose(f"gbuffer/gbuffer.{stage}", SHADERS, TRIANGLE_DEFINES) for stage in ("vert", "frag"))
-        self.program: Program = link(device, *stages)
+        self.program = self._link(TRIANGLE_DEFINES)
+        if geometry.cutouts:
+            self.program.cut = self._link(TRIANGLE_DEFINES | CUTOUTS)
         self.drawable = geometry.all_faces(self.program)
+
+    def _link(self, defines: Mapping[str, str]) -> Program:
+        files = (f"gbuffer/gbuffer.{stage}" for stage in ("vert", "frag"))
+        return link(self.device, *(compose(file, SHADERS, defines) for file in files))
 
     def draw(self, view: View) -> GBuffer:
         """The G-buffer of a view, which is in the same coordinates as the uploaded geometry."""
@@ -98,5 +104,6 @@ class GBufferPass:
         return GBuffer(position, normal, triangle, depth, target, self.device)
 
     def release(self) -> None:
-        """Free the program and its vertex array."""
-        self.device.free((self.drawable.vertices, self.program.linked))
+        """Free the programs and their vertex arrays."""
+        drawables = filter(None, (self.drawable, self.drawable.cut))
+        self.device.free(part for one in drawables for part in (one.vertices, one.program.linked))

@@ -1,74 +1,140 @@
-"""A scene's triangles on the device: a vertex buffer, and index buffers of all faces and of the casters."""
+"""A scene's triangles on the device: vertices and indices, corners of cut-out triangles, and per-triangle textures."""
 
-from typing import TypeVar
+from dataclasses import replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Drawable, Program
-from shadowbench.scenes.geometry import Geometry
+from shadowbench.gl.program import Drawable, Program, Sampling, Textures
+from shadowbench.scenes.cutouts import CutoutFaces, PackedCutouts
+from shadowbench.scenes.geometry import Faces, Geometry
 
 _Value = TypeVar("_Value", bound=np.generic)
 TRIANGLE_ROW = 2048  # triangles whose values are side by side in a texture
-TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(TRIANGLE_ROW)}  # defines of `triangle.glsl`
+_CUTOUT_ROW = 16384  # texels of cut-outs that are: the width that OpenGL 4.1 guarantees
+TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(TRIANGLE_ROW), "CUTOUT_ROW": str(_CUTOUT_ROW)}
+"""Defines of `triangle.glsl` and `cutout.glsl`."""
+CUTOUTS = {"CUTOUTS": "1"}
+"""Define with which shaders cut out."""
+_CORNER = np.dtype([("position", "f4", 3), ("cutout_place", "f4", 3), ("cutout_face", "i4", 2)])
 
 
-def triangle_texels(values: NDArray[_Value]) -> NDArray[_Value]:
-    """(height, TRIANGLE_ROW, …) texels of (F, …) per-triangle values for `triangle.glsl`, padded with zeros."""
-    texels = np.zeros((-(-len(values) // TRIANGLE_ROW) * TRIANGLE_ROW, *values.shape[1:]), dtype=values.dtype)
+def triangle_texels(values: NDArray[_Value], row: int = TRIANGLE_ROW) -> NDArray[_Value]:
+    """(height, row, …) texels of (F, …) per-triangle values for `triangle.glsl`, padded with zeros."""
+    texels = np.zeros((-(-len(values) // row) * row, *values.shape[1:]), dtype=values.dtype)
     texels[: len(values)] = values
-    return texels.reshape(-1, TRIANGLE_ROW, *values.shape[1:])
+    return texels.reshape(-1, row, *values.shape[1:])
 
 
 def _rgba(xyz: NDArray[np.float64], w: NDArray[np.bool_] | float) -> NDArray[np.float32]:
     return triangle_texels(np.column_stack([xyz, np.broadcast_to(w, len(xyz))]).astype(np.float32))
 
 
+class _Triangles(NamedTuple):
+    """Some of a scene's triangles: indices of all and of the opaque ones with their number; corners of the cut-out."""
+
+    whole: tuple[moderngl.Buffer, int]
+    opaque: tuple[moderngl.Buffer, int]
+    corners: moderngl.Buffer | None
+
+
 class DeviceGeometry:
     """A scene's buffers and per-triangle textures, uploaded once.
 
-    Techniques draw `casters`, the G-buffer draws `all_faces`. `normals` and `colors` are textures addressed by triangle
-    (`texel_of` in `triangle.glsl`); w of a normal is 1 for triangles that receive shadows.
+    Techniques draw `casters`, the G-buffer draws `all_faces`: a program with `cut` draws the cut-out triangles by that,
+    any other draws them whole. `normals` and `colors` are textures addressed by triangle (`texel_of` in
+    `triangle.glsl`); w of a normal is 1 for triangles that receive shadows. cutouts: textures of `cutout.glsl`; empty
+    if nothing is cut out.
     """
 
     def __init__(self, device: Device, geometry: Geometry) -> None:
-        self._device, context = device, device.context
+        self._device, context, faces = device, device.context, geometry.faces
         self._vertices = context.buffer(geometry.vertices.astype(np.float32).tobytes())
-        self._faces = context.buffer(geometry.faces.astype(np.uint32).tobytes())
-        casters = geometry.caster_faces
-        self.caster_count = len(casters)
-        whole = self.caster_count in (0, len(geometry.faces))
-        self._casters = self._faces if whole else context.buffer(casters.astype(np.uint32).tobytes())
+        self._buffers = [self._vertices]
+        textures = {} if geometry.cutouts is None else _cutout_textures(device, geometry.cutouts.packed)
+        self.cutouts: Textures = {name: (texture, Sampling()) for name, texture in textures.items()}
+        # Cut-out ones without area, so that the others keep their `gl_PrimitiveID`.
+        opaque = np.where(geometry.is_cut_out[:, np.newaxis], 0, faces) if self.cutouts else faces
+        self._all = self._upload(geometry, faces, opaque, geometry.cutouts)
+        self._casters = self._all
+        if geometry.caster_faces is not faces or self.cutouts:
+            opaque = faces[geometry.casts & ~geometry.is_cut_out]
+            self._casters = self._upload(geometry, geometry.caster_faces, opaque, geometry.caster_cutouts)
         self.normals, self.colors = (
             context.texture((TRIANGLE_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
             for texels in (_rgba(geometry.normals, geometry.receives), _rgba(geometry.colors, 1.0))
         )
+        self._textures = [*textures.values(), self.normals, self.colors]
+
+    def _upload(self, geometry: Geometry, faces: Faces, opaque: Faces, cutouts: CutoutFaces | None) -> _Triangles:
+        """Triangles, those of them that are opaque, and those that are cut out."""
+        whole = self._indices(faces)
+        if cutouts is None:
+            return _Triangles(whole, whole, None)
+        corners = self._buffer(_corners(geometry.vertices[faces[cutouts.faces]], cutouts))
+        return _Triangles(whole, self._indices(opaque), corners)
+
+    def _indices(self, faces: Faces) -> tuple[moderngl.Buffer, int]:
+        # A buffer cannot be empty.
+        return self._buffer(faces.astype(np.uint32)) if len(faces) else self._vertices, faces.size
+
+    def _buffer(self, values: NDArray[np.generic]) -> moderngl.Buffer:
+        self._buffers.append(self._device.context.buffer(values.tobytes()))
+        return self._buffers[-1]
 
     def recolor(self, colors: NDArray[np.float64]) -> None:
         """Give the triangles other colours, (F, 3) linear RGB."""
         self.colors.write(_rgba(colors, 1.0))
 
     def all_faces(self, program: Program) -> Drawable:
-        """All triangles; `gl_PrimitiveID` is the triangle's index."""
-        return self._drawable(program, self._faces)
+        """All triangles; `gl_PrimitiveID` is the index of an opaque triangle."""
+        return self._triangles(program, self._all)
 
     def casters(self, program: Program) -> Drawable:
         """The caster triangles."""
-        return self._drawable(program, self._casters, count=-1 if self.caster_count else 0)
+        return self._triangles(program, self._casters)
+
+    def _triangles(self, program: Program, triangles: _Triangles) -> Drawable:
+        if program.cut is None or triangles.corners is None:
+            return self._indexed(program, *triangles.whole)
+        content = [(triangles.corners, "3f 3f 2i", *(_CORNER.names or ()))]
+        # Of attributes that the shaders read.
+        vertices = self._device.context.vertex_array(program.cut.linked, content, skip_errors=True)
+        cut = Drawable(program.cut, vertices, textures=self.cutouts)
+        return replace(self._indexed(program, *triangles.opaque), cut=cut)
 
     def indexed(self, program: Program, indices: moderngl.Buffer, mode: int) -> Drawable:
         """The scene's vertices with other indices (uint32) and primitives."""
-        return self._drawable(program, indices, mode=mode)
+        return replace(self._indexed(program, indices, -1), mode=mode)
 
-    def _drawable(
-        self, program: Program, faces: moderngl.Buffer, mode: int = moderngl.TRIANGLES, count: int = -1
-    ) -> Drawable:
-        vertices = program.device.context.vertex_array(program.linked, [(self._vertices, "3f", "position")], faces)
-        return Drawable(program, vertices, mode, count)
+    def _indexed(self, program: Program, indices: moderngl.Buffer, count: int) -> Drawable:
+        vertices = self._device.context.vertex_array(program.linked, [(self._vertices, "3f", "position")], indices)
+        return Drawable(program, vertices, count=count)
 
     def release(self) -> None:
         """Free the buffers and textures."""
-        buffers = {self._vertices, self._faces, self._casters}
-        self._device.free((*buffers, self.normals, self.colors))
+        self._device.free((*self._buffers, *self._textures))
+
+
+def _corners(positions: NDArray[np.float64], cutouts: CutoutFaces) -> NDArray[np.void]:
+    """(K, 3) corners of cut-out triangles at (K, 3, 3) positions."""
+    corners = np.empty(positions.shape[:2], dtype=_CORNER)
+    corners["position"] = positions
+    corners["cutout_place"] = np.dstack([cutouts.coordinates, cutouts.alpha])
+    corners["cutout_face"] = np.stack([cutouts.number, cutouts.faces], axis=1)[:, np.newaxis]
+    return corners
+
+
+def _cutout_textures(device: Device, packed: PackedCutouts) -> dict[str, moderngl.Texture]:
+    """Textures of `cutout.glsl`."""
+    least = packed.least.astype(np.float32).view(np.int32)
+    rows = np.column_stack([packed.table, least, np.zeros_like(least)]).reshape(-1, 2, 4)
+    table, texels = triangle_texels(rows), triangle_texels(packed.texels, _CUTOUT_ROW)
+    create = device.context.texture
+    return {
+        "cutout_table": create((2 * TRIANGLE_ROW, len(table)), 4, table.tobytes(), dtype="i4"),
+        "cutout_texels": create(texels.shape[::-1], 1, texels.tobytes(), dtype="u1"),
+    }

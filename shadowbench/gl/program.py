@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
@@ -48,6 +48,8 @@ class Sampling:
     mips: bool = False
 
 
+Textures = Mapping[str, tuple[Texture, Sampling]]
+"""Textures by the names of their samplers."""
 StencilOp = Literal["keep", "zero", "replace", "increment", "decrement"]
 
 
@@ -81,7 +83,9 @@ class State:
 
 
 class Program:
-    """A linked program, created by `link`."""
+    """A linked program, created by `link`. cut: the same shaders with CUTOUTS defined, if something is cut out."""
+
+    cut: "Program | None" = None
 
     def __init__(self, device: Device, program: moderngl.Program, text: str) -> None:
         self.device = device
@@ -97,10 +101,14 @@ class Program:
                 device.raw("glUniform1i", location, self._units[name])
 
     def set(self, **values: Value) -> None:
-        """Set uniforms by name: numbers, tuples as vectors, (4, 4) row-major arrays as matrices; arrays of these.
+        """Set uniforms by name, those of `cut` too: numbers, tuples as vectors, (4, 4) row-major arrays as matrices.
+
+        Arrays of these set arrays.
 
         A uniform that the compiler removed is skipped. Raises KeyError for a name that the source does not declare.
         """
+        if self.cut is not None:
+            self.cut.set(**values)
         for name, value in values.items():
             if name not in self._types:
                 raise KeyError(f"no uniform {name!r}; the program has {', '.join(sorted(self._types))}")
@@ -120,7 +128,7 @@ class Program:
         """Whether the source declares a uniform of this name."""
         return name in self._types
 
-    def bind(self, textures: Mapping[str, tuple[Texture, Sampling]]) -> None:
+    def bind(self, textures: Textures) -> None:
         """Bind textures to samplers by name. Raises KeyError if a sampler in use has no texture."""
         for name, unit in self._units.items():
             texture, sampling = textures[name]
@@ -189,12 +197,17 @@ Ranges = Sequence[tuple[int, int]]  # (first, count) of vertices or indices
 
 @dataclass(frozen=True, eq=False)
 class Drawable:
-    """A vertex array and its program. All draw calls go through `draw`, which counts them."""
+    """A vertex array and its program. All draw calls go through `draw`, which counts them.
+
+    textures: besides those that `draw` is given; cut: the cut-out triangles, which follow those of this one in ranges.
+    """
 
     program: Program
     vertices: moderngl.VertexArray
     mode: int = moderngl.TRIANGLES
     count: int = -1
+    textures: Textures = field(default_factory=dict)
+    cut: "Drawable | None" = None
 
     def draw(
         self,
@@ -205,13 +218,23 @@ class Drawable:
     ) -> None:
         """Draw ranges of the vertices or indices, by default all, into a target with these textures and state."""
         device = self.program.device
+        own, of_cut = (ranges, None) if ranges is None or self.cut is None else _divided(ranges, self.count)
         target.use()
-        self.program.bind(textures)
-        ranges = ((0, self.count),) if ranges is None else ranges
+        self.program.bind({**textures, **self.textures})
+        own = ((0, self.count),) if own is None else own
         with _render_state(device, state):
-            for first, count in ranges:
+            for first, count in own:
                 self.vertices.render(self.mode, vertices=count, first=first)
-        device.draws += len(ranges)
+        device.draws += len(own)
+        if self.cut is not None:
+            self.cut.draw(target, textures, state, of_cut)
+
+
+def _divided(ranges: Ranges, at: int) -> tuple[Ranges, Ranges]:
+    """The parts of ranges before an index, and those from it on, counted from there."""
+    ends = [(first, first + count) for first, count in ranges]
+    before = [(first, min(end, at) - first) for first, end in ends if first < at]
+    return before, [(max(first, at) - at, end - max(first, at)) for first, end in ends if end > at]
 
 
 @contextmanager

@@ -5,7 +5,7 @@ A technique with one 2-D map uses `FittedView`, then `CasterMap`, then a `Resolv
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,7 +15,7 @@ from shadowbench.geometry.lights import LightView
 from shadowbench.gl.clock import Changes
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Comparison, Program, Sampling, State, Texture, Value, Wrap
+from shadowbench.gl.program import Comparison, Program, Sampling, State, Textures, Value, Wrap
 from shadowbench.gl.targets import DepthFormat, Kind, unsupported_map
 from shadowbench.maps.biases import Bias, NoBias
 from shadowbench.maps.contents import MapContents
@@ -35,7 +35,6 @@ MAP_GRID = {
 MAP_SOFT_GRID = {
     "filter": ("hardware", "pcss(search=8,taps=8)", "pcss(search=8,taps=16)", "pcss", "pcss(search=32,taps=64)"),
 }
-Textures = Mapping[str, tuple[Texture, Sampling]]
 MapInputs = tuple[Textures, dict[str, Value]]
 """Textures and uniforms of a shader that reads a map."""
 _NO_BIAS = NoBias()
@@ -99,12 +98,11 @@ class CasterMap:
                 for layer in range(len(self._layer_targets))
             )
         # Of triangles with the same depth at a texel, the last drawn decides what a filter stores besides.
-        self._chunks = chunks = CasterChunks(stage.scene, layout.cull, reorder=contents is None)
-        self._casters = (
-            stage.drawable(program, {"position": chunks.vertices}, indices=chunks.faces)
-            if chunks.reordered
-            else stage.casters(program)
-        )
+        self._chunks = chunks = CasterChunks(stage.scene, layout.cull, contents is None, program.cut is not None)
+        self._casters = stage.casters(program)
+        if chunks.reordered:
+            ordered = stage.drawable(program, {"position": chunks.vertices}, indices=chunks.faces)
+            self._casters = replace(ordered, count=chunks.faces.size, cut=self._casters.cut)
         self._state = caster_state(bias, layout.clamp, layout.reversed_depth)
         # A negative polygon offset may move casters beyond the far plane in front of it.
         self._sides = 5 if min(bias.effect.factor, bias.effect.units) >= 0 else 4

@@ -18,27 +18,31 @@ _ROUNDING = 1e-6  # of the scene's extent: exceeds the float32 rounding of a cor
 class CasterChunks:
     """A scene's caster triangles in chunks, in the order in which they are drawn; no chunk spans two meshes.
 
-    cull: False draws all; reorder: an order that reuses vertices, else that of the device's index buffer. vertices: (V,
-    3) float32; faces: (F, 3) int32; reordered: whether these are other than the scene's; boxes: (C, 2, 3) bounding box
-    of each chunk; ends: (C,) index of the triangle after its last.
+    cull: False draws all; reorder: an order that reuses vertices, else that of the device's index buffer; cut_last:
+    whether the cut-out triangles follow the opaque ones, else all are opaque. vertices: (V, 3) float32; faces: (F, 3)
+    int32 opaque ones; reordered: whether these are other than the scene's; count: of triangles; boxes: (C, 2, 3)
+    bounding box of each chunk; ends: (C,) index of the triangle after its last.
     """
 
-    def __init__(self, scene: Scene, cull: bool, reorder: bool = True) -> None:
+    def __init__(self, scene: Scene, cull: bool, reorder: bool = True, cut_last: bool = False) -> None:
         geometry, self.cull = scene.geometry, cull
-        self.faces, self.vertices = geometry.caster_faces, geometry.vertices.astype(np.float32)
+        cut = geometry.is_cut_out[geometry.casts] & cut_last
+        self.faces, self.vertices = geometry.caster_faces[~cut], geometry.vertices.astype(np.float32)
+        self.count, cut_corners = len(cut), self.vertices[geometry.caster_faces[cut]]
         self.reordered = reorder and len(self.faces) > _FEW
         if self.reordered:
             from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order  # Numba takes 0.3 s to import
 
             self.faces, used = by_first_use(self.faces[in_reuse_order(self.faces)])
             self.vertices = self.vertices[used]
-        counts = [len(mesh.faces) if mesh.casts else 0 for mesh in scene.meshes]
+        meshes = sorted(scene.meshes, key=lambda mesh: cut_last and mesh.cutout is not None)
+        counts = [len(mesh.faces) if mesh.casts else 0 for mesh in meshes]
         starts = [np.arange(end - count, end, _CHUNK) for count, end in zip(counts, np.cumsum(counts), strict=True)]
         first = np.concatenate([np.zeros(0, dtype=np.int64), *starts])
-        self.ends = np.append(first[1:], len(self.faces))[: len(first)]
+        self.ends = np.append(first[1:], self.count)[: len(first)]
         self.boxes = np.zeros((0, 2, 3))
         if len(first):
-            corners = self.vertices[self.faces].reshape(-1, 3)
+            corners = np.concatenate([self.vertices[self.faces], cut_corners]).reshape(-1, 3)
             low, high = np.minimum.reduceat(corners, 3 * first), np.maximum.reduceat(corners, 3 * first)
             self.boxes = np.stack([low, high], axis=1).astype(np.float64)
 
@@ -54,7 +58,7 @@ class CasterChunks:
 
     def count_culled(self, ranges: Ranges | None) -> int:
         """Number of caster triangles outside the ranges."""
-        return 0 if ranges is None else len(self.faces) - sum(count for _, count in ranges) // 3
+        return 0 if ranges is None else self.count - sum(count for _, count in ranges) // 3
 
 
 def may_shadow(boxes: Floats, light: tuple[float, ...], planes: Floats) -> NDArray[np.bool_]:

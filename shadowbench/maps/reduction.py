@@ -1,19 +1,17 @@
 """Min-max reduction of a texture on the device: of its values, or of the visible receivers' positions."""
 
 import math
-from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
 
 from shadowbench.geometry.lights import Box, LightSpace
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Sampling, Texture
+from shadowbench.gl.program import Sampling, Textures
 from shadowbench.plugin.base import Frame, Stage
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
 
-Inputs = Mapping[str, tuple[Texture, Sampling]]
 _REACHES = 8, 16  # texels along a side that the first step and each further step reduce to one
 _ROUNDING = 1e-5  # of the largest coordinate: exceeds float32 rounding of a few operations, and of depths in 24 bits
 
@@ -39,7 +37,7 @@ class MinMaxReduction:
             low, high = (stage.texture(size, 4) for _ in range(2))
             self._steps.append((low, high, stage.target(low, high)))
 
-    def reduce(self, textures: Inputs) -> Inputs:
+    def reduce(self, textures: Textures) -> Textures:
         """The minimum and maximum as textures of one texel, `lows` and `highs`."""
         low, high, target = self._steps[0]
         self._draw_first.draw(target, textures)
@@ -48,7 +46,7 @@ class MinMaxReduction:
             low, high = step
         return {"lows": (low, Sampling()), "highs": (high, Sampling())}
 
-    def __call__(self, textures: Inputs) -> tuple[Floats, Floats]:
+    def __call__(self, textures: Textures) -> tuple[Floats, Floats]:
         """(3,) minimum and (3,) maximum. The read-back stalls until the device has finished, as in SDSM on the CPU."""
         self.reduce(textures)
         low, high, _ = self._steps[-1]

@@ -36,7 +36,7 @@ WRITTEN = {
 
 _RETIRED = {("shadow-volume", "build"): ("geometry", "cpu")}
 """Parameters that specs once had, and values that made no difference to masks: read, and left out."""
-_RETIRED_ITEM = re.compile(r"(?<=[:(,])build=(?:geometry|cpu),")
+_RETIRED_ITEM = re.compile(r"(?<=[:(,])(?:build=(?:geometry|cpu)|cutouts=unsupported),")
 
 
 @dataclass(frozen=True)
@@ -165,8 +165,8 @@ def spec_of(technique: "type[Subject]", items: Items, where: str) -> Spec:
 
 
 def without_retired(full_text: str) -> str:
-    """A spec with all parameters, perhaps of an older version, as it would be written now."""
-    return _RETIRED_ITEM.sub("", full_text) if "shadow-volume" in full_text else full_text
+    """A spec with all parameters, without items that other versions lack and that mean the same."""
+    return _RETIRED_ITEM.sub("", full_text) if "-volume" in full_text else full_text
 
 
 def _validated(technique: "type[Subject]", values: dict[str, Any], where: str) -> TechniqueParams:

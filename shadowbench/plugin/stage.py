@@ -14,9 +14,9 @@ from shadowbench.errors import Unsupported
 from shadowbench.files import data_folder
 from shadowbench.gl import targets
 from shadowbench.gl.device import Device, Releasable
-from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Drawable, Program, link
+from shadowbench.gl.program import Drawable, Program, Textures, link
 from shadowbench.gl.shaders import compose
 from shadowbench.gl.targets import FACES, Color, DepthFormat, DepthTarget, DepthTexture, Kind, StencilTarget
 from shadowbench.plugin.params import Component, TechniqueParams, components_of, in_metres
@@ -84,13 +84,17 @@ class Stage:
         names, slots, uniforms = _shader_values(params, self.placement)
         plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
         roots = [*self._roots[:-1], *plugins, self._roots[-1]]
-        names = {"LAYERS": "1"} | names | {name: str(value) for name, value in defines.items()}
+        names = {"LAYERS": "1"} | TRIANGLE_DEFINES | names | {name: str(value) for name, value in defines.items()}
         slots = {"projection": "perspective", **slots, **includes}
         uniforms |= {"metre": self.placement.length(1.0), "subpixel": 2.0**-self.device.subpixel_bits}
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
         texts = {stage: compose(source, roots, names, slots) for stage, source in stages.items()}
         program = link(self.device, *texts.values())
         self._resources.append(program.linked)
+        if self.cutouts and not CUTOUTS.keys() & names and any("CUTOUTS" in text for text in texts.values()):
+            cut = (compose(source, roots, names | CUTOUTS, slots) for source in stages.values())
+            program.cut = link(self.device, *cut)
+            self._resources.append(program.cut.linked)
         used = {name: value for name, value in uniforms.items() if program.has(name)}
         program.set(**used)
         self._programs += 1
@@ -149,18 +153,23 @@ class Stage:
         create = self.device.context.buffer
         return self._allocated(values.nbytes, lambda: create(np.ascontiguousarray(values).tobytes()))
 
+    @property
+    def cutouts(self) -> Textures:
+        """Textures of `cutout.glsl`; empty if nothing is cut out."""
+        return self._geometry.cutouts
+
     def casters(self, program: Program) -> Drawable:
-        """The scene's caster triangles, with `in vec3 position`."""
+        """The scene's caster triangles, with `in vec3 position`; cut out if the shaders include `cutout/….glsl`."""
         return self._drawable(self._geometry.casters(program))
 
     def surfaces(self, program: Program) -> Drawable:
-        """All triangles of the scene; `gl_PrimitiveID` is the G-buffer's triangle index."""
+        """All triangles of the scene; `gl_PrimitiveID` is an opaque triangle's index in the G-buffer."""
         return self._drawable(self._geometry.all_faces(program))
 
     def indexed(self, program: Program, indices: NDArray[np.integer], mode: int = moderngl.TRIANGLES) -> Drawable:
         """The scene's vertices with other indices, as triangles or other primitives."""
         if indices.size == 0:  # a buffer cannot be empty
-            return self._drawable(replace(self._geometry.all_faces(program), mode=mode, count=0))
+            return self._drawable(replace(self._geometry.all_faces(program), mode=mode, count=0, cut=None))
         buffer = self.buffer(indices.astype(np.uint32))
         return self._drawable(self._geometry.indexed(program, buffer, mode))
 
@@ -204,7 +213,7 @@ class Stage:
         return self._drawable(Drawable(program, self.device.context.vertex_array(program.linked, []), count=3))
 
     def _drawable(self, drawable: Drawable) -> Drawable:
-        self._resources.append(drawable.vertices)
+        self._resources += [one.vertices for one in (drawable, drawable.cut) if one is not None]
         return drawable
 
     def _allocated(self, size: int, create: Callable[[], Resource]) -> Resource:

@@ -132,7 +132,8 @@ def _sources(
     table = validated(model, raw, where)
     if table.file is None:
         parameters = {key: value for key, value in raw.items() if key not in MeshTable.model_fields}
-        return table, (Mesh(table.name or str(shape), *build_shape(str(shape), parameters, where)),), 0
+        mesh = build_shape(str(shape), parameters, where)
+        return table, (replace(mesh, name=table.name or mesh.name),), 0
     file = _resolved(table.file, scene, assets, where)
     moment = Moment(table.time, table.clip)
     if (file, moment) not in read:

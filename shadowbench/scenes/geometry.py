@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.options import LARGEST as LARGEST
 from shadowbench.scenes.cutouts import CutoutFaces
 
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int32]
-
-LARGEST = 1e18
-"""Largest allowed coordinate: squares of larger ones overflow float32, which `coordinates="absolute"` uses."""
 
 FLATTEST = 1e-10
 """Height of a triangle, as a share of its longest edge, below which float64 cannot distinguish its area from zero."""
@@ -142,6 +140,14 @@ class Geometry:
     def caster_faces(self) -> Faces:
         """(C, 3) int32 faces of the casters."""
         return self.faces if bool(self.casts.all()) else self.faces[self.casts]
+
+    @cached_property
+    def is_cut_out(self) -> NDArray[np.bool_]:
+        """(F,) bool."""
+        cut = np.zeros(len(self.faces), dtype=bool)
+        if self.cutouts is not None:
+            cut[self.cutouts.faces] = True
+        return cut
 
     @cached_property
     def caster_cutouts(self) -> CutoutFaces | None:

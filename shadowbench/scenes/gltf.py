@@ -6,22 +6,25 @@ camera's node.
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.contents import Contents, unique_name
 from shadowbench.scenes.geometry import Triangles, triangles_of
 from shadowbench.scenes.gltf_accessors import Data
 from shadowbench.scenes.gltf_animation import NOW, Moment, pose_at
 from shadowbench.scenes.gltf_bytes import TRIANGLES, read_buffers, read_json, read_primitives
 from shadowbench.scenes.gltf_instances import instance_matrices
 from shadowbench.scenes.gltf_layout import Layout, Primitive
+from shadowbench.scenes.gltf_materials import Cut, Materials
 from shadowbench.scenes.gltf_nodes import Node, scene_nodes
 from shadowbench.scenes.gltf_pose import Poser
 from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
-from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, name_from
+from shadowbench.scenes.tables import NARROWEST
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.strict import validated
 
@@ -36,21 +39,13 @@ HONOURED = re.compile(
 class Source(NamedTuple):
     """A primitive: its triangles as a node's matrix moves them, None where all nodes deform it; and its colour.
 
-    posed: triangles and their matrix to the world by number of a node that deforms it.
+    posed: triangles and their matrix to the world by number of a node that deforms it; cut: what cuts it out.
     """
 
     triangles: Triangles | None
     color: Vec3
     posed: dict[int, tuple[Triangles, Floats]]
-
-
-class Contents(NamedTuple):
-    """Contents of a file: meshes in object space with their (4, 4) object-to-world matrices, cameras, lights, notes."""
-
-    instances: list[tuple[Mesh, Floats]]
-    cameras: list[Camera]
-    lights: list[Light]
-    notes: list[str]
+    cut: Cut | None
 
 
 def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
@@ -68,15 +63,18 @@ def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
     data = read_buffers(layout, chunk, path, where)
     pose, pose_notes = pose_at(data, moment)
     nodes = scene_nodes(layout, pose)
-    poser = Poser(data, pose, nodes)
+    poser, materials = Poser(data, pose, nodes), Materials(data, path)
     sources: list[list[Source]] = [[] for _ in layout.meshes]
     for each in read_primitives(data):
         posed = poser.posed(each)
         still = triangles_of(each.positions, each.faces, where) if poser.stands(each, posed) else None
-        sources[each.mesh].append(Source(still, _base_color(layout, each.primitive), posed))
+        cut = materials.cut(each)
+        if cut is None or not materials.clear(cut):
+            sources[each.mesh].append(Source(still, _base_color(layout, each.primitive), posed, cut))
     instances = _instances(data, nodes, sources)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
-    return Contents(instances, cameras[0], lights[0], notes + pose_notes + poser.notes + cameras[1] + lights[1])
+    notes += materials.notes + pose_notes + poser.notes + cameras[1] + lights[1]
+    return Contents(instances, cameras[0], lights[0], notes)
 
 
 def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> list[tuple[Mesh, Floats]]:
@@ -99,7 +97,10 @@ def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> li
             title = name if len(rows) == 1 else f"{name} {k}"
             for number, copy in enumerate(copies, 1):
                 once = title if len(copies) == 1 else f"{title} {number}"
-                instances.append((Mesh(once, *triangles, source.color), matrix @ copy))
+                mesh = Mesh(once, *triangles, source.color)
+                if source.cut is not None:
+                    mesh = replace(mesh, **source.cut._asdict())
+                instances.append((mesh, matrix @ copy))
     if hidden and not any(len(mesh.faces) for mesh, _ in instances):
         raise InputError(f"{data.where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
     return instances
@@ -128,7 +129,7 @@ def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera
             found = f"znear is {data.znear:g} and zfar {data.zfar}"
             raise InputError(f"{where}: camera: perspective: {found}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
-        name = _unique(node.data.name or data.name, "camera", {camera.name for camera in cameras})
+        name = unique_name(node.data.name or data.name, "camera", {camera.name for camera in cameras})
         # The distance of the target scales with the position's coordinates, so that rounding keeps the direction.
         up = vec3(unit(node.matrix[:3, 1]))
         target = vec3(position + forward * max(1.0, float(np.linalg.norm(position))))
@@ -145,7 +146,7 @@ def _lights(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Light],
         if node.data.light is None or not node.visible:
             continue
         data = layout.lights[node.data.light]
-        name = _unique(node.data.name or data.name, "light", {light.name for light in lights})
+        name = unique_name(node.data.name or data.name, "light", {light.name for light in lights})
         position, direction = (vec3(values) for values in _pose(node, where, "light"))
         light_where = f"{where}: light {name}"
         if data.type == "directional":
@@ -173,15 +174,6 @@ def _pose(node: Node, where: str, what: str) -> tuple[Floats, Floats]:
     return node.matrix[:3, 3], unit(-node.matrix[:3, 2])
 
 
-def _unique(name: str | None, default: str, taken: set[str]) -> str:
-    """A valid name for a scene file, with a number appended if it is taken."""
-    plain = candidate = (name_from(name or "") or default)[:LONGEST_NAME]
-    number = 2
-    while candidate in taken:
-        candidate, number = f"{plain[: LONGEST_NAME - len(f'-{number}')]}-{number}", number + 1
-    return candidate
-
-
 def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
     """A note for each kind of feature that is ignored or simplified."""
     hidden = [node.data for node in nodes if not node.visible]
@@ -191,8 +183,8 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
         ([node.mesh is not None for node in hidden], "mesh(es) of hidden nodes left out"),
         ([node.light is not None for node in hidden], "light(s) of hidden nodes left out"),
         (
-            [one.see_through for k, one in enumerate(layout.materials) if k in used],
-            "see-through material(s) drawn opaque",
+            [one.transmits for k, one in enumerate(layout.materials) if k in used],
+            "transmissive material(s) drawn opaque",
         ),
         (
             [each.mode < TRIANGLES for each in primitives],

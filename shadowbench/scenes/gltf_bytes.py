@@ -151,7 +151,7 @@ def _faces(data: Data, primitive: Primitive, count: int, where: str) -> NDArray[
 def _buffer(layout: Layout, number: int, chunk: bytes | None, path: Path, where: str) -> bytes:
     """The bytes of a buffer. Raises InputError for missing ones, or a file outside the glTF's folder."""
     buffer = layout.buffers[number]
-    data = chunk if buffer.uri is None else _from_uri(buffer.uri, path, where)
+    data = chunk if buffer.uri is None else read_uri(buffer.uri, path, where)
     if data is None:
         raise InputError(f"{where}: found no uri; only the first buffer of a .glb may lack it")
     if len(data) < buffer.byteLength:
@@ -159,7 +159,8 @@ def _buffer(layout: Layout, number: int, chunk: bytes | None, path: Path, where:
     return data[: buffer.byteLength]
 
 
-def _from_uri(uri: str, path: Path, where: str) -> bytes:
+def read_uri(uri: str, path: Path, where: str) -> bytes:
+    """The bytes of a data URI, or of a file in the folder of the glTF at `path`. Raises InputError for others."""
     where = f"{where}: uri {uri!r:.60}"
     if uri.startswith("data:"):
         head, comma, text = uri.partition(",")

@@ -85,16 +85,66 @@ class _Mesh(JsonObject):
     primitives: list[Primitive]
 
 
-class _Material(JsonObject):
-    alphaMode: str = "OPAQUE"
+class _TextureTransform(JsonObject):
+    """KHR_texture_transform."""
+
+    offset: Annotated[list[Number], Field(min_length=2, max_length=2)] = [0, 0]
+    rotation: Number = 0
+    scale: Annotated[list[Number], Field(min_length=2, max_length=2)] = [1, 1]
+    texCoord: Count | None = None
+
+
+class TextureInfo(JsonObject):
+    """A texture, and where on a surface it lies."""
+
+    index: Annotated[Count, index_into("textures")]
+    texCoord: Count = 0
+    transform: _TextureTransform = Field(
+        _TextureTransform(), validation_alias=AliasPath("extensions", "KHR_texture_transform")
+    )
+
+
+class Material(JsonObject):
+    """A material, as far as it says where a surface is opaque, and its colour."""
+
+    alphaMode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
+    alphaCutoff: Annotated[Number, Field(ge=0)] = 0.5
     color: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = Field(
         None, validation_alias=AliasPath("pbrMetallicRoughness", "baseColorFactor")
+    )
+    texture: TextureInfo | None = Field(None, validation_alias=AliasPath("pbrMetallicRoughness", "baseColorTexture"))
+    extensions: dict[str, Any] = {}
+
+    @property
+    def transmits(self) -> bool:
+        """Whether light passes through it, as through glass."""
+        return "KHR_materials_transmission" in self.extensions
+
+
+class _Texture(JsonObject):
+    """A texture; `webp`: the image of EXT_texture_webp, `source` that of core glTF, one or both or none."""
+
+    sampler: Annotated[Count, index_into("samplers")] | None = None
+    source: Annotated[Count, index_into("images")] | None = None
+    webp: Annotated[Count, index_into("images")] | None = Field(
+        None, validation_alias=AliasPath("extensions", "EXT_texture_webp", "source")
     )
     extensions: dict[str, Any] = {}
 
     @property
-    def see_through(self) -> bool:
-        return self.alphaMode != "OPAQUE" or "KHR_materials_transmission" in self.extensions
+    def image(self) -> int | None:
+        return self.source if self.webp is None else self.webp
+
+
+class _Sampler(JsonObject):
+    magFilter: Literal[9728, 9729] = 9729
+    wrapS: Literal[33071, 33648, 10497] = 10497
+    wrapT: Literal[33071, 33648, 10497] = 10497
+
+
+class _Image(JsonObject):
+    uri: str | None = None
+    bufferView: ViewIndex | None = None
 
 
 class _Camera(JsonObject):
@@ -124,7 +174,10 @@ class Layout(JsonObject):
     accessors: list[Accessor] = []
     bufferViews: list[BufferView] = []
     buffers: list[Buffer] = []
-    materials: list[_Material] = []
+    materials: list[Material] = []
+    textures: list[_Texture] = []
+    samplers: list[_Sampler] = []
+    images: list[_Image] = []
     cameras: list[_Camera] = []
     lights: list[_Light] = Field([], validation_alias=LIGHTS)
     animations: list[Animation] = []

@@ -12,6 +12,7 @@ from shadowbench.scenes.gltf_animation import NOW, Moment
 from shadowbench.scenes.meshes import GLTF_SUFFIXES, MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.tables import NAME, NAMES, name_from
+from shadowbench.scenes.usd import USD_SUFFIXES
 
 LONGEST_PATH = 4096
 WITHOUT_UP = (".obj", ".ply", ".stl", ".off")
@@ -64,7 +65,7 @@ def _check_up(up: str, source: str) -> None:
 
 
 def _read_mesh_scene(path: Path, up: str | None, moment: Moment) -> Scene:
-    """The scene of a mesh file: a glTF's own cameras and lights, and defaults, with notes, for those it has not."""
+    """The scene of a mesh file: its own cameras and lights, and defaults, with notes, for those it has not."""
     name = name_from(path.stem)
     if not NAME.fullmatch(name):
         raise InputError(
@@ -73,7 +74,7 @@ def _read_mesh_scene(path: Path, up: str | None, moment: Moment) -> Scene:
         )
     scene = read_meshes(path, moment=moment)
     meshes, notes = list(scene.meshes), list(scene.notes)
-    if scene.lights:
+    if scene.lights and path.suffix.lower() not in USD_SUFFIXES:
         notes.append(f"{path.name}: glTF gives lights no size: their shadows are hard")
     if up is None and path.suffix.lower() in WITHOUT_UP:
         notes.append(f"no up axis in {path.name}: assumed y; --up z takes z")

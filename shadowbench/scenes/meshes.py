@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.contents import Contents
 from shadowbench.scenes.geometry import (
     MOST_TRIANGLES,
     Triangles,
@@ -18,12 +19,13 @@ from shadowbench.scenes.geometry import (
     welded,
     with_area,
 )
-from shadowbench.scenes.gltf import Contents, read_gltf
+from shadowbench.scenes.gltf import read_gltf
 from shadowbench.scenes.gltf_animation import NOW, Moment
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.obj_off_stl import read_obj, read_off, read_stl
 from shadowbench.scenes.ply import read_ply
 from shadowbench.scenes.polygons import Polygons, triangulated
+from shadowbench.scenes.usd import USD_SUFFIXES, read_usd
 from shadowbench.scenes.vectors import Floats
 from shadowbench.strict import short
 
@@ -31,11 +33,11 @@ READERS: dict[str, Callable[[bytes, str], Polygons]] = {
     ".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off,
 }  # fmt: skip
 GLTF_SUFFIXES = (".glb", ".gltf")
-MESH_SUFFIXES = (*GLTF_SUFFIXES, *READERS)
+MESH_SUFFIXES = (*GLTF_SUFFIXES, *READERS, *USD_SUFFIXES)
 
 
 def read_meshes(path: Path, where: str | None = None, moment: Moment = NOW) -> Scene:
-    """The meshes of a .glb, .gltf, .obj, .ply, .stl or .off file, with the cameras and lights of a glTF.
+    """The meshes of a glTF, OBJ, PLY, STL, OFF or USD file, with the cameras and lights of a glTF or USD file.
 
     where: the beginning of each error message, by default the file's name; moment: at which the animations of a glTF
     pose it. Raises InputError for a file that is missing, unreadable, empty, truncated, of an unknown format, without
@@ -50,10 +52,13 @@ def read_meshes(path: Path, where: str | None = None, moment: Moment = NOW) -> S
             raise InputError(f"{where}: {'is not a file' if path.exists() else 'no such file'}")
         if path.stat().st_size == 0:
             raise InputError(f"{where}: the file is empty")
-        if suffix in READERS and moment != NOW:
+        if suffix not in GLTF_SUFFIXES and moment != NOW:
             raise InputError(f"{where}: time and clip are for glTF files, which may have animations")
         with np.errstate(all="ignore"):
-            contents = _polygonal(path, where) if suffix in READERS else read_gltf(path, where, moment)
+            if suffix in USD_SUFFIXES:
+                contents = read_usd(path, where)
+            else:
+                contents = _polygonal(path, where) if suffix in READERS else read_gltf(path, where, moment)
             return _assembled(contents, path.stem, where)
     except InputError:
         raise

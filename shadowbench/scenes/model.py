@@ -4,6 +4,7 @@ Right-handed, y up, cameras look along −z; metres, radians, float64. All class
 """
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -162,7 +163,8 @@ class Scene:
     """Meshes, cameras and lights of a file, with defaults for those that it does not have.
 
     notes: a line for each default and each unsupported feature; dropped: number of zero-area triangles removed; ground:
-    the mesh that was assumed and the note about it, None if none was.
+    the mesh that was assumed and the note about it, None if none was; assumed: the notes about an assumed `camera` and
+    `light`.
     """
 
     name: str
@@ -172,6 +174,7 @@ class Scene:
     notes: tuple[str, ...] = ()
     dropped: int = 0
     ground: tuple[Mesh, str] | None = None
+    assumed: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         triangles = sum(len(mesh.faces) for mesh in self.meshes)

@@ -134,11 +134,11 @@ def occluder_gap(fitted: FittedMap, offset: Floats) -> Floats:
         if space.perspective:
             rays = space.basis.T @ np.stack([u, v, np.full(len(mine), -1.0)])
             origins = np.broadcast_to(space.origin, (len(mine), 3))
-            occluder = samples.casters.distance(origins, rays.T, INFINITE).astype(np.float64)
+            occluder = samples.casters.hits(origins, rays.T, INFINITE).distance.astype(np.float64)
             occluder *= np.sqrt(u**2 + v**2 + 1) if fitted.space is None else 1.0  # cubes store the distance itself
         else:
             start = float(space.box(corners(box_planes(samples.view.scene.geometry.bounds), 1.0)).low[2])
             origins = space.basis.T @ np.stack([u, v, np.full(len(mine), -start)])
-            occluder = start + samples.casters.distance(origins.T, -space.basis[2:], INFINITE).astype(np.float64)
+            occluder = start + samples.casters.hits(origins.T, -space.basis[2:], INFINITE).distance.astype(np.float64)
         gap[mine] = fitted.footprint.coords[2, mine] - occluder
     return gap

@@ -79,6 +79,13 @@ def _casters(need: Casters) -> Iterator[Row]:
             parts.append(f"{inwards} {'' if parts else 'are '}in closed parts not wound outwards")
         reason = f"triangles; {', '.join(parts)}, which shadow volumes count with signed weights"
     yield "closed casters", f"{need.closed} of {need.triangles}", reason
+    if need.cut_out:
+        tests = "maps, planar-projection and rays test alpha, shadow volumes do not"
+        yield (
+            "cut-outs",
+            f"{need.cut_out} triangles",
+            f"of {need.triangles}, opaque on {need.opaque:.0%} of their area: {tests}",
+        )
     seen = f"of {need.edges} are on the silhouette as seen from the light"
     yield "silhouette", f"{need.silhouette} edges", f"{seen}: shadow volumes have {need.walls} walls"
 

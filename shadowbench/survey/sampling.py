@@ -134,9 +134,9 @@ def sample_view(view: View) -> Samples:
     above = OFFSET * float(np.linalg.norm(high - low))
     step = -(-view.size // LATTICE)
     centres = np.minimum(np.arange(0, view.size, step) + (step - 1) // 2, view.size - 1) + 0.5
-    everything = Tracer(geometry.vertices, geometry.faces)
+    everything = Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
     whole = len(geometry.caster_faces) == len(geometry.faces)
-    casters = everything if whole else Tracer(geometry.vertices, geometry.caster_faces)
+    casters = everything if whole else Tracer(geometry.vertices, geometry.caster_faces, geometry.caster_cutouts)
 
     def trace(rows: slice) -> dict[str, NDArray[Any]]:
         y, x = np.meshgrid(centres[rows], centres, indexing="ij")
@@ -171,7 +171,7 @@ def _surfaces(view: View, tracer: Tracer, x: Floats, y: Floats) -> dict[str, NDA
     gap = float(np.linalg.norm((low + high) / 2 - eye[:, 0]) - np.linalg.norm(high - low) / 2)
     # Rays have length 1 along the view axis; those of distant cameras start near the scene, for float32 precision.
     start = np.maximum(near, gap / np.sqrt(dot(rays, rays)))
-    triangle = tracer.nearest((eye + rays * start).T, rays.T, far - start).astype(np.intp)
+    triangle = tracer.hits((eye + rays * start).T, rays.T, far - start).triangle.astype(np.intp)
     ray = np.flatnonzero((triangle >= 0) & geometry.receives[triangle])
     triangle, rays = triangle[ray], rays[:, ray]
 
@@ -203,7 +203,7 @@ def _lighting(view: View, casters: Tracer, point: Floats, normal: Floats, above:
         receives &= -dot(to_light, axis) >= view.light.cos_half_angle
     ahead = above / np.maximum(cosine, FACING)
     reach = np.maximum(length - ahead, 0.0) if w else np.full(len(length), INFINITE)
-    beyond = casters.distance((point + to_light * ahead).T, to_light.T, reach)
+    beyond = casters.hits((point + to_light * ahead).T, to_light.T, reach).distance
     blocked = receives & (beyond < reach.astype(np.float32))  # without a hit `distance` returns the reach
     distance, blocker = length if w else np.full(len(length), np.inf), np.where(blocked, ahead + beyond, np.inf)
     return {"receives": receives, "to_light": to_light, "distance": distance, "blocker": blocker}

@@ -50,8 +50,8 @@ class Hybrid(Technique):
     After Hertel, Hormann and Westermann (2009, "A hybrid GPU rendering pipeline for alias-free hard shadows"). The
     silhouette edges that the light sees are drawn into the map too, so that casters thinner than a texel are not
     missed. A receiver is lit or in shadow if the four texels around it agree and have no edge, and no surface close to
-    its plane, as at contacts and folds. All others, mostly along shadow edges, are traced. Silhouettes are found on the
-    CPU, by compiled code.
+    its plane, as at contacts and folds. All others, mostly along shadow edges, and those behind cut-out surfaces, are
+    traced. Silhouettes are found on the CPU, by compiled code.
     """
 
     name = "hybrid"
@@ -120,9 +120,10 @@ class Hybrid(Technique):
 
 
 class Classification:
-    """Draws a map and the silhouette edges in it, and what they say of each pixel.
+    """Draws a map and the silhouette edges and cut-outs in it, and what they say of each pixel.
 
-    The edges are those between a triangle that faces the light and one that does not, and those of one triangle only.
+    The edges are those between a triangle that faces the light and one that does not, and those of one triangle only:
+    any texel that a cut-out surface touches has its centre on it or one of its edges.
     """
 
     def __init__(self, stage: Stage, map: ShadowMap | CubeMap) -> None:
@@ -136,10 +137,14 @@ class Classification:
         self._exact, self._weights = stage.scene.geometry.vertices, wall_weights
         self._vertices = self._exact.astype(np.float32)
         kind = map.map.layout.kind
-        self._edge_program = stage.program(
-            "hybrid/silhouette.vert", "hybrid/silhouette.frag", params=map.params, includes={"map": kind}
+        geometry = stage.scene.geometry
+        cut_out = geometry.faces[geometry.casts & geometry.is_cut_out]
+        self._edge_program, *interior = (
+            stage.program(f"hybrid/{part}.vert", "hybrid/silhouette.frag", params=map.params, includes={"map": kind})
+            for part in (("silhouette", "interior") if len(cut_out) else ("silhouette",))
         )
         self._upload = stage.stream(self._edge_program, {"a": 3, "b": 3})
+        self._interiors = [stage.indexed(program, cut_out) for program in interior]
         self._edge_map = stage.depth_target(map.params.size, "d32f", kind)
         self._program = stage.program(
             "fullscreen.vert", "hybrid/classify.frag", params=map.params, includes=map.map.includes
@@ -160,16 +165,20 @@ class Classification:
             self._triangle.draw(target, inputs, State(depth_test="<="))
 
     def _draw_silhouettes(self, frame: Frame, depths: tuple[Texture, Sampling]) -> None:
-        """Draw the linear depth of the nearest edge in each texel, 1 for none. depths: of the map, which hide edges."""
+        """Draw the linear depth of the nearest edge or cut-out in each texel, 1 for none.
+
+        depths: of the map, which hide others.
+        """
         light = np.array(frame.light_uniform)
-        drawn = self._edges[self._weights(self._exact, self._edges, light, 0, self._closed) != 0]
-        ends = np.concatenate([self._vertices[drawn[:, 1]], self._vertices[drawn[:, 2]]], axis=1)
+        chosen = self._edges[self._weights(self._exact, self._edges, light, 0, self._closed) != 0]
+        ends = np.concatenate([self._vertices[chosen[:, 1]], self._vertices[chosen[:, 2]]], axis=1)
         edges = self._upload(np.repeat(ends, _CORNERS, axis=0))
         self._edge_map.target.clear(depth=1.0)
         targets = self._edge_map.layer_targets or (self._edge_map.target,)
         for target, uniforms in zip(targets, self._layers(frame), strict=True):
-            self._edge_program.set(**uniforms)
-            edges.draw(target, {"map_contents": depths}, State(depth_test="<=", depth_clamp=True))
+            for drawn in (edges, *self._interiors):
+                drawn.program.set(**uniforms)
+                drawn.draw(target, {"map_contents": depths}, State(depth_test="<=", depth_clamp=True))
 
     def _layers(self, frame: Frame) -> list[dict[str, Value]]:
         """Uniforms of silhouette.vert and silhouette.frag, for each layer of the map."""

@@ -9,7 +9,7 @@ from shadowbench.geometry.convex import box_planes, corners, is_outside, view_pl
 from shadowbench.geometry.planes import LEAST_SHARE, MOST_PLANES, TOLERANCE, Plane, find_planes
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import view_projection
-from shadowbench.gl.geometry import TRIANGLE_DEFINES, triangle_texels
+from shadowbench.gl.geometry import triangle_texels
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
@@ -75,9 +75,7 @@ class PlanarProjection(Technique):
         self.rounding = _ROUNDING * float(np.linalg.norm(high - low)) + _FLOAT_STEP * far
         self.from_center = np.eye(4)
         self.from_center[:3, 3] = (low + high) / 2
-        self.shadow_program = stage.program(
-            "planar-projection/flatten.vert", "planar-projection/shadow.frag", defines=TRIANGLE_DEFINES
-        )
+        self.shadow_program = stage.program("planar-projection/flatten.vert", "planar-projection/shadow.frag")
         self.shadow_program.set(center=vec3(self.from_center[:3, 3]))
         self.casters = stage.casters(self.shadow_program)
         of_triangle = np.full(len(geometry.faces), -1, dtype=np.int32)

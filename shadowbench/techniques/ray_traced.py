@@ -8,9 +8,9 @@ from pydantic import model_validator
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
-from shadowbench.gl.geometry import TRIANGLE_DEFINES, TRIANGLE_ROW, triangle_texels
+from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_ROW, triangle_texels
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Sampling, State
+from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import Light, Scene, View
 from shadowbench.scenes.vectors import vec3
@@ -49,11 +49,18 @@ class TracePass:
         tree = build_tree(geometry.vertices, geometry.caster_faces)
         corners = np.zeros((max(len(tree.order), 1), 3, 4), dtype=np.float32)  # a texture cannot be empty
         corners[: len(tree.order), :, :3] = geometry.vertices[geometry.caster_faces[tree.order]]
-        self._textures = {
+        self._textures: dict[str, tuple[Texture, Sampling]] = {}
+        if (cut := geometry.caster_cutouts) is not None:
+            number = np.zeros(len(tree.order), dtype=np.float32)
+            number[cut.faces] = 1 + np.arange(len(cut.faces))
+            corners[:, 0, 3] = number[tree.order]
+            places = np.dstack([cut.coordinates, cut.alpha, np.broadcast_to(cut.number[:, None], cut.alpha.shape)])
+            self._textures = {**stage.cutouts, "tree_cutouts": (_texture(stage, places.astype("f4"), "f4"), Sampling())}
+        self._textures |= {
             "tree_nodes": (_texture(stage, tree.words[:, np.newaxis], "u4"), Sampling()),
             "tree_triangles": (_texture(stage, corners, "f4"), Sampling()),
         }
-        self._program = stage.program("fullscreen.vert", "trace.frag", defines=TRIANGLE_DEFINES)
+        self._program = stage.program("fullscreen.vert", "trace.frag", defines={} if cut is None else CUTOUTS)
         self._program.set(tree_size=len(tree.words), tree_low=vec3(tree.low), tree_step=vec3(tree.step), offset=offset)
         self._triangle = stage.fullscreen(self._program)
 
@@ -123,7 +130,7 @@ class RayTraced(Technique):
             self.target, self.trace = stage.target(self.visibility), TracePass(stage, self.offset)
         else:
             geometry = stage.scene.geometry
-            self.tracer = Tracer(geometry.vertices, geometry.caster_faces)
+            self.tracer = Tracer(geometry.vertices, geometry.caster_faces, geometry.caster_cutouts)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         if self.params.where == "gpu":

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from shadowbench.geometry.topology import Singles, casters_of
+from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Comparison, Sampling, State, Stencil
@@ -14,7 +15,7 @@ from shadowbench.maps.reduction import MinMaxReduction
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
-from shadowbench.techniques.volumes import Batch, Count, Extrusion, VolumePart, Volumes, batches_of
+from shadowbench.techniques.volumes import Batch, Count, Extrusion, VolumeParams, VolumePart, Volumes, batches_of
 
 # The stencil stores the number of caster layers between receiver and light modulo 256: increments and decrements wrap,
 # so their order and the number of walls along the camera's ray do not matter. If no light ray crosses 256 layers, 0
@@ -47,7 +48,7 @@ class ShadowVolume(Technique):
         exact=True,
     )
 
-    class Params(TechniqueParams):
+    class Params(VolumeParams):
         count: Count = param("z-fail", "counts in front of the receiver, or behind it where the eye may be in a volume")
         faces: Extrusion = param("silhouette", "extrudes every triangle that faces the light, or silhouette edges only")
         counter: Literal["stencil", "color"] = param("stencil", "8-bit wrapping stencil, or a blended float target")
@@ -58,6 +59,11 @@ class ShadowVolume(Technique):
         cull: bool = param(True, "skips parts that cannot shadow a visible receiver")
 
     params: Params
+
+    @classmethod
+    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+        assert isinstance(params, cls.Params)
+        return params.unsupported_casters(view)
 
     @classmethod
     def extra_work(cls, params: TechniqueParams) -> str | None:

@@ -6,14 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from shadowbench.geometry.convex import SceneHull
+from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State
 from shadowbench.maps.resolve import ResolvePass
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.scenes.model import Light
+from shadowbench.scenes.model import Light, View
 from shadowbench.techniques.light_samples import LightSamples, hard_light, light_points
 from shadowbench.techniques.shadow_volume import ShadowVolume
+from shadowbench.techniques.volumes import VolumeParams
 
 POINTS = 16  # of the light in a pass: a target of four floats holds as many counters
 
@@ -36,10 +38,15 @@ class SoftVolume(Technique):
         builds_on=(ShadowVolume, LightSamples),
     )
 
-    class Params(TechniqueParams):
+    class Params(VolumeParams):
         n: int = param(32, "points of the light", ge=1, le=4096)
 
     params: Params
+
+    @classmethod
+    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+        assert isinstance(params, cls.Params)
+        return params.unsupported_casters(view)
 
     @classmethod
     def draws_on_cpu(cls, params: TechniqueParams) -> bool:

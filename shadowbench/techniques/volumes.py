@@ -11,10 +11,9 @@ from shadowbench.geometry.convex import box_planes, corners, view_planes
 from shadowbench.geometry.lights import LightSpace, LightView
 from shadowbench.geometry.topology import Casters, Indices, Singles
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Drawable, State
-from shadowbench.maps.caster_map import Textures
+from shadowbench.gl.program import Drawable, State, Textures
 from shadowbench.maps.culling import box_corners, kept_ranges, may_shadow, visible_region
-from shadowbench.plugin.base import Frame, Stage, TechniqueParams
+from shadowbench.plugin.base import Frame, Stage, TechniqueParams, param
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
@@ -31,6 +30,20 @@ _MARGIN = 1e-3  # of the extent of eye and visible region: walls end this far ou
 _SHALLOWEST = 1e-3  # sine of the least angle of the light's rays with the plane at which walls end
 _ON_EDGE = 1e-6  # distance of a lamp from an edge, as a share of the coordinates: rounding
 _CLOSE = 1e-3  # distance of a lamp from a triangle's plane, as a share of the triangle's size
+
+
+class VolumeParams(TechniqueParams):
+    """Parameters of every technique that extrudes volumes."""
+
+    cutouts: Literal["unsupported", "opaque"] = param(
+        "unsupported", "declines casters cut out by alpha, or draws them whole"
+    )
+
+    def unsupported_casters(self, view: View) -> str | None:
+        """Why casters of a view cannot be extruded; None if all can."""
+        if self.cutouts == "opaque" or view.scene.geometry.caster_cutouts is None:
+            return None
+        return "casters cut out by alpha, which volumes do not test; cutouts=opaque draws them whole"
 
 
 @dataclass(frozen=True, eq=False)

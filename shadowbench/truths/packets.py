@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from shadowbench.compiled import compiled
 from shadowbench.errors import InputError
+from shadowbench.truths.cutout_filter import FLAGS, addresses_of, filter_address
+from shadowbench.truths.cutouts import NO_CUTOUTS, CutoutArrays
 
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
 INSTRUCTION_SETS = ("sse2", "sse4.2", "avx", "avx2", "avx512")
@@ -26,11 +28,13 @@ _NATIVE = {16: 34, 8: 33, 4: 32}  # RTC_DEVICE_PROPERTY_NATIVE_RAY…_SUPPORTED 
 _TRIANGLES, _INDICES, _VERTICES = 0, 0, 1  # RTCGeometryType, RTCBufferType
 _UINT3, _FLOAT3 = 0x5003, 0x9003  # RTCFormat
 _ROBUST = 4  # RTC_SCENE_FLAG_ROBUST
+_CUT_OUT = 1  # number of the geometry of cut-out triangles; that of the others is 0
 _LOCATIONS = ("../embreex.libs", ".dylibs", ".")  # from the package: auditwheel and delvewheel, delocate, none
 LANE = 22  # words of a lane, at least: 12 of an RTCRay, 9 of an RTCHit
 
 Single = NDArray[np.float32]
 Words = NDArray[np.uint32]
+Flags = NDArray[np.bool_]
 
 # Numba caches a kernel that names a symbol, but none that holds a ctypes pointer.
 _query = types.void(*[types.intp] * 4)  # pointers: valid, scene, rays, arguments
@@ -95,28 +99,46 @@ def default_device() -> Device | None:
 class PacketScene:
     """An Embree scene of one indexed triangle list, in robust mode.
 
-    vertices: (V, 3) float32; faces: (F, 3) int32. Rays, all float32 and C-contiguous: origins (3, N), directions (3, N)
-    or (3, 1), reach (N,) in multiples of the direction's length. Raises MemoryError if Embree has not enough memory.
+    vertices: (V, 3) float32; faces: (F, 3) int32; cut: which of them are cut out, and where. Rays, all float32 and
+    C-contiguous: origins (3, N), directions (3, N) or (3, 1), reach (N,) in multiples of the direction's length.
+    Flagged are rays that pass a cut-out so close to the edge of what is opaque that float32 cannot decide: of their
+    answers, only that a triangle lies within reach is certain. Raises MemoryError if Embree has not enough memory.
     """
 
-    def __init__(self, device: Device, vertices: Single, faces: NDArray[np.int32]) -> None:
+    def __init__(
+        self, device: Device, vertices: Single, faces: NDArray[np.int32], cut: CutoutArrays = NO_CUTOUTS
+    ) -> None:
         handle, library = ctypes.c_void_p, device.library
         scene = handle(library.rtcNewScene(device.handle))
         library.rtcSetSceneFlags(scene, _ROBUST)
         # Embree reads 16 bytes a vertex, so the last one needs four more; it does not copy what it shares.
         self._vertices = np.zeros((len(vertices) + 2, 3), dtype=np.float32)
         self._vertices[: len(vertices)] = vertices
+        self._order, self._opaque = (
+            None,
+            len(faces),
+        )  # of the faces, which are those that are not cut out, then those that are
+        if len(cut.of):
+            self._order = np.argsort(cut.of >= 0, kind="stable").astype(np.int32)
+            self._opaque, faces = int(np.count_nonzero(cut.of < 0)), faces[self._order]
         self._faces = np.ascontiguousarray(faces, dtype=np.int32)
-        if len(faces):
+        self._kept = cut, addresses_of(cut)
+        for number, part in enumerate((self._faces[: self._opaque], self._faces[self._opaque :])):
+            if not len(part):
+                continue
             geometry, size = handle(library.rtcNewGeometry(device.handle, _TRIANGLES)), ctypes.c_size_t
             for kind, layout, array, count in (
                 (_VERTICES, _FLOAT3, self._vertices, len(vertices)),
-                (_INDICES, _UINT3, self._faces, len(faces)),
+                (_INDICES, _UINT3, part, len(part)),
             ):
                 shared = handle(array.ctypes.data), size(0), size(12), size(count)
                 library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, *shared)
+            if number == _CUT_OUT:
+                library.rtcSetGeometryUserData(geometry, handle(self._kept[1].ctypes.data))
+                for query in ("Occluded", "Intersect"):
+                    getattr(library, f"rtcSetGeometry{query}FilterFunction")(geometry, handle(filter_address()))
             library.rtcCommitGeometry(geometry)
-            library.rtcAttachGeometry(scene, geometry)
+            library.rtcAttachGeometryByID(scene, geometry, number)
             library.rtcReleaseGeometry(geometry)
         library.rtcCommitScene(scene)
         weakref.finalize(self, library.rtcReleaseScene, scene)
@@ -124,22 +146,36 @@ class PacketScene:
             raise MemoryError(f"Embree cannot hold {len(faces)} triangles (error {error})")
         self._handle, self._width = scene.value or 0, device.width
 
-    def occluded(self, origins: Single, directions: Single, reach: Single) -> NDArray[np.bool_]:
-        """(N,) whether any triangle lies within reach."""
-        blocked = np.empty(len(reach), dtype=np.bool_)
-        _occluded(self._width, *_buffers(self._width), self._handle, origins, directions, reach, blocked)
-        return blocked
+    def occluded(self, origins: Single, directions: Single, reach: Single) -> tuple[Flags, Flags]:
+        """(N,) whether any triangle lies within reach; (N,) which rays are flagged."""
+        blocked, flagged = np.empty(len(reach), dtype=np.bool_), self._no_flags(len(reach))
+        rays = origins, directions, reach, flagged.view(np.uint8)
+        _occluded(self._width, *_buffers(self._width), self._handle, *rays, blocked)
+        return blocked, flagged
 
-    def intersect(self, origins: Single, directions: Single, reach: Single) -> tuple[NDArray[np.int32], Single]:
-        """(N,) index of the nearest triangle, −1 if none, and its distance, `reach` if none."""
+    def intersect(self, origins: Single, directions: Single, reach: Single) -> tuple[NDArray[np.int32], Single, Flags]:
+        """(N,) index of the nearest triangle, −1 if none; its distance, `reach` if none; which rays are flagged."""
         triangle, distance = np.empty(len(reach), dtype=np.int32), np.empty(len(reach), dtype=np.float32)
-        _intersect(self._width, *_buffers(self._width), self._handle, origins, directions, reach, triangle, distance)
-        return triangle, distance
+        flagged = self._no_flags(len(reach))
+        rays = origins, directions, reach, flagged.view(np.uint8)
+        _intersect(self._width, *_buffers(self._width), self._handle, *rays, self._opaque, triangle, distance)
+        if self._order is not None:
+            triangle[triangle >= 0] = self._order[triangle[triangle >= 0]]
+        return triangle, distance, flagged
+
+    def _no_flags(self, count: int) -> Flags:
+        return np.zeros(0 if self._order is None else count, dtype=np.bool_)
 
 
-def _buffers(width: int) -> tuple[Words, Words, Words]:
-    """Zeros for a packet: RTCRayHit, which Embree writes back whole where it emulates the width; lanes; arguments."""
-    return _aligned(LANE * width), _aligned(width), _aligned(16)
+def _buffers(width: int) -> tuple[Words, Words, Words, Words]:
+    """Zeros for a packet: an RTCRayHit, lanes, arguments, and a context.
+
+    Embree writes an RTCRayHit back whole where it emulates the width. The context is an RTCRayQueryContext, in no
+    instance, then at FLAGS the address of the rays' flags.
+    """
+    context = _aligned(2 * FLAGS + 2)
+    context[: 2 * FLAGS] = 0xFFFFFFFF
+    return _aligned(LANE * width), _aligned(width), _aligned(16), context
 
 
 def _aligned(words: int) -> Words:
@@ -150,15 +186,18 @@ def _aligned(words: int) -> Words:
 
 
 @numba.njit(inline="always")
-def _prepare(width, packet, arguments):  # type: ignore[no-untyped-def]
+def _prepare(width, packet, arguments, context, flagged):  # type: ignore[no-untyped-def]
     """Write what all packets share, and return the rows of a packet as float32."""
     packet[9 * width : 10 * width] = 0xFFFFFFFF  # mask; tnear and time stay 0
     arguments[0], arguments[1] = COHERENT, 0xFFFFFFFF  # flags, feature mask
+    if len(flagged):
+        context.view(np.int64)[FLAGS] = flagged.ctypes.data
+        arguments.view(np.int64)[1] = context.ctypes.data
     return packet.view(np.float32)
 
 
 @numba.njit(inline="always")
-def _fill(width, ray, valid, first, origins, directions, reach):  # type: ignore[no-untyped-def]
+def _fill(width, ray, number, valid, first, origins, directions, reach):  # type: ignore[no-untyped-def]
     """Write the up to `width` rays from index `first` on into a packet; returns their number."""
     count = min(width, len(reach) - first)
     shared = directions.shape[1] == 1
@@ -170,15 +209,18 @@ def _fill(width, ray, valid, first, origins, directions, reach):  # type: ignore
             ray[(4 + axis) * width + k] = directions[axis, 0 if shared else first + k]
     for k in range(count):
         ray[8 * width + k] = reach[first + k]  # tfar
+        number[10 * width + k] = first + k  # id
     return count
 
 
 @compiled()
-def _occluded(width, packet, valid, arguments, scene, origins, directions, reach, blocked):  # type: ignore[no-untyped-def]
-    ray = _prepare(width, packet, arguments)
+def _occluded(  # type: ignore[no-untyped-def]
+    width, packet, valid, arguments, context, scene, origins, directions, reach, flagged, blocked
+):
+    ray = _prepare(width, packet, arguments, context, flagged)
     pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
     for first in range(0, len(reach), width):
-        count = _fill(width, ray, valid, first, origins, directions, reach)
+        count = _fill(width, ray, packet, valid, first, origins, directions, reach)
         if width == 16:
             _occluded16(*pointers)
         elif width == 8:
@@ -190,11 +232,13 @@ def _occluded(width, packet, valid, arguments, scene, origins, directions, reach
 
 
 @compiled()
-def _intersect(width, packet, valid, arguments, scene, origins, directions, reach, triangle, distance):  # type: ignore[no-untyped-def]
-    ray, primitive = _prepare(width, packet, arguments), packet.view(np.int32)[17 * width : 18 * width]
+def _intersect(  # type: ignore[no-untyped-def]
+    width, packet, valid, arguments, context, scene, origins, directions, reach, flagged, opaque, triangle, distance
+):
+    ray, hits = _prepare(width, packet, arguments, context, flagged), packet.view(np.int32)[17 * width : 19 * width]
     pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
     for first in range(0, len(reach), width):
-        count = _fill(width, ray, valid, first, origins, directions, reach)
+        count = _fill(width, ray, packet, valid, first, origins, directions, reach)
         packet[17 * width : 19 * width] = 0xFFFFFFFF  # primID and geomID: none
         if width == 16:
             _intersect16(*pointers)
@@ -203,5 +247,7 @@ def _intersect(width, packet, valid, arguments, scene, origins, directions, reac
         else:
             _intersect4(*pointers)
         for k in range(count):
-            triangle[first + k] = primitive[k]  # −1 unless written
+            triangle[first + k] = hits[k]  # −1 unless written
+            if hits[width + k] == _CUT_OUT:
+                triangle[first + k] += opaque
             distance[first + k] = ray[8 * width + k]

@@ -77,9 +77,10 @@ class ViewRays:
         self.size = view.size
         self._near, self._far = view.near_far
         geometry = view.scene.geometry
-        self._all = Tracer(geometry.vertices, geometry.faces)
+        casters = geometry.caster_faces, geometry.caster_cutouts
+        self._all = Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
         all_cast = len(geometry.caster_faces) == len(geometry.faces)
-        self._casters = self._all if all_cast else Tracer(geometry.vertices, geometry.caster_faces)
+        self._casters = self._all if all_cast else Tracer(geometry.vertices, *casters)
 
         camera = view.camera
         right, up, back = camera.basis()[:, :, None]
@@ -97,7 +98,7 @@ class ViewRays:
         self._beside_lamp = np.empty((0, 3))
         if not self.directional and np.abs(light).max() < FROM_LIGHT:
             from_light = geometry.vertices - self._light[:, 0]
-            self._from_light = Tracer(from_light, geometry.caster_faces)
+            self._from_light = Tracer(from_light, *casters)
             self._beside_lamp = _of_unsure_side(from_light, geometry.caster_faces)
         self._axis = unit(view.light.direction)[:, None]
         self._cos_half_angle = view.light.cos_half_angle
@@ -122,14 +123,16 @@ class ViewRays:
 
     def nearest(self, directions: Floats) -> Indices:
         """(N,) nearest triangle on each camera ray between the near and far planes, −1 if none."""
+        return self.visible(directions)[0]
+
+    def visible(self, directions: Floats) -> tuple[Indices, Mask]:
+        """As `nearest`; (N,) whether a nearer cut-out is left open."""
         # For a camera far away, starting near the scene preserves float32 precision.
         start: Floats | float = self._near
         if self._gap > self._near:
             start = np.maximum(self._near, self._gap / np.sqrt(dot(directions, directions)))
-        triangle = self._all.nearest(
-            as_float32(self.eye + directions * start), as_float32(directions), self._far - start
-        )
-        return triangle.astype(np.intp)
+        hits = self._all.hits((self.eye + directions * start).T, directions.T, self._far - start)
+        return hits.triangle.astype(np.intp), hits.left_open
 
     def normals(self, triangle: Indices) -> Floats:
         """(3, N) unit normals of triangles, turned towards the camera."""
@@ -181,10 +184,14 @@ class ViewRays:
 
     def occluded(self, rays: ShadowRays) -> Mask:
         """(N,) whether a caster blocks each ray."""
+        return self.occlusion(rays)[0]
+
+    def occlusion(self, rays: ShadowRays) -> tuple[Mask, Mask]:
+        """As `occluded`; (N,) whether a cut-out that is left open may block it."""
         if self._from_light is not None:
             ends = rays.origins - self._light + rays.directions * rays.reach
-            return self._from_light.occluded(as_float32(ends), as_float32(-rays.directions), rays.reach)
-        return self._casters.occluded(as_float32(rays.origins), as_float32(rays.directions), rays.reach)
+            return self._from_light.occlusion(ends.T, -rays.directions.T, rays.reach)
+        return self._casters.occlusion(rays.origins.T, rays.directions.T, rays.reach)
 
     def lamp_error(self, rays: ShadowRays) -> Floats | float:
         """(N,) distance along each ray by which float32 may put a caster on the other side of the lamp, often 0."""
@@ -198,7 +205,7 @@ class ViewRays:
     def blockers(self, receivers: Receivers, delta: float) -> Floats:
         """(R,) distance along L from receivers in shadow to the nearest caster."""
         rays = self.shadow_rays(receivers, delta)
-        distance = self._casters.distance(as_float32(rays.origins), as_float32(rays.directions), rays.reach)
+        distance = self._casters.hits(rays.origins.T, rays.directions.T, rays.reach).distance
         return rays.offset + distance.astype(np.float64)
 
     def _toward_light(self, points: Floats) -> tuple[Floats, Floats]:
@@ -230,8 +237,3 @@ def dot(a: Floats, b: Floats) -> Floats:
     """(N,) dot products of two (3, N); either may be (3, 1)."""
     product: Floats = np.einsum("ij,ij->j", a, b)
     return product
-
-
-def as_float32(vectors: Floats) -> NDArray[np.float32]:
-    """(3, N) float64 as the (N, 3) float32 that a Tracer takes, its transpose contiguous."""
-    return vectors.astype(np.float32).T

@@ -37,6 +37,8 @@ def draw(light, box, params, shadows, exposure):
     if FAULT == "raises":
         raise ValueError("no such filter")
     linear = exposure * scene["cosine"] * (scene["visibility"] if shadows else 1)
+    if FAULT == "no shadows":
+        linear = exposure * scene["cosine"]
     if FAULT == "lighter" and shadows:
         linear = exposure * scene["cosine"] * 1.5
     if FAULT == "noise":

@@ -1,6 +1,7 @@
 """Other engines as drawers: what they draw is measured, and what they draw wrongly is a failed cell."""
 
 import math
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,14 @@ import psutil
 import pytest
 
 from shadowbench.engines.drawer import EngineDrawer
-from shadowbench.engines.environment import environment, install, python_of, what_lacks
+from shadowbench.engines.environment import (
+    check_lock,
+    environment,
+    install,
+    python_of,
+    software_renderer,
+    what_lacks,
+)
 from shadowbench.engines.export import describe
 from shadowbench.engines.session import plain_view
 from shadowbench.errors import InputError, Unsupported
@@ -22,7 +30,7 @@ from shadowbench.measure.rendering import Rendering
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
-from shadowbench.scenes.views import chosen_view
+from shadowbench.survey.views import chosen_view
 from shadowbench.truths.cache import cached_truth
 from tests.engines.conftest import SIZE
 
@@ -85,6 +93,63 @@ def test_an_engine_that_hangs_is_ended(engine: type[Engine], view: View) -> None
 def test_a_light_that_an_engine_does_not_draw_is_unsupported(engine: type[Engine]) -> None:
     with pytest.raises(Unsupported, match="a point light; fake draws directional ones"):
         drawn(engine, chosen_view("room-with-lamp", SIZE))
+
+
+def test_a_camera_inside_a_mesh_that_is_drawn_from_outside_is_unsupported(engine: type[Engine], view: View) -> None:
+    cube = view.scene.meshes[1]
+    inside = replace(view, camera=replace(view.camera, position=tuple(cube.vertices.mean(axis=0))))
+    with pytest.raises(Unsupported, match=f"the camera is inside {cube.name}, .*; sides=double draws both"):
+        drawn(engine, inside)
+    cell = Cell(Spec(engine, EngineParams(sides="double")))
+    assert EngineDrawer(Mock()).unsupported(Block(inside, (cell,)), cell) is None
+
+
+def test_no_more_than_two_programs_stay_open(engine: type[Engine], view: View) -> None:
+    (engine.folder() / "fault").write_text("none")
+    names = ("first", "second", "third")
+    cells = [Cell(Spec(type(name, (engine,), {}), EngineParams())) for name in names]
+    before, started = set(psutil.Process().children()), []
+    with EngineDrawer(Mock()) as drawer:
+        for turn in (0, 1, 0, 2, 0):
+            list(drawer.draw(Block(view, (cells[turn],)), cells[turn]))
+            running = {child for child in set(psutil.Process().children()) - before if child.status() != "zombie"}
+            assert len(running) <= 2
+            started.append(running)
+    assert started[2] == started[1]
+    assert started[4] == started[3]  # the one that was used before the last went on
+
+
+def test_mesa_s_files_are_found_where_loaders_look_for_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_DIRS", str(tmp_path))
+    assert not any(value.startswith(str(tmp_path)) for value in software_renderer().values())
+    files = tmp_path / "vulkan/icd.d/lvp_icd.x86_64.json", tmp_path / "glvnd/egl_vendor.d/50_mesa.json"
+    for file in (*files, tmp_path / "vulkan/icd.d/nvidia_icd.json", tmp_path / "glvnd/egl_vendor.d/10_nvidia.json"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    found = software_renderer()
+    assert found["LIBGL_ALWAYS_SOFTWARE"] == "1"
+    assert found["VK_DRIVER_FILES"] == found["VK_ICD_FILENAMES"] == str(files[0])
+    assert found["__EGL_VENDOR_LIBRARY_FILENAMES"] == str(files[1])
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "fake==1.0",
+        "fake>=1.0 --hash=sha256:{hash}",
+        "--find-links here",
+        "--index-url x\\\nfake==1.0",
+        "fake @ file:///x",
+    ],
+)
+def test_a_lock_file_of_anything_but_pinned_hashes_is_refused(engine: type[Engine], line: str) -> None:
+    lock = engine.folder() / "requirements.txt"
+    pinned = f"# made by pip-compile\nfake==1.0 ; python_version > '3' \\\n    --hash=sha256:{'0' * 64}\n"
+    lock.write_text(pinned)
+    check_lock(engine)
+    lock.write_text(pinned + line.format(hash="0" * 64) + "\n")
+    with pytest.raises(InputError, match=re.escape(f"{lock}: found ")):
+        check_lock(engine)
 
 
 def test_an_engine_that_is_not_installed_says_how(engine: type[Engine], view: View) -> None:

@@ -74,6 +74,26 @@ def test_a_page_of_the_user_s_own_is_kept(known: type[Engine], tmp_path: Path, s
     assert page.read_text() == "notes"
 
 
+def test_the_doctor_has_a_shadow_drawn(
+    known: type[Engine], shadowbench: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("shadowbench.commands.engines._SIZE", SIZE)
+    answer = shadowbench("engines", "doctor", "fake")
+    assert (answer.code, answer.out) == (0, "fake: draws; 1.0, a test; shadows: directional 100%\n")
+    (known.folder() / "fault").write_text("no shadows")
+    answer = shadowbench("engines", "doctor", "fake")
+    assert answer.code == 1
+    assert "fake: drew 0% of the shadow of cube-on-plane, under a directional light: do the light" in answer.out
+
+
+def test_a_lock_file_with_an_address_is_not_installed(known: type[Engine], shadowbench: Command) -> None:
+    lock = known.folder() / "requirements.txt"
+    lock.write_text("--find-links elsewhere\n")
+    answer = shadowbench("engines", "install", "fake")
+    told = f"{lock}: found --find-links elsewhere; allowed: NAME==VERSION with --hash=sha256:…, of each package"
+    assert (answer.code, told in answer.err) == (2, True)
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

@@ -21,7 +21,7 @@ def host(tmp_path: Path) -> Iterator[WebHost]:
     draw.write_text("// draws")
     packages.mkdir()
     (packages / "engine.js").write_text("// an engine")
-    host = WebHost(str(browser), draw, packages, {}, (), tmp_path / "log")
+    host = WebHost(str(browser), draw, packages, {}, (), tmp_path / "log", {})
     yield host
     host.close()
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shadowbench.geometry.topology import casters_of
+from shadowbench.geometry.topology import casters_of, surrounds
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Mesh, Scene
 
@@ -27,6 +27,14 @@ def test_a_box_without_a_side_and_one_wound_inwards_are_open(shape) -> None:
     for faces in (box.faces[2:], box.faces[:, ::-1]):
         casters = casters_of(one_mesh(Mesh("box", box.vertices, faces)))
         assert len(casters.closed.faces) == 0 and len(casters.open.faces) == len(faces)
+
+
+def test_points_inside_a_closed_mesh_are_surrounded(shape) -> None:
+    box, torus = shape("box", 2.0), shape("torus")
+    inside, outside = ((0.0, 0.0, 0.0), (0.99, 0.9, -0.99)), ((1.01, 0.0, 0.0), (0.0, 5.0, 0.0))
+    assert all(surrounds(box, point) for point in inside)
+    assert not any(surrounds(box, point) for point in outside)
+    assert not surrounds(torus, (0.0, 0.0, 0.0)), "its hole"
 
 
 def test_an_edge_of_four_triangles_has_two_rows_and_two_boxes_at_it_are_closed(shape) -> None:

@@ -149,7 +149,12 @@ def test_an_invalid_or_unsupported_gltf_is_one_line_that_names_the_place(
 def test_simplified_drawing_is_a_note(gltf_file: Gltf) -> None:
     path = gltf_file(
         primitive={"material": 0},
-        materials=[{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 1.0]}}],
+        materials=[
+            {
+                "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 1.0]},
+                "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.9}},
+            }
+        ],
     )
     contents = read_meshes(path)
     assert contents.meshes[0].color == (0.1, 0.2, 0.3)

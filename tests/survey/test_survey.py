@@ -18,10 +18,10 @@ from shadowbench.plugin.base import Stage
 from shadowbench.plugin.registry import shader_folder
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
-from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.explanations import explanations_of
 from shadowbench.survey.sampling import Samples, sample_view
 from shadowbench.survey.survey import Receivers, needs, planes_of, receivers_of
+from shadowbench.survey.views import chosen_view
 from shadowbench.techniques.planar_projection import PlanarProjection
 from shadowbench.truths.embree import Tracer
 from shadowbench.truths.trace import trace
@@ -184,7 +184,7 @@ def test_needs_prints_the_number_of_sampled_pixels(shadowbench: Callable[..., An
 @pytest.mark.slow
 def test_needs_make_no_opengl_context() -> None:
     code = (
-        "import sys; from shadowbench.scenes.views import chosen_view; from shadowbench.survey.survey import needs;"
+        "import sys; from shadowbench.survey.views import chosen_view; from shadowbench.survey.survey import needs;"
         "needs(chosen_view('cube-on-plane', 32)); sys.exit('glcontext' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
@@ -202,7 +202,7 @@ def test_rays_are_those_of_the_picture_however_many_triangles_there_are(monkeypa
 
         return counting
 
-    for query in ("nearest", "distance", "occluded"):
+    for query in ("hits", "occlusion"):
         monkeypatch.setattr(Tracer, query, counted(query))
     rays = []
     for subdivisions in (1, 3, 5):
@@ -210,8 +210,7 @@ def test_rays_are_those_of_the_picture_however_many_triangles_there_are(monkeypa
         needs(view)  # from here on, its truths are in the cache
         asked.clear()
         needs(view)
-        assert asked["nearest"] == 64 * 64, "a ray a pixel"
-        assert not asked["occluded"], "the points of the light are the truth's"
-        rays.append(asked["distance"])
+        assert not asked["occlusion"], "the points of the light are the truth's"
+        rays.append(asked["hits"] - 64 * 64)  # a ray a pixel
     # A ray more for each pixel of the shadow, which grows a little as the ball becomes rounder.
     assert max(rays) <= 2 * 64 * 64 and max(rays) - min(rays) <= 64

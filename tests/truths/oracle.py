@@ -118,6 +118,7 @@ def answers(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray]:
     caster_of = np.flatnonzero(geometry.casts)
     about = np.array(position) if w else points.mean(axis=0)
     found = crossings(points, to_light, geometry, geometry.faces[caster_of], about)
+    found = opaque_ones(found, geometry, caster_of, points, to_light)
     caster = caster_of[found.triangle]
     extent = np.linalg.norm(geometry.bounds[1] - geometry.bounds[0])
     left = (distance if w else np.full(len(hit), np.inf))[found.ray] - found.t
@@ -134,13 +135,36 @@ def answers(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray]:
     return receiver, lit | ~receiver
 
 
+def opaque_ones(
+    found: Crossings, geometry: Geometry, triangles: np.ndarray, origins: Floats, directions: Floats
+) -> Crossings:
+    """The crossings without those of what is cut out; triangles: (T,) indices in the scene of those asked for."""
+    if geometry.cutouts is None:
+        return found
+    index = np.full(len(geometry.faces), -1)
+    index[geometry.cutouts.faces] = np.arange(len(geometry.cutouts.faces))
+    cut = index[triangles[found.triangle]]
+    asked = np.flatnonzero(cut >= 0)
+    ray = found.ray[asked]
+    point = origins[ray] + directions[ray] * found.t[asked, None]
+    a, b, c = np.moveaxis(geometry.vertices[geometry.faces[triangles[found.triangle[asked]]]], 1, 0)
+    whole = np.cross(b - a, c - a)
+    areas = [(np.cross(q - p, point - p) * whole).sum(axis=1) for p, q in ((b, c), (c, a), (a, b))]
+    weights = np.stack(areas, axis=1) / (whole**2).sum(axis=1)[:, None]
+    kept = np.ones(len(found.ray), dtype=bool)
+    kept[asked] = geometry.cutouts.opaque(cut[asked], weights)
+    return Crossings(*(values[kept] for values in found))
+
+
 def first_hits(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray, Floats]:
     """(H,) the rays from the eye that meet a triangle between the camera's planes, the first they meet, and t."""
     geometry, eye = view.scene.geometry, np.array(view.camera.position)
     lengths = np.linalg.norm(directions, axis=1)
     near, far = view.near_far
     origins = np.broadcast_to(eye, directions.shape)
-    found = crossings(origins, directions / lengths[:, None], geometry, geometry.faces, eye)
+    ways = directions / lengths[:, None]
+    found = crossings(origins, ways, geometry, geometry.faces, eye)
+    found = opaque_ones(found, geometry, np.arange(len(geometry.faces)), origins, ways)
     t = found.t / lengths[found.ray]
     seen = np.flatnonzero((t >= near) & (t <= far))
     hit, first = np.unique(found.ray[seen], return_index=True)

@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 
 import bpy
+import gpu
 import numpy as np
 from mathutils import Matrix, Vector
 
@@ -14,7 +15,10 @@ side = 0
 def open(size):
     global side
     side = size
-    return bpy.app.version_string, bpy.context.preferences.system.gpu_backend
+    render = bpy.context.scene.render
+    render.engine, render.resolution_x, render.resolution_y = "BLENDER_EEVEE", 8, 8
+    bpy.ops.render.render()  # before which the renderer is not told
+    return bpy.app.version_string, gpu.platform.renderer_get()
 
 
 def load(glb, view):

@@ -1,0 +1,35 @@
+"""Texels of image files."""
+
+import io
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from shadowbench.errors import InputError
+from shadowbench.strict import short
+
+MOST_TEXELS = 1 << 26
+"""Limit on the texels of an image, 8192²."""
+FORMATS = ("PNG", "JPEG", "WEBP", "TGA", "BMP")
+
+
+def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
+    """(H, W, 4) uint8 red, green, blue, alpha as the file has them, row 0 at the top; alpha is 255 without one.
+
+    Raises InputError that begins with `where` for data that are no image of FORMATS, or more than MOST_TEXELS.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # its limit is not ours
+            with Image.open(io.BytesIO(data), formats=FORMATS) as image:
+                if image.width * image.height > MOST_TEXELS:
+                    found = f"{image.width} × {image.height} texels"
+                    raise InputError(f"{where}: {found}; allowed are at most {MOST_TEXELS}")
+                texels: NDArray[np.uint8] = np.asarray(image.convert("RGBA"))
+    except InputError:
+        raise
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:  # as Pillow's decoders fail
+        raise InputError(f"{where}: not an image that can be read ({', '.join(FORMATS)}): {short(error)}") from error
+    return texels

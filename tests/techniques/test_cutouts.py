@@ -1,0 +1,181 @@
+"""Techniques draw leaves that are cut out by alpha as they draw the same leaves made of triangles."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shadowbench.engines.export import inexpressible_in_gltf
+from shadowbench.plugin.engine import Engine
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
+from shadowbench.scenes.cutouts import Cutout, Wrap
+from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
+from shadowbench.survey.casters import casters_of
+from shadowbench.truths.trace import trace
+from tests.cards import CAMERA, GROUND, alpha_of, cards, made_of_triangles
+
+SIZE = 160
+LIGHTS = {
+    "directional": Light("sun", "directional", (-0.4, -1.0, -0.3)),
+    "spot": Light("spot", "spot", (-0.4, -1.0, -0.3), (1.0, 3.5, 1.0), math.radians(80)),
+    "point": Light("point", "point", position=(0.3, 2.6, 0.2)),
+}
+NOISE = Cutout(alpha_of("noise"), nearest=True, wrap=("mirror", "clamp"))
+LEAVES = cards(40, NOISE)
+# Triangles too small to be seen at the cards' corners, so that maps cover the same where texels do not reach them.
+CORNERS = Mesh(
+    "corners",
+    (LEAVES.vertices[:, None] + 1e-6 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])).reshape(-1, 3),
+    np.arange(3 * len(LEAVES.vertices), dtype=np.int32).reshape(-1, 3),
+)
+KNOWN = techniques()
+
+
+def leaves_view(light: Light, mesh: Mesh = LEAVES, *more: Mesh, size: int = SIZE) -> View:
+    return view_of(Scene("leaves", (GROUND, mesh, *more), (CAMERA,), (light,)), CAMERA, light, size)
+
+
+def refusal(spec: str, view: View, device) -> str | None:
+    parsed = parse_spec(spec, KNOWN)
+    return parsed.technique.declines(parsed.params, view, device)
+
+
+@pytest.fixture(params=LIGHTS)
+def light(request: pytest.FixtureRequest) -> Light:
+    return LIGHTS[request.param]
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """The truth of the leaves made of triangles, by kind of light."""
+    return {kind: trace(leaves_view(one, made_of_triangles(LEAVES)), pixel_samples=1) for kind, one in LIGHTS.items()}
+
+
+@pytest.mark.parametrize(
+    "spec", ["ray-traced:where=gpu", "hybrid", "hybrid:size=16", "hybrid:fit=scene,size=128", "planar-projection"]
+)
+def test_exact_techniques_draw_the_leaves_that_triangles_make(spec, light, exact, studio, mask) -> None:
+    truth, view = exact[light.kind], leaves_view(light)
+    triangle = studio.shot(view).triangle
+    decided = truth.receivers & ~truth.undecided & ((triangle > 1) == (truth.triangle > 1))
+    if spec == "planar-projection":
+        decided &= truth.triangle < 2
+    assert (decided & (truth.visibility == 0)).sum() > 1000
+    # Of a silhouette for both camera and light, planar-projection draws single pixels too much.
+    assert (mask(spec, view) != truth.visibility)[decided].sum() <= (spec == "planar-projection")
+
+
+@pytest.mark.parametrize("spec", ["ray-traced", "ray-traced:where=gpu", "hybrid:size=128", "hybrid:rest=embree"])
+@pytest.mark.parametrize("nearest", [True, False])
+def test_rays_are_the_truth_s(spec, nearest, light, studio, mask) -> None:
+    """Whatever the sampler and the vertices' alphas say."""
+    leaves = cards(60, Cutout(alpha_of("noise"), 0.9, 0.4, nearest, ("clamp", "mirror")))
+    view = leaves_view(light, leaves)
+    truth, triangle = trace(view, pixel_samples=1), studio.shot(view).triangle
+    decided = truth.receivers & ~truth.undecided
+    assert (triangle != truth.triangle)[decided].mean() < 5e-4
+    decided &= triangle == truth.triangle
+    assert 0.05 < (truth.visibility[decided] == 0).mean() < 0.9
+    assert (mask(spec, view) != truth.visibility)[decided].sum() <= 1
+
+
+MAPS = [
+    ("directional", "shadow-map"),
+    ("directional", "shadow-map:filter=pcss"),
+    ("directional", "cascades"),
+    ("directional", "cascades:layers=geometry"),
+    ("directional", "cascades:layers=geometry,filter=esm"),
+    ("spot", "shadow-map:reversed=true,filter=hard,cull=false"),
+    ("spot", "shadow-map:filter=vsm"),
+    ("spot", "cube-map"),
+    ("point", "cube-map"),
+    ("point", "cube-map:layers=geometry"),
+    ("point", "cube-map:layers=geometry,filter=vsm"),
+]
+
+
+@pytest.mark.parametrize(("kind", "spec"), MAPS)
+def test_maps_hold_the_leaves_that_triangles_make(kind, spec, mask) -> None:
+    meshes = LEAVES, made_of_triangles(LEAVES), replace(LEAVES, cutout=None)
+    ours, theirs, whole = (mask(spec, leaves_view(LIGHTS[kind], mesh, CORNERS)) for mesh in meshes)
+    # A texel's centre at an edge of a texel of alpha falls to either side.
+    assert (np.abs(ours - theirs) > 0.01).mean() < 0.003
+    assert (np.abs(whole - theirs) > 0.01).mean() > 0.05
+
+
+@pytest.mark.parametrize("nearest", [True, False])
+@pytest.mark.parametrize(("wrap", "factor"), [("repeat", 1.0), ("mirror", 0.8), ("clamp", 0.9)])
+def test_the_camera_sees_through_what_is_not_opaque(nearest: bool, wrap: Wrap, factor: float, studio) -> None:
+    """One card that faces the camera; texture coordinates over twice the texture, and negative ones."""
+    cutout = Cutout(alpha_of("noise")[:, :11], factor, 0.4, nearest, (wrap, wrap))
+    corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    places = np.array([[-0.7, 1.3], [1.5, 1.3], [1.5, -0.6], [-0.7, -0.6]], np.float32)
+    alpha = np.array([[1.0, 0.7, 0.9], [1.0, 0.9, 0.8]], np.float32)
+    card = Mesh("card", corners, faces, cutout=cutout, coordinates=places[faces], alpha=alpha)
+    wall = Mesh("wall", corners * 3 - [0, 0, 1.0], faces)
+    camera = Camera("camera", (0.0, 0.0, 3.0), (0.0, 0.0, 0.0), math.radians(30))
+    sun = LIGHTS["directional"]
+    shot = studio.shot(view_of(Scene("card", (wall, card), (camera,), (sun,)), camera, sun, 200))
+    steps = (np.arange(200) + 0.5) / 200 * 2 - 1
+    x, y = np.meshgrid(3 * math.tan(math.radians(15)) * steps, -3 * math.tan(math.radians(15)) * steps)
+
+    def opaque(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Where rays through points of the card's plane meet it."""
+        lower = x >= y
+        weights = np.where(lower[..., None], np.stack([1 - x, x - y, 1 + y], 2), np.stack([1 - y, 1 + x, y - x], 2)) / 2
+        cut = shot.view.scene.geometry.cutouts
+        return cut.opaque(np.where(lower, 0, 1).ravel(), weights.reshape(-1, 3)).reshape(x.shape)
+
+    step = 2 / 200 / 256  # of the rasteriser's grid, and more than the pixel's size on the card
+    around = [opaque(x + step * i, y + step * j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    sure = np.all([one == around[4] for one in around], axis=0) & (np.abs(x - y) > step)
+    assert sure.mean() > 0.95
+    assert 0.1 < around[4].mean() < 0.9
+    assert np.array_equal((shot.triangle > 1)[sure], around[4][sure])
+    assert set(np.unique(shot.triangle)) == {0, 1, 2, 3}
+
+
+def test_casters_that_are_all_cut_out_and_surfaces_that_cast_nothing_are_drawn(light, exact, mask) -> None:
+    """Leaves that cast alone, over ground that does not, with more leaves that are seen and cast nothing."""
+    ground, seen = replace(GROUND, casts=False), replace(cards(10, NOISE, seed=7), casts=False)
+    views = [leaves_view(light, mesh) for mesh in (LEAVES, made_of_triangles(LEAVES))]
+    views = [replace(view, scene=replace(view.scene, meshes=(seen, ground, view.scene.meshes[1]))) for view in views]
+    specs = {"directional": "shadow-map", "spot": "shadow-map", "point": "cube-map"}
+    for spec in ("ray-traced:where=gpu", "hybrid:size=64", specs[light.kind]):
+        ours, theirs = (mask(spec, view) for view in views)
+        assert (ours < 0.5).mean() > 0.02
+        assert (np.abs(ours - theirs) > 0.01).mean() < 0.003
+
+
+@pytest.mark.parametrize("spec", ["shadow-volume", "soft-volume", "light-samples"])
+def test_volumes_decline_what_is_cut_out_or_draw_it_whole(spec, light, device, mask) -> None:
+    view, whole = leaves_view(light), leaves_view(light, replace(LEAVES, cutout=None))
+    assert "cutouts=opaque" in str(refusal(spec, view, device))
+    assert refusal(spec, whole, device) is None
+    of_none = leaves_view(light, replace(LEAVES, casts=False))
+    assert refusal(spec, of_none, device) is None, "what casts nothing has no volume"
+    opaque = "light-samples:of=shadow-volume(cutouts=opaque)" if spec == "light-samples" else f"{spec}:cutouts=opaque"
+    assert refusal(opaque, view, device) is None
+    on_ground = [mask(opaque, one)[-20:, :] for one in (view, whole)]  # below the leaves
+    assert (on_ground[0] != on_ground[1]).mean() < 0.1
+
+
+def test_an_engine_and_an_export_say_that_they_lack_cut_outs() -> None:
+    view = leaves_view(LIGHTS["directional"])
+    assert "cut out by alpha" in str(Engine.unsupported(view))
+    assert Engine.unsupported(leaves_view(LIGHTS["directional"], replace(LEAVES, cutout=None))) is None
+    assert [line for line in inexpressible_in_gltf(view) if "leaves is cut out" in line]
+
+
+def test_needs_count_what_is_cut_out() -> None:
+    """A third of the texture is opaque, once the coordinates' margin is clamped to it."""
+    alpha = np.zeros((1, 3), np.uint8)
+    alpha[0, 1] = 255
+    leaves = cards(30, Cutout(alpha, nearest=True, wrap=("clamp", "clamp")))
+    found = casters_of(leaves_view(LIGHTS["directional"], leaves).placed()[0])
+    assert found.cut_out == 60
+    assert found.opaque == pytest.approx(1 / 3 / 1.5, abs=0.01)
+    assert casters_of(leaves_view(LIGHTS["directional"], replace(leaves, cutout=None)).placed()[0]).cut_out == 0

@@ -1,0 +1,110 @@
+"""The truth of cut-out surfaces: against all hits in float64, and against the same surfaces made of triangles."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.cutouts import Cutout, Wrap
+from shadowbench.scenes.model import Light, Mesh, Scene, view_of
+from shadowbench.truths import packets
+from shadowbench.truths.embree import INFINITE, Tracer
+from shadowbench.truths.trace import trace
+from tests.cards import CAMERA, GROUND, alpha_of, cards, made_of_triangles
+
+
+@pytest.mark.parametrize("kind", ["leaf", "noise"])
+def test_texels_are_the_triangles_that_they_cover(kind: str, light: Light) -> None:
+    leaves = cards(40, Cutout(alpha_of(kind), nearest=True, wrap=("mirror", "clamp")))
+    cut, exact = (
+        trace(view_of(Scene("leaves", (GROUND, mesh), (CAMERA,), (light,)), CAMERA, light, 160), pixel_samples=1)
+        for mesh in (leaves, made_of_triangles(leaves))
+    )
+    decided = ~(cut.undecided | exact.undecided)
+    receivers = decided & cut.receivers
+    assert (receivers & (cut.visibility == 0)).sum() > 300
+    assert np.array_equal(cut.receivers[decided], exact.receivers[decided])
+    assert np.array_equal(cut.visibility[receivers], exact.visibility[receivers])
+    opaque = trace(
+        view_of(Scene("cards", (GROUND, replace(leaves, cutout=None)), (CAMERA,), (light,)), CAMERA, light, 160), 1
+    )
+    assert (opaque.visibility[receivers] != cut.visibility[receivers]).mean() > 0.02
+
+
+@pytest.mark.parametrize(
+    ("nearest", "wrap", "factor"), [(True, "repeat", 0.9), (False, "mirror", 1.0), (False, "clamp", 0.8)]
+)
+def test_cut_outs_agree_with_every_triangle_against_every_ray(
+    nearest: bool, wrap: Wrap, factor: float, light: Light, judged: Callable[..., Any]
+) -> None:
+    leaves = cards(150, Cutout(alpha_of("noise"), factor, 0.45, nearest, (wrap, wrap)))
+    view = view_of(Scene("leaves", (GROUND, leaves), (CAMERA,), (light,)), CAMERA, light, 128)
+    truth = trace(view, pixel_samples=1)
+    found = judged(view, truth, pixels=np.arange(128 * 128))
+    assert (found.receiver & found.lit).sum() > 1000
+    assert (found.receiver & ~found.lit).sum() > 1000
+    assert found.wrong == 0
+
+
+@pytest.mark.parametrize("instructions", ["sse2", "avx2"])
+@pytest.mark.parametrize("width", [4, 8, 16, 1])
+def test_rays_decide_the_same_in_packets_of_any_width(
+    width: int, instructions: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    geometry = (
+        Scene("leaves", (cards(60, Cutout(alpha_of("noise"))),), (), ())
+        .placement.scene(Scene("leaves", (cards(60, Cutout(alpha_of("noise"))), GROUND), (), ()))
+        .geometry
+    )
+    library = packets.load_library()
+    assert library is not None
+    device = packets.make_device(library, instructions)._replace(width=width) if width > 1 else None
+    monkeypatch.setattr(packets, "default_device", lambda: device)
+    random = np.random.default_rng(3)
+    origins, directions = random.uniform(-0.5, 0.5, (3001, 3)), random.normal(size=(3001, 3))
+    tracer = Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
+    hits, (blocked, left_open) = (
+        tracer.hits(origins, directions, INFINITE),
+        tracer.occlusion(origins, directions, INFINITE),
+    )
+    monkeypatch.setattr(packets, "default_device", lambda: None)
+    alone = Tracer(geometry.vertices, geometry.faces, geometry.cutouts)  # every ray in float64
+    others = alone.hits(origins, directions, INFINITE)
+    sure = ~(hits.left_open | others.left_open | left_open)
+    assert sure.mean() > 0.999
+    assert 0.2 < blocked.mean() < 0.8
+    assert np.array_equal(hits.triangle[sure], others.triangle[sure])
+    assert np.array_equal(blocked[sure], others.triangle[sure] >= 0)
+
+
+def test_a_cutoff_in_the_middle_of_a_plateau_leaves_it_open() -> None:
+    """Mixed in float32, equal alphas are not exactly themselves; the nearest texel's is."""
+    random = np.random.default_rng(4)
+    origins = np.column_stack([random.uniform(-0.4, 0.4, (200, 2)), np.full(200, 1.0)])
+    corners = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0.0]])
+    coordinates = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], dtype=np.float32)
+    found = {}
+    for nearest in (False, True):
+        cutout = Cutout(np.full((4, 4), 128, np.uint8), cutoff=128 / 255, nearest=nearest)
+        mesh = Mesh("card", corners, GROUND.faces, cutout=cutout, coordinates=coordinates)
+        geometry = Scene("card", (mesh,), (), ()).geometry
+        tracer = Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
+        found[nearest] = tracer.occlusion(origins, np.array([[0.0, 0.0, -1.0]]), INFINITE)
+    assert found[False][1].all()
+    assert found[True][0].all()
+
+
+def test_soft_shadows_of_texels_are_those_of_their_triangles() -> None:
+    lamp = Light("lamp", "disc", (0.0, -1.0, 0.0), (0.3, 4.0, 0.2), radius=0.2)
+    leaves = cards(25, Cutout(alpha_of("leaf"), nearest=True, wrap=("clamp", "clamp")))
+    cut, exact = (
+        trace(view_of(Scene("leaves", (GROUND, mesh), (CAMERA,), (lamp,)), CAMERA, lamp, 64), 1, standard_error=0.01)
+        for mesh in (leaves, made_of_triangles(leaves))
+    )
+    decided = ~(cut.undecided | exact.undecided) & cut.receivers & exact.receivers
+    error = np.hypot(cut.standard_error, exact.standard_error)[decided]
+    off = np.abs(cut.visibility - exact.visibility)[decided]
+    assert ((cut.visibility > 0.02) & (cut.visibility < 0.98))[decided].sum() > 200
+    assert (off <= 4 * error + 1e-6).mean() > 0.995
