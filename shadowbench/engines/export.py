@@ -16,6 +16,7 @@ from shadowbench.engines.light_box import light_box
 from shadowbench.files import make_folder, replace_file
 from shadowbench.geometry.convex import caster_and_receiver_vertices
 from shadowbench.geometry.topology import is_closed
+from shadowbench.options import FIRST, SceneOptions
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import Camera, Light, Mesh, View
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit
@@ -34,18 +35,25 @@ Json = dict[str, Any]
 
 
 def export_view(
-    view: View, truth: Truth, folder: Path, scene_name: str, *, sides: "Sides" = "double", colours: bool = False
+    view: View,
+    truth: Truth,
+    folder: Path,
+    scene_name: str,
+    *,
+    sides: "Sides" = "double",
+    colours: bool = False,
+    options: SceneOptions = FIRST,
 ) -> list[Path]:
     """Write a view's files into a folder, and return their paths.
 
-    scene_name: its argument on the command line; sides, colours: as of `glb_of`.
+    scene_name: its argument on the command line; options: how it was read; sides, colours: as of `glb_of`.
     """
     make_folder(folder)
     model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
     with replace_file(model) as temporary:
         temporary.write_bytes(glb_of(view, sides=sides, colours=colours))
     with replace_file(description) as temporary:
-        text = json.dumps(describe(view, scene_name, sides), indent=2, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(describe(view, scene_name, sides, options), indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
     write_mask(example, truth.visibility)
     return [model, description, example]
@@ -127,11 +135,12 @@ def nearest_depth(view: View) -> float:
     return max(near, float(depths.min(initial=far)))
 
 
-def describe(view: View, scene_name: str, sides: "Sides" = "double") -> Json:
+def describe(view: View, scene_name: str, sides: "Sides" = "double", options: SceneOptions = FIRST) -> Json:
     """Contents of `view.json`: conventions that glTF leaves open, camera, light, meshes and the format of masks."""
     camera, (near, far) = view.camera, view.near_far
     low, high = bounds_of(caster_and_receiver_vertices(view.scene.geometry)).tolist()
-    score = ["shadowbench", "score", scene_name, "MASK.png", "--view", camera.name, "--light", view.light.name]
+    read = [scene_name, "MASK.png", *options.arguments()]
+    score = ["shadowbench", "score", *read, "--view", camera.name, "--light", view.light.name]
     return {
         "schema": SCHEMA,
         "scene": view.scene.name,
