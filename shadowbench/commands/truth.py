@@ -52,7 +52,7 @@ def truth(scene: options.Scene, asked: TruthOptions, quiet: options.Quiet = Fals
         found = cached_truth(chosen, asked.pixel_samples)
     write_stored_truth(asked.output, found, chosen)
     if not quiet:
-        receivers, shadowed = int(found.receivers.sum()), int((found.visibility < 0.5).sum())
+        receivers, shadowed = int(found.receivers.sum()), int((found.receivers & (found.visibility < 0.5)).sum())
         undecided = int((found.receivers & found.undecided).sum())
         pixels = f"{receivers} of {found.receivers.size} pixels show a receiver"
         console.print_line(f"{asked.output}: {pixels}, {shadowed} in shadow, {undecided} undecided{_penumbra(found)}")
