@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.cutouts import CutoutFaces
+from shadowbench.scenes.textures import TexturedFaces
 
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int32]
@@ -103,7 +104,7 @@ class Geometry:
     """All triangles of a scene in one indexed list, meshes in file order; an index identifies a triangle.
 
     vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives, planar: (F,) bool; colors: (F, 3) float64, linear;
-    cutouts: the cut-out triangles, None without any.
+    cutouts: the cut-out triangles, None without any; textured: those with a texture, in order.
     """
 
     vertices: Floats
@@ -113,6 +114,7 @@ class Geometry:
     planar: NDArray[np.bool_]
     colors: Floats
     cutouts: CutoutFaces | None = None
+    textured: tuple[TexturedFaces, ...] = ()
 
     @cached_property
     def crosses(self) -> Floats:

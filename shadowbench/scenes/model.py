@@ -4,6 +4,7 @@ Right-handed, y up, cameras look along −z; metres, radians, float64. All class
 """
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -15,6 +16,7 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.cutouts import Cutout, cutout_faces
 from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.textures import Texture, TexturedFaces
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 
 LightKind = Literal["directional", "spot", "point"]
@@ -30,6 +32,7 @@ SUN_RADIUS = float(np.radians(0.2665))
 NEAREST_TARGET = 1e-12
 """Least distance from a camera to its target, as a share of their coordinates, whose float64 precision is 2e-16."""
 GREY: Vec3 = (0.8, 0.8, 0.8)
+WHITE: Vec3 = (1.0, 1.0, 1.0)
 CORNERS = ("coordinates", "alpha")
 """What a mesh has by corner of a triangle, as vertices at one place are one."""
 
@@ -42,7 +45,8 @@ class Mesh:
     read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
     and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere;
     coordinates: (F, 3, 2) float32 texture coordinates of the triangles' corners, alpha: (F, 3) float32 vertex alphas,
-    None for 0 and for 1.
+    None for 0 and for 1. Of pictures only, besides color: texture, and tints: (F, 3) float32 linear RGB, which color is
+    multiplied by.
     """
 
     name: str
@@ -55,6 +59,8 @@ class Mesh:
     cutout: Cutout | None = None
     coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
     alpha: NDArray[np.float32] | None = field(default=None, repr=False)
+    texture: Texture | None = None
+    tints: NDArray[np.float32] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("vertices", "faces", *CORNERS):
@@ -70,12 +76,13 @@ class Mesh:
 
         kept: (F,) bool, which of its faces these are, by default all; mirrored: whether their corners are reversed.
         """
-        corners = {name: values for name in CORNERS if (values := getattr(self, name)) is not None}
+        corners, tints = {name: values for name in CORNERS if (values := getattr(self, name)) is not None}, self.tints
         if kept is not None:
             corners = {name: values[kept] for name, values in corners.items()}
+            tints = None if tints is None else tints[kept]
         if mirrored:
             corners = {name: values[:, ::-1] for name, values in corners.items()}
-        return replace(self, vertices=vertices, faces=faces, **corners)
+        return replace(self, vertices=vertices, faces=faces, tints=tints, **corners)
 
     @cached_property
     def closed(self) -> bool:
@@ -85,6 +92,16 @@ class Mesh:
         welded = trimesh.Trimesh(self.vertices, self.faces, process=False)
         welded.merge_vertices()
         return bool(welded.is_watertight)
+
+
+def triangle_colors(meshes: Sequence[Mesh], colors: Sequence[Vec3]) -> Floats:
+    """(F, 3) linear RGB of the triangles of meshes, given a colour for each."""
+    counts = [len(mesh.faces) for mesh in meshes]
+    found = np.repeat(np.array(colors, dtype=np.float64), counts, axis=0)
+    for mesh, own in zip(meshes, np.split(found, np.cumsum(counts[:-1])), strict=True):
+        if mesh.tints is not None:
+            own *= mesh.tints
+    return found
 
 
 @dataclass(frozen=True)
@@ -190,9 +207,14 @@ class Scene:
             casts=np.repeat([mesh.casts for mesh in self.meshes], counts),
             receives=np.repeat([mesh.receives for mesh in self.meshes], counts),
             planar=np.repeat([mesh.planar for mesh in self.meshes], counts),
-            colors=np.repeat(np.array([mesh.color for mesh in self.meshes], dtype=np.float64), counts, axis=0),
+            colors=triangle_colors(self.meshes, [mesh.color for mesh in self.meshes]),
             cutouts=cutout_faces(
                 [(len(mesh.faces), mesh.cutout, mesh.coordinates, mesh.alpha) for mesh in self.meshes]
+            ),
+            textured=tuple(
+                TexturedFaces(first, mesh.texture, mesh.coordinates)
+                for first, mesh in zip(np.cumsum([0, *counts]).tolist(), self.meshes, strict=False)
+                if mesh.texture is not None and mesh.coordinates is not None
             ),
         )
 
