@@ -37,7 +37,6 @@ Integer = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 NonNegative = Annotated[FiniteFloat, Field(ge=0)]
 
 _ARITHMETIC = ", arithmetic "
-
 _STRICT = ConfigDict(strict=True, extra="allow")
 
 
@@ -186,6 +185,10 @@ class StudyFacts(TypedDict, total=False):
     up: str
     time: float
     clip: str
+    camera: str
+    target: str
+    lamp: str
+    sun_at: str
 
 
 @with_config(_STRICT)

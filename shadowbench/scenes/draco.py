@@ -1,25 +1,16 @@
-"""Draco decoding in a process of its own, as corrupt data can make the decoder crash or allocate any amount of memory.
+"""Draco decoding, in a process of its own: python -m shadowbench.scenes.draco < blobs.npz > arrays.npz."""
 
-python -m shadowbench.scenes.draco < blobs.npz > arrays.npz
-"""
-
-import io
-import subprocess
-import sys
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import InputError
+from shadowbench.scenes.apart import decoded_apart, serve
 from shadowbench.scenes.geometry import MOST_TRIANGLES
 
 LONGEST = 20.0
 """Time limit for decoding all of a file's primitives, in seconds."""
-MOST_MEMORY = 2 << 30
-"""Memory limit of the decoding process, in bytes."""
 
 
 class Blob(NamedTuple):
@@ -47,32 +38,8 @@ def decode(blobs: list[Blob], where: str) -> list[Decoded]:
         for blob in blobs
         for part in (np.array([*blob.ids.values()], np.int64), np.frombuffer(blob.data, np.uint8))
     ]
-    request = _packed(*parts)
-    where = f"{where}: KHR_draco_mesh_compression"
-    try:
-        # -P: do not import from the current folder, which may have a numpy.py.
-        done = subprocess.run(
-            [sys.executable, "-P", "-m", __name__], input=request, capture_output=True, timeout=LONGEST, check=False
-        )
-    except subprocess.TimeoutExpired as error:
-        raise InputError(f"{where}: took more than {LONGEST:.0f} s to decode") from error
-    if done.returncode != 0:
-        errors = done.stderr.decode(errors="replace").strip().splitlines()
-        crash = f"the decoder died with code {done.returncode}"
-        raise InputError(f"{where}: {errors[-1][:160] if done.returncode == 1 and errors else crash}")
-    arrays = iter(_unpacked(done.stdout))
+    arrays = iter(decoded_apart(__name__, LONGEST, f"{where}: KHR_draco_mesh_compression", *parts))
     return [Decoded({name: next(arrays) for name in blob.ids}, next(arrays)) for blob in blobs]
-
-
-def _packed(*arrays: NDArray[Any]) -> bytes:
-    stream = io.BytesIO()
-    np.savez(stream, *arrays, allow_pickle=False)
-    return stream.getvalue()
-
-
-def _unpacked(data: bytes) -> list[NDArray[Any]]:
-    with np.load(io.BytesIO(data)) as file:
-        return list(file.values())
 
 
 def _decode_here(*parts: NDArray[Any]) -> Iterator[NDArray[Any]]:
@@ -95,11 +62,4 @@ def _decode_here(*parts: NDArray[Any]) -> Iterator[NDArray[Any]]:
 
 
 if __name__ == "__main__":
-    import resource  # of POSIX alone
-
-    with suppress(ValueError):  # macOS may refuse
-        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
-    try:
-        sys.stdout.buffer.write(_packed(*_decode_here(*_unpacked(sys.stdin.buffer.read()))))
-    except Exception as error:  # the decoder's exceptions for corrupt data vary; the parent reports them
-        sys.exit(f"{type(error).__name__}: {' '.join(str(error).split())}")
+    serve(_decode_here)

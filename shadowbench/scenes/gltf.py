@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.contents import Contents, unique_name
 from shadowbench.scenes.geometry import Triangles, triangles_of
 from shadowbench.scenes.gltf_accessors import Data
 from shadowbench.scenes.gltf_animation import NOW, Moment, pose_at
@@ -20,10 +21,11 @@ from shadowbench.scenes.gltf_instances import instance_matrices
 from shadowbench.scenes.gltf_layout import Layout
 from shadowbench.scenes.gltf_materials import Materials
 from shadowbench.scenes.gltf_nodes import Node, scene_nodes
-from shadowbench.scenes.gltf_pose import Poser
+from shadowbench.scenes.gltf_pose import Posed, Poser, corner_normals
 from shadowbench.scenes.looks import Look
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Mesh
-from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, name_from
+from shadowbench.scenes.normals import Singles
+from shadowbench.scenes.tables import NARROWEST
 from shadowbench.scenes.vectors import Floats, unit, vec3
 from shadowbench.strict import validated
 
@@ -38,21 +40,13 @@ HONOURED = re.compile(
 class Source(NamedTuple):
     """A primitive: its triangles as a node's matrix moves them, None where all nodes deform it; and its material.
 
-    posed: triangles and their matrix to the world by number of a node that deforms it.
+    normals: of the triangles, None if it is flat; posed: by number of a node that deforms it.
     """
 
     triangles: Triangles | None
-    posed: dict[int, tuple[Triangles, Floats]]
+    normals: Singles | None
+    posed: dict[int, Posed]
     look: Look
-
-
-class Contents(NamedTuple):
-    """Contents of a file: meshes in object space with their (4, 4) object-to-world matrices, cameras, lights, notes."""
-
-    instances: list[tuple[Mesh, Floats]]
-    cameras: list[Camera]
-    lights: list[Light]
-    notes: list[str]
 
 
 def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
@@ -76,7 +70,8 @@ def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
         posed = poser.posed(each)
         still = triangles_of(each.positions, each.faces, where) if poser.stands(each, posed) else None
         if (look := materials.look(each)) is not None:
-            sources[each.mesh].append(Source(still, posed, look))
+            normals = None if still is None else corner_normals(each, each.floats("NORMAL", "VEC3"))
+            sources[each.mesh].append(Source(still, normals, posed, look))
     instances = _instances(data, nodes, sources)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
     notes += materials.notes + pose_notes + poser.notes + cameras[1] + lights[1]
@@ -98,12 +93,14 @@ def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> li
         name = node.data.name or layout.meshes[node.data.mesh].name or "mesh"
         copies = instance_matrices(data, node.data)
         for k, source in enumerate(rows, 1):
-            triangles, matrix = source.posed.get(node.number, (source.triangles, node.matrix))
+            shape = source.triangles, node.matrix, source.normals
+            triangles, matrix, normals = source.posed.get(node.number, shape)
             assert triangles is not None  # as some node does not deform it
             title = name if len(rows) == 1 else f"{name} {k}"
             for number, copy in enumerate(copies, 1):
                 once = title if len(copies) == 1 else f"{title} {number}"
-                instances.append((Mesh(once, *triangles, **source.look._asdict()), matrix @ copy))
+                mesh = Mesh(once, *triangles, normals=normals, **source.look._asdict())
+                instances.append((mesh, matrix @ copy))
     if hidden and not any(len(mesh.faces) for mesh, _ in instances):
         raise InputError(f"{data.where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
     return instances
@@ -126,7 +123,7 @@ def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera
             found = f"znear is {data.znear:g} and zfar {data.zfar}"
             raise InputError(f"{where}: camera: perspective: {found}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
-        name = _unique(node.data.name or data.name, "camera", {camera.name for camera in cameras})
+        name = unique_name(node.data.name or data.name, "camera", {camera.name for camera in cameras})
         # The distance of the target scales with the position's coordinates, so that rounding keeps the direction.
         up = vec3(unit(node.matrix[:3, 1]))
         target = vec3(position + forward * max(1.0, float(np.linalg.norm(position))))
@@ -143,7 +140,7 @@ def _lights(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Light],
         if node.data.light is None or not node.visible:
             continue
         data = layout.lights[node.data.light]
-        name = _unique(node.data.name or data.name, "light", {light.name for light in lights})
+        name = unique_name(node.data.name or data.name, "light", {light.name for light in lights})
         position, direction = (vec3(values) for values in _pose(node, where, "light"))
         light_where = f"{where}: light {name}"
         if data.type == "directional":
@@ -169,15 +166,6 @@ def _pose(node: Node, where: str, what: str) -> tuple[Floats, Floats]:
     if not np.isfinite(node.matrix).all() or not node.matrix[:3, 2].any() or not node.matrix[:3, 1].any():
         raise InputError(f"{where}: {what}: its node's transform is singular, so that it has no direction")
     return node.matrix[:3, 3], unit(-node.matrix[:3, 2])
-
-
-def _unique(name: str | None, default: str, taken: set[str]) -> str:
-    """A valid name for a scene file, with a number appended if it is taken."""
-    plain = candidate = (name_from(name or "") or default)[:LONGEST_NAME]
-    number = 2
-    while candidate in taken:
-        candidate, number = f"{plain[: LONGEST_NAME - len(f'-{number}')]}-{number}", number + 1
-    return candidate
 
 
 def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:

@@ -4,6 +4,8 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
@@ -12,10 +14,14 @@ from shadowbench.scenes.gltf_animation import NOW, Moment
 from shadowbench.scenes.meshes import GLTF_SUFFIXES, MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.tables import NAME, NAMES, name_from
+from shadowbench.scenes.usd import USD_SUFFIXES
 
 LONGEST_PATH = 4096
 WITHOUT_UP = (".obj", ".ply", ".stl", ".off")
 """Mesh formats that do not specify the up axis; in glTF it is y."""
+
+Z_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
+"""Turns the z axis up."""
 
 
 def load_scene(source: str | Path, assets: Path | None = None, up: str | None = None, moment: Moment = NOW) -> Scene:
@@ -64,7 +70,7 @@ def _check_up(up: str, source: str) -> None:
 
 
 def _read_mesh_scene(path: Path, up: str | None, moment: Moment) -> Scene:
-    """The scene of a mesh file: a glTF's own cameras and lights, and defaults, with notes, for those it has not."""
+    """The scene of a mesh file: its own cameras and lights, and defaults, with notes, for those it has not."""
     name = name_from(path.stem)
     if not NAME.fullmatch(name):
         raise InputError(
@@ -73,12 +79,12 @@ def _read_mesh_scene(path: Path, up: str | None, moment: Moment) -> Scene:
         )
     scene = read_meshes(path, moment=moment)
     meshes, notes = list(scene.meshes), list(scene.notes)
-    if scene.lights:
+    if scene.lights and path.suffix.lower() not in USD_SUFFIXES:
         notes.append(f"{path.name}: glTF gives lights no size: their shadows are hard")
     if up is None and path.suffix.lower() in WITHOUT_UP:
         notes.append(f"no up axis in {path.name}: assumed y; --up z takes z")
     if up == "z":
-        meshes = [replace(mesh, vertices=mesh.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0] + 0.0) for mesh in meshes]
+        meshes = [mesh.reshaped(mesh.vertices @ Z_UP[:3, :3].T + 0.0, mesh.faces, Z_UP) for mesh in meshes]
     bounds = mesh_bounds(meshes, path.name)
     ground = assumed_ground(meshes, bounds, path.name)
     if ground is not None:

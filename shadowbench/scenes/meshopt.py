@@ -21,7 +21,7 @@ def decompressed(data: Data) -> Data:
 
 
 def _decoded(view: BufferView, data: Data, where: str) -> bytes:
-    import meshopt  # type: ignore[import-untyped]  # not on all platforms
+    import meshopt  # not on all platforms
 
     packed = view.compressed
     assert packed is not None

@@ -4,7 +4,7 @@ Right-handed, y up, cameras look along −z; metres, radians, float64. All class
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.cutouts import Cutout, cutout_faces
-from shadowbench.scenes.geometry import Geometry
+from shadowbench.scenes.cutouts import Cutout
+from shadowbench.scenes.geometry import Geometry, mirrors
+from shadowbench.scenes.joined import joined
+from shadowbench.scenes.normals import turned
 from shadowbench.scenes.placement import Placement
-from shadowbench.scenes.textures import Texture, TexturedFaces
+from shadowbench.scenes.textures import Texture
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 
 LightKind = Literal["directional", "spot", "point"]
@@ -33,7 +35,7 @@ NEAREST_TARGET = 1e-12
 """Least distance from a camera to its target, as a share of their coordinates, whose float64 precision is 2e-16."""
 GREY: Vec3 = (0.8, 0.8, 0.8)
 WHITE: Vec3 = (1.0, 1.0, 1.0)
-CORNERS = ("coordinates", "alpha")
+CORNERS = ("coordinates", "alpha", "normals")
 """What a mesh has by corner of a triangle, as vertices at one place are one."""
 
 
@@ -45,8 +47,9 @@ class Mesh:
     read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
     and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere;
     coordinates: (F, 3, 2) float32 texture coordinates of the triangles' corners, alpha: (F, 3) float32 vertex alphas,
-    None for 0 and for 1. Of pictures only, besides color: texture, and tints: (F, 3) float32 linear RGB, which color is
-    multiplied by.
+    None for 0 and for 1. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None if it is flat, and
+    zero at corners without one. texture, and tints, (F, 3) float32 linear RGB that color is multiplied by, are of
+    pictures only.
     """
 
     name: str
@@ -59,6 +62,7 @@ class Mesh:
     cutout: Cutout | None = None
     coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
     alpha: NDArray[np.float32] | None = field(default=None, repr=False)
+    normals: NDArray[np.float32] | None = field(default=None, repr=False)
     texture: Texture | None = None
     tints: NDArray[np.float32] | None = field(default=None, repr=False)
 
@@ -70,18 +74,20 @@ class Mesh:
                 object.__setattr__(self, name, view)
 
     def reshaped(
-        self, vertices: Floats, faces: NDArray[np.int32], kept: NDArray[np.bool_] | None = None, mirrored: bool = False
+        self, vertices: Floats, faces: NDArray[np.int32], matrix: Floats, kept: NDArray[np.bool_] | None = None
     ) -> "Mesh":
-        """The mesh with other vertices and faces.
+        """The mesh with vertices moved by an affine (4, 4) matrix; one that mirrors has reversed the faces' corners.
 
-        kept: (F,) bool, which of its faces these are, by default all; mirrored: whether their corners are reversed.
+        kept: (F,) bool, which of its faces these are, by default all.
         """
         corners, tints = {name: values for name in CORNERS if (values := getattr(self, name)) is not None}, self.tints
         if kept is not None:
             corners = {name: values[kept] for name, values in corners.items()}
             tints = None if tints is None else tints[kept]
-        if mirrored:
+        if mirrors(matrix):
             corners = {name: values[:, ::-1] for name, values in corners.items()}
+        if "normals" in corners:
+            corners["normals"] = turned(corners["normals"], matrix)
         return replace(self, vertices=vertices, faces=faces, tints=tints, **corners)
 
     @cached_property
@@ -92,16 +98,6 @@ class Mesh:
         welded = trimesh.Trimesh(self.vertices, self.faces, process=False)
         welded.merge_vertices()
         return bool(welded.is_watertight)
-
-
-def triangle_colors(meshes: Sequence[Mesh], colors: Sequence[Vec3]) -> Floats:
-    """(F, 3) linear RGB of the triangles of meshes, given a colour for each."""
-    counts = [len(mesh.faces) for mesh in meshes]
-    found = np.repeat(np.array(colors, dtype=np.float64), counts, axis=0)
-    for mesh, own in zip(meshes, np.split(found, np.cumsum(counts[:-1])), strict=True):
-        if mesh.tints is not None:
-            own *= mesh.tints
-    return found
 
 
 @dataclass(frozen=True)
@@ -179,7 +175,8 @@ class Scene:
     """Meshes, cameras and lights of a file, with defaults for those that it does not have.
 
     notes: a line for each default and each unsupported feature; dropped: number of zero-area triangles removed; ground:
-    the mesh that was assumed and the note about it, None if none was.
+    the mesh that was assumed and the note about it, None if none was; assumed: the notes about an assumed `camera` and
+    `light`.
     """
 
     name: str
@@ -189,6 +186,7 @@ class Scene:
     notes: tuple[str, ...] = ()
     dropped: int = 0
     ground: tuple[Mesh, str] | None = None
+    assumed: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         triangles = sum(len(mesh.faces) for mesh in self.meshes)
@@ -198,25 +196,7 @@ class Scene:
     @cached_property
     def geometry(self) -> Geometry:
         """All meshes as one indexed triangle list."""
-        offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in self.meshes[:-1])])
-        counts = [len(mesh.faces) for mesh in self.meshes]
-        faces = [mesh.faces + offset for mesh, offset in zip(self.meshes, offsets, strict=True)]
-        return Geometry(
-            vertices=np.concatenate([mesh.vertices for mesh in self.meshes]),
-            faces=np.concatenate(faces, dtype=np.int32),
-            casts=np.repeat([mesh.casts for mesh in self.meshes], counts),
-            receives=np.repeat([mesh.receives for mesh in self.meshes], counts),
-            planar=np.repeat([mesh.planar for mesh in self.meshes], counts),
-            colors=triangle_colors(self.meshes, [mesh.color for mesh in self.meshes]),
-            cutouts=cutout_faces(
-                [(len(mesh.faces), mesh.cutout, mesh.coordinates, mesh.alpha) for mesh in self.meshes]
-            ),
-            textured=tuple(
-                TexturedFaces(first, mesh.texture, mesh.coordinates)
-                for first, mesh in zip(np.cumsum([0, *counts]).tolist(), self.meshes, strict=False)
-                if mesh.texture is not None and mesh.coordinates is not None
-            ),
-        )
+        return joined(self.meshes)
 
     @cached_property
     def placement(self) -> Placement:

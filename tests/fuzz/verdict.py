@@ -27,6 +27,7 @@ from shadowbench.studies.study import read_study
 from shadowbench.truths.trace import trace
 
 from .cases import ASSETS, INSIDE, OUTSIDE, ROOT, Case
+from .corrupt import FORMATS
 
 MOST_MEMORY = 4 << 30
 """Bytes of address space that reading a file may take."""
@@ -165,4 +166,4 @@ def _spec(case: Case, main: Path, assets: Path) -> None:
     assert parse_spec(spec.full_text, techniques()) == spec
 
 
-READ = {"study": _study, "spec": _spec, **dict.fromkeys(("scene", "glb", "gltf", "obj", "ply", "stl", "off"), _scene)}
+READ = {"study": _study, "spec": _spec, **dict.fromkeys(("scene", *FORMATS), _scene)}

@@ -1,0 +1,25 @@
+"""What a mesh file holds, before its meshes are placed."""
+
+from typing import NamedTuple
+
+from shadowbench.scenes.model import Camera, Light, Mesh
+from shadowbench.scenes.tables import LONGEST_NAME, name_from
+from shadowbench.scenes.vectors import Floats
+
+
+class Contents(NamedTuple):
+    """Contents of a file: meshes in object space with their (4, 4) object-to-world matrices, cameras, lights, notes."""
+
+    instances: list[tuple[Mesh, Floats]]
+    cameras: list[Camera]
+    lights: list[Light]
+    notes: list[str]
+
+
+def unique_name(name: str | None, default: str, taken: set[str]) -> str:
+    """A valid name for a scene file, with a number appended if it is taken."""
+    plain = candidate = (name_from(name or "") or default)[:LONGEST_NAME]
+    number = 2
+    while candidate in taken:
+        candidate, number = f"{plain[: LONGEST_NAME - len(f'-{number}')]}-{number}", number + 1
+    return candidate
