@@ -84,16 +84,17 @@ def load(
     no_ground: bool = False,
     time: float | None = None,
     clip: str | None = None,
+    variant: str | None = None,
 ) -> Scene:
     """Load a scene: a built-in by name, a `.toml`, or a mesh file. Assumptions about missing data are in its `notes`.
 
     assets: additional folder to search for a scene file's meshes; up: up axis, y or z, of mesh formats that do not
     specify it; sun: give directional lights without a size that of the sun; no_ground: assume no ground; time, clip:
-    seconds, and the name or number of a clip, that pose an animated glTF. Raises InputError.
+    seconds, and the name or number of a clip, that pose an animated glTF; variant: of its materials. Raises InputError.
     """
     value = options.instance_of(scene, "scene", "a built-in name, a file, or what load returns", Scene, str, Path)
     folder = None if assets is None else Path(options.instance_of(assets, "assets", "a folder", str, Path))
-    return opened(value, options.SceneOptions(folder, up, sun, no_ground, time, clip))
+    return opened(value, options.SceneOptions(folder, up, sun, no_ground, time, clip, variant))
 
 
 def truth(

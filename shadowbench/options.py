@@ -75,6 +75,7 @@ class SceneOptions:
         "Clip of an animated glTF, by name or by number from 1, or none for its nodes as they stand  [the first].",
         "NAME",
     )
+    variant: str | None = option("Variant of a glTF's materials, by name  [the file's own materials].", "NAME")
 
     def __post_init__(self) -> None:
         if self.time is not None:

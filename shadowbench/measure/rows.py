@@ -186,6 +186,7 @@ class StudyFacts(TypedDict, total=False):
     up: str
     time: float
     clip: str
+    variant: str
 
 
 @with_config(_STRICT)

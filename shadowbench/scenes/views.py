@@ -8,7 +8,7 @@ from typing import TypeVar
 from shadowbench.errors import InputError, alternatives
 from shadowbench.options import FIRST, VIEW_SIZE, SceneOptions, ViewOptions
 from shadowbench.scenes.assumed import with_sun, without_ground
-from shadowbench.scenes.gltf_animation import Moment
+from shadowbench.scenes.contents import Chosen
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
 
@@ -39,7 +39,7 @@ def opened(scene: str | Path | Scene, options: SceneOptions) -> Scene:
     loaded = (
         scene
         if isinstance(scene, Scene)
-        else load_scene(scene, options.assets, options.up, Moment(options.time, options.clip))
+        else load_scene(scene, options.assets, options.up, Chosen(options.time, options.clip, options.variant))
     )
     loaded = without_ground(loaded) if options.no_ground else loaded
     return with_sun(loaded) if options.sun else loaded

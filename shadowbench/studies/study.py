@@ -50,8 +50,8 @@ class Study(Strict):
     technique: crossed specs. phases: subtexel offsets of the map's grid to measure, for `technique` entries without
     their own number. step: what moves a little to count flips, None to count none. views, lights: "file" for the first
     camera and all lights of a scene, else by name. sun: whether directional lights without a size have the sun's
-    (`with_sun`); no_ground: whether no ground is assumed (`without_ground`); time, clip: pose of animated glTF files.
-    time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
+    (`with_sun`); no_ground: whether no ground is assumed (`without_ground`); time, clip, variant: what is taken of glTF
+    files.    time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
 
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
@@ -73,6 +73,7 @@ class Study(Strict):
     no_ground: bool = Field(False, strict=True)
     time: float | None = Field(None, ge=0.0)
     clip: str | None = None
+    variant: str | None = None
     technique: Annotated[tuple[InstanceOf[CrossedSpecs], ...], _SOME]
     assets: Path | None = None
     up: str | None = None
@@ -140,6 +141,7 @@ class Study(Strict):
             **({"up": self.up} if self.up else {}),
             **({} if self.time is None else {"time": self.time}),
             **({} if self.clip is None else {"clip": self.clip}),
+            **({} if self.variant is None else {"variant": self.variant}),
         }
 
     def cells(self, soft: bool = True) -> tuple[Cell, ...]:
@@ -163,7 +165,8 @@ class Study(Strict):
         """All blocks, scene by scene. Raises InputError for a scene that cannot be read."""
         files: dict[str, str | Scene] = {}
         for source in dict.fromkeys(self.scenes):
-            scene = opened(source, SceneOptions(self.assets, self.up, self.sun, self.no_ground, self.time, self.clip))
+            asked = (self.sun, self.no_ground, self.time, self.clip, self.variant)
+            scene = opened(source, SceneOptions(self.assets, self.up, *asked))
             first = files.setdefault(scene.name, source)
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))

@@ -151,7 +151,7 @@ def _study_of_scene(state: ViewerState, file: Path) -> dict[str, Any]:
     if origin is None or origin.options.up:
         missing = "no file has" if origin is None else "no study file can turn (--up)"
         raise InputError(f"{file}: {missing} the scene {state.scene.name!r}; save the state, and open it")
-    names = ("sun", "no_ground", "time", "clip")
+    names = ("sun", "no_ground", "time", "clip", "variant")
     asked = {name: value for name in names if (value := getattr(origin.options, name)) not in (None, False)}
     is_builtin = origin.source in builtin_names()
     return {"scenes": [origin.source if is_builtin else os.path.relpath(origin.source, file.parent)], **asked}
@@ -227,6 +227,7 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
         study.get("no_ground", False),
         study.get("time"),
         study.get("clip"),
+        study.get("variant"),
     )
     own = [row["scene"]] if row["scene"] in builtin_names() else []
     for source in sorted({*study.get("scenes", ()), *own}, key=lambda source: Path(source).stem != row["scene"]):
