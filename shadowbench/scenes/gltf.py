@@ -75,14 +75,8 @@ def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
             sources[each.mesh].append(Source(still, _base_color(layout, each.primitive), posed, cut))
     instances = _instances(data, nodes, sources)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
-    notes += (
-        variant_notes(layout, chosen.variant, where)
-        + materials.notes
-        + pose_notes
-        + poser.notes
-        + cameras[1]
-        + lights[1]
-    )
+    notes += variant_notes(layout, chosen.variant, where) + materials.notes + pose_notes + poser.notes
+    notes += cameras[1] + lights[1]
     return Contents(instances, cameras[0], lights[0], notes)
 
 

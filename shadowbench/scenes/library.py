@@ -32,8 +32,8 @@ def load_scene(
         _check_up(up, text)
     if chosen != BY_DEFAULT and Path(text).suffix.lower() not in GLTF_SUFFIXES:
         raise InputError(
-            f"--time, --clip, --variant: {text:.200} is no glTF file; allowed for {' and '.join(GLTF_SUFFIXES)}; a scene "
-            "file has time, clip and variant in its [[mesh]] tables"
+            f"--time, --clip, --variant: {text:.200} is no glTF file; allowed for {' and '.join(GLTF_SUFFIXES)}; a "
+            "scene file has time, clip and variant in its [[mesh]] tables"
         )
     if text in builtin_names():
         return read_scene_file(data_folder("scenes") / f"{text}.toml", assets)
