@@ -16,7 +16,6 @@ or a Series.
 """
 
 import logging
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -43,7 +42,6 @@ from shadowbench.plugin.params import param as param
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.results.ranges import ranges_frame
 from shadowbench.scenes.model import Scene, View
-from shadowbench.scenes.views import chosen_view, opened
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
 from shadowbench.shared_worker import campaign, shared_worker
@@ -55,11 +53,13 @@ from shadowbench.studies.stress import stress as sweep
 from shadowbench.studies.study import study_from_options
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as survey_view
+from shadowbench.survey.views import chosen_view, opened
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
 SceneLike = Scene | str | Path
 SpecLike = str | Spec
+Placed = str | Iterable[float] | None
 Files = str | Path | Iterable[str | Path]
 
 _log = logging.getLogger("shadowbench")
@@ -71,7 +71,7 @@ def _parameter_names() -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(re.sub(r"--([a-z][a-z-]*)", lambda found: found[1].replace("-", "_"), str(error))) from None
+        raise InputError(options.in_python(str(error))) from None
 
 
 @_parameter_names()
@@ -85,16 +85,25 @@ def load(
     time: float | None = None,
     clip: str | None = None,
     variant: str | None = None,
+    camera: Placed = None,
+    target: Placed = None,
+    lamp: Placed = None,
+    sun_at: Placed = None,
 ) -> Scene:
     """Load a scene: a built-in by name, a `.toml`, or a mesh file. Assumptions about missing data are in its `notes`.
 
     assets: additional folder to search for a scene file's meshes; up: up axis, y or z, of mesh formats that do not
     specify it; sun: give directional lights without a size that of the sun; no_ground: assume no ground; time, clip:
-    seconds, and the name or number of a clip, that pose an animated glTF; variant: of its materials. Raises InputError.
+    seconds, and the name or number of a clip, that pose an animated glTF; variant: of its materials; camera: the name
+    of one of its cameras, "front", "back", "left", "right", "top", "inside", or a point, from which it looks at target;
+    lamp, sun_at: a point light at a point, or a sun at azimuth and elevation in degrees, in place of the scene's lights.
+    Raises InputError.
     """
     value = options.instance_of(scene, "scene", "a built-in name, a file, or what load returns", Scene, str, Path)
     folder = None if assets is None else Path(options.instance_of(assets, "assets", "a folder", str, Path))
-    return opened(value, options.SceneOptions(folder, up, sun, no_ground, time, clip, variant))
+    placed = {"camera": camera, "target": target, "lamp": lamp, "sun_at": sun_at}
+    texts = {name: options.place_text(place, name) for name, place in placed.items()}
+    return opened(value, options.SceneOptions(folder, up, sun, no_ground, time, clip, variant, **texts))
 
 
 def truth(

@@ -98,7 +98,7 @@ def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
 
 
 def png_of(image: "NDArray[np.uint8]") -> bytes:
-    """PNG bytes of a (H, W, 3) sRGB or (H, W) grey uint8 image."""
+    """PNG bytes of a (H, W, 3) sRGB, (H, W, 4) sRGB with alpha, or (H, W) grey uint8 image."""
     from PIL import Image
 
     stream = io.BytesIO()

@@ -3,6 +3,7 @@
 The checks at the end are of arguments of Python functions; each raises InputError.
 """
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 from functools import partial
@@ -27,6 +28,8 @@ PHASES = Bounds(1, 10_000)
 PIXEL_SAMPLES = Bounds(1, 64)
 LATEST = 1e9
 """Largest time of an animation, in seconds."""
+LARGEST = 1e18
+"""Largest allowed coordinate: squares of larger ones overflow float32, which `coordinates="absolute"` uses."""
 
 
 def option(
@@ -58,6 +61,51 @@ def option(
 view_size = partial(option, "Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
 
 
+def coordinates(text: str, where: str) -> tuple[float, float, float]:
+    """The point of a text `X,Y,Z`. Raises InputError that begins with `where`."""
+    values = _numbers(text)
+    if len(values) != 3 or not all(abs(value) <= LARGEST for value in values):
+        raise InputError(
+            f"{where}: found {text!r:.60}; allowed: three numbers X,Y,Z of at most {LARGEST:.0e} either way"
+        )
+    return values[0], values[1], values[2]
+
+
+def azimuth_elevation(text: str) -> tuple[float, float]:
+    """The angles in degrees of a text `AZIMUTH,ELEVATION`. Raises InputError."""
+    values = _numbers(text)
+    if len(values) != 2 or not (abs(values[0]) <= 360.0 and 0.0 < values[1] <= 90.0):
+        raise InputError(
+            f"--sun-at: found {text!r:.60}; allowed: AZIMUTH,ELEVATION in degrees, of up to 360 either way and above 0 "
+            "up to 90"
+        )
+    return values[0], values[1]
+
+
+def _numbers(text: str) -> list[float]:
+    """The numbers of a comma-separated text; none if a part is no number."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        return []
+
+
+def in_python(line: str) -> str:
+    """A line in which options have the names of parameters, as min_iou for --min-iou."""
+    return re.sub(r"--([a-z][a-z-]*)", lambda found: found[1].replace("-", "_"), line)
+
+
+def place_text(value: Any, name: str) -> str | None:
+    """The text of an option: itself, or of the numbers of a list or array."""
+    if value is None or isinstance(value, str):
+        return value
+    return ",".join(repr(number(one, name)) for one in as_list(value, name, "a text, or numbers", Real))
+
+
+PLACES = ("camera", "target", "lamp", "sun_at")
+"""Fields of `SceneOptions` that are a text, or numbers in Python and in files."""
+
+
 @dataclass(frozen=True)
 class SceneOptions:
     """How a scene is read."""
@@ -76,6 +124,18 @@ class SceneOptions:
         "NAME",
     )
     variant: str | None = option("Variant of a glTF's materials, by name  [the file's own materials].", "NAME")
+    camera: str | None = option(
+        "Where the camera stands: a side of what the scene holds, inside for an interior, or a point in the scene's "
+        "units. A camera of the scene with such a name is meant first  [the scene's own cameras].",
+        "front|back|left|right|top|inside|X,Y,Z",
+    )
+    target: str | None = option("Point that --camera X,Y,Z looks at  [the middle of the scene].", "X,Y,Z")
+    lamp: str | None = option("A point light there, in place of the scene's lights.", "X,Y,Z")
+    sun_at: str | None = option(
+        "A sun there, in place of the scene's lights: degrees from north (−z) clockwise as seen from above (+x is 90), "
+        "and degrees above the horizon.",
+        "AZIMUTH,ELEVATION",
+    )
 
     def __post_init__(self) -> None:
         if self.time is not None:
@@ -83,6 +143,27 @@ class SceneOptions:
             if not 0.0 <= time <= LATEST:
                 raise InputError(f"--time: found {time:g}; allowed: seconds from 0 to {LATEST:g}")
             object.__setattr__(self, "time", time)
+        for name in PLACES:
+            object.__setattr__(self, name, place_text(getattr(self, name), name))
+        if self.camera and "," in self.camera:
+            coordinates(self.camera, "--camera")
+        elif self.target is not None:
+            raise InputError(f"--target {self.target:.60}: is for --camera X,Y,Z, which is not given")
+        if self.lamp is not None and self.sun_at is not None:
+            raise InputError("found --lamp and --sun-at; allowed: one")
+        for text, where in ((self.target, "--target"), (self.lamp, "--lamp")):
+            if text is not None:
+                coordinates(text, where)
+        if self.sun_at is not None:
+            azimuth_elevation(self.sun_at)
+
+    def arguments(self) -> list[str]:
+        """The options of the command line that read a scene in the same way."""
+        found = []
+        for one in fields(SceneOptions):
+            value, name = getattr(self, one.name), f"--{one.name.replace('_', '-')}"
+            found += [name] if value is True else [name, str(value)] if value else []
+        return found
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         from shadowbench.engines.accuracy import accuracy_of
         from shadowbench.engines.stored_truth import stored_truth_of
         from shadowbench.errors import InputError
-        from shadowbench.scenes.views import chosen_view
+        from shadowbench.survey.views import chosen_view
 
         number = next(numbers)
         file = folder / f"{name}{f'-{number}' if number > 1 else ''}.diff.png"

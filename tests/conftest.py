@@ -29,7 +29,7 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Scene, View, view_of
 from shadowbench.scenes.placement import Placement
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.scenes.views import chosen_view
+from shadowbench.survey.views import chosen_view
 from shadowbench.truths import packets
 from shadowbench.truths.trace import Truth, trace
 

@@ -22,7 +22,7 @@ from scipy.stats import norm
 
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.vectors import perpendicular_basis, unit
-from shadowbench.scenes.views import chosen_view
+from shadowbench.survey.views import chosen_view
 from shadowbench.truths.trace import trace
 
 mi.set_variant("llvm_ad_rgb")

@@ -24,7 +24,7 @@ from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.library import hard_names
-from shadowbench.scenes.views import chosen_view
+from shadowbench.survey.views import chosen_view
 from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")

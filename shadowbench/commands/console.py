@@ -112,7 +112,7 @@ class Reporter(logging.Handler):
 
     def view(self, scene: str, size: int | None, options: "ViewOptions") -> "View":
         """The view that the options name, by default of 512² pixels; notes what is assumed about it."""
-        from shadowbench.scenes.views import chosen_view
+        from shadowbench.survey.views import chosen_view
 
         return chosen_view(scene, size or 512, options, self.note)
 

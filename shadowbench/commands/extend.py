@@ -73,7 +73,7 @@ def export(
             reporter.note(line)
         truth = cached_truth(chosen)
         model, description, example = export_view(
-            chosen, truth, folder, scene, sides=materials.sides, colours=materials.colours
+            chosen, truth, folder, scene, sides=materials.sides, colours=materials.colours, options=view
         )
     if not quiet:
         meshes = chosen.scene.meshes

@@ -21,7 +21,7 @@ class WindowOptions:
     technique: list[str] = options.technique(
         f"One or two techniques, A and B: {options.SPEC}  [shadow-map; cube-map under a point light].", default=()
     )
-    state: Path | None = option("Show a state that the window saved.", "FILE.toml")
+    state: Path | None = option("Show a state that the window saved, as a SCENE that is one does.", "FILE.toml")
     cell: str | None = option("Show a cell of a folder of `run` or `stress`, by its key.", "KEY")
     view_size: int | None = view_size()
     plugin: list[Path] = options.plugins()
@@ -51,16 +51,19 @@ def view(
     """
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.plugin.spec import parse_spec
-    from shadowbench.scenes.views import named
+    from shadowbench.survey.views import named
     from shadowbench.viewer.state import Origin, ViewerState
-    from shadowbench.viewer.state_files import read_state
+    from shadowbench.viewer.state_files import holds_state, read_state
 
     _check(scene, asked, view)
     show = _window()
     known = techniques_with(asked.plugin)
     specs = tuple(parse_spec(text, known) for text in asked.technique)
-    if asked.state is not None:
-        shown = read_state(asked.state, known, view.assets)
+    state = asked.state
+    if scene is not None and asked.cell is None and replace(view, assets=None) == FIRST and holds_state(Path(scene)):
+        state = Path(scene)
+    if state is not None:
+        shown = read_state(state, known, view.assets)
     elif asked.cell is not None:
         from shadowbench.viewer.state_files import cell_state  # with pandas, only when it is needed
 

@@ -11,10 +11,12 @@ import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
+from shadowbench.engines.export_cutouts import add_masks, corner_attributes, name_attributes
 from shadowbench.engines.light_box import light_box
 from shadowbench.files import make_folder, replace_file
 from shadowbench.geometry.convex import caster_and_receiver_vertices
 from shadowbench.geometry.topology import is_closed
+from shadowbench.options import FIRST, SceneOptions
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import Camera, Light, Mesh, View
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit
@@ -33,25 +35,32 @@ Json = dict[str, Any]
 
 
 def export_view(
-    view: View, truth: Truth, folder: Path, scene_name: str, *, sides: "Sides" = "double", colours: bool = False
+    view: View,
+    truth: Truth,
+    folder: Path,
+    scene_name: str,
+    *,
+    sides: "Sides" = "double",
+    colours: bool = False,
+    options: SceneOptions = FIRST,
 ) -> list[Path]:
     """Write a view's files into a folder, and return their paths.
 
-    scene_name: its argument on the command line; sides, colours: as of `glb_of`.
+    scene_name: its argument on the command line; options: how it was read; sides, colours: as of `glb_of`.
     """
     make_folder(folder)
     model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
     with replace_file(model) as temporary:
         temporary.write_bytes(glb_of(view, sides=sides, colours=colours))
     with replace_file(description) as temporary:
-        text = json.dumps(describe(view, scene_name, sides), indent=2, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(describe(view, scene_name, sides, options), indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
     write_mask(example, truth.visibility)
     return [model, description, example]
 
 
 def inexpressible_in_gltf(view: View) -> list[str]:
-    """One line for each mesh that casts or receives no shadow, or is cut out, and for a light's size."""
+    """One line for each mesh that casts or receives no shadow, and for a light's size."""
     lines, light = [], view.light
     if light.kind != light.hard_kind:
         spot = f"a spot of {math.degrees(light.frustum_angle or 0.0):.0f}° in {MODEL}"
@@ -61,8 +70,6 @@ def inexpressible_in_gltf(view: View) -> list[str]:
     for mesh in view.scene.meshes:
         if lacking := [name.removesuffix("s") for name in _lacking(mesh)]:
             lines.append(f"{mesh.name} is to {' and '.join(lacking)} no shadow, which glTF cannot say: see view.json")
-        if mesh.cutout is not None:
-            lines.append(f"{mesh.name} is cut out by alpha, but opaque in {MODEL}: textures are not exported")
     return lines
 
 
@@ -128,11 +135,12 @@ def nearest_depth(view: View) -> float:
     return max(near, float(depths.min(initial=far)))
 
 
-def describe(view: View, scene_name: str, sides: "Sides" = "double") -> Json:
+def describe(view: View, scene_name: str, sides: "Sides" = "double", options: SceneOptions = FIRST) -> Json:
     """Contents of `view.json`: conventions that glTF leaves open, camera, light, meshes and the format of masks."""
     camera, (near, far) = view.camera, view.near_far
     low, high = bounds_of(caster_and_receiver_vertices(view.scene.geometry)).tolist()
-    score = ["shadowbench", "score", scene_name, "MASK.png", "--view", camera.name, "--light", view.light.name]
+    read = [scene_name, "MASK.png", *options.arguments()]
+    score = ["shadowbench", "score", *read, "--view", camera.name, "--light", view.light.name]
     return {
         "schema": SCHEMA,
         "scene": view.scene.name,
@@ -214,17 +222,22 @@ def glb_of(view: View, *, sides: "Sides" = "double", colours: bool = False) -> b
     """
     scene, camera, light = view.scene, view.camera, view.light
     low, high = scene.geometry.bounds
-    materials = [(mesh.color if colours else WHITE, sides == "double" or not is_closed(mesh)) for mesh in scene.meshes]
+    materials = [
+        (mesh.color if colours else WHITE, sides == "double" or not is_closed(mesh), mesh.cutout)
+        for mesh in scene.meshes
+    ]
     center = (low + high) / 2
     origin = center if np.linalg.norm(center) > np.linalg.norm(high - low) else np.zeros(3)
 
     def complete(tree: Json) -> None:
         """Add what trimesh does not write; its meshes are in the order of the scene's."""
         distinct = list(dict.fromkeys(materials))
-        tree["materials"] = [_material(*material) for material in distinct]
+        tree["materials"] = [_material(color, double_sided) for color, double_sided, _ in distinct]
+        add_masks(tree, [cutout for _, _, cutout in distinct])
         for mesh, material, written in zip(scene.meshes, materials, tree["meshes"], strict=True):
             written["name"] = mesh.name
             written["primitives"][0]["material"] = distinct.index(material)
+            name_attributes(written["primitives"][0]["attributes"])
         near, far = view.near_far
         lens = {"yfov": camera.fov_y, "aspectRatio": 1.0, "znear": near, "zfar": far}
         tree["cameras"] = [{"name": camera.name, "type": "perspective", "perspective": lens}]
@@ -245,7 +258,13 @@ def glb_of(view: View, *, sides: "Sides" = "double", colours: bool = False) -> b
     for index, (mesh, flat) in enumerate(zip(scene.meshes, normals, strict=True)):
         corners = (mesh.vertices - origin)[mesh.faces.ravel()]
         faces = np.arange(len(corners)).reshape(-1, 3)
-        shape = trimesh.Trimesh(corners, faces, vertex_normals=np.repeat(flat, 3, axis=0), process=False)
+        shape = trimesh.Trimesh(
+            corners,
+            faces,
+            vertex_normals=np.repeat(flat, 3, axis=0),
+            vertex_attributes=corner_attributes(mesh),
+            process=False,
+        )
         loaded.add_geometry(shape, geom_name=f"mesh {index}")
     written: bytes = export_glb(loaded, include_normals=True, tree_postprocessor=complete)  # type: ignore[no-untyped-call]
     return written

@@ -87,12 +87,12 @@ def mesh(
     scale: float | Sequence[float],
     at: Sequence[float] | Floats,
     turn: float = 0.0,
-    **parameters: int,
+    **parameters: float,
 ) -> Mesh:
     """A named shape, scaled, then rotated about y by `turn` degrees, then translated to `at`."""
-    triangles = build_shape(kind, dict(parameters), "axis")
-    turned = triangles.vertices * np.asarray(scale, dtype=np.float64) @ turn_about_y(math.radians(turn)).T
-    return Mesh(kind, turned + np.asarray(at, dtype=np.float64), triangles.faces)
+    shape = build_shape(kind, dict(parameters), "axis")
+    turned = shape.vertices * np.asarray(scale, dtype=np.float64) @ turn_about_y(math.radians(turn)).T
+    return replace(shape, vertices=turned + np.asarray(at, dtype=np.float64))
 
 
 def turn_about_y(angle: float) -> Floats:

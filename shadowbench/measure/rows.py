@@ -37,7 +37,6 @@ Integer = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 NonNegative = Annotated[FiniteFloat, Field(ge=0)]
 
 _ARITHMETIC = ", arithmetic "
-
 _STRICT = ConfigDict(strict=True, extra="allow")
 
 
@@ -187,6 +186,10 @@ class StudyFacts(TypedDict, total=False):
     time: float
     clip: str
     variant: str
+    camera: str
+    target: str
+    lamp: str
+    sun_at: str
 
 
 @with_config(_STRICT)

@@ -73,6 +73,4 @@ class Engine(Subject):
             return f"a {kind} light; {cls.name} draws {' and '.join(sorted(cls.lights))} ones"
         if not cls.casts and not all(mesh.casts and mesh.receives for mesh in view.scene.meshes):
             return "meshes that cast or receive no shadow"
-        if view.scene.geometry.cutouts is not None:
-            return "surfaces cut out by alpha, which are not exported to it"
         return None

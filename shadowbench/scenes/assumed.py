@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -31,19 +32,46 @@ def mesh_bounds(meshes: Sequence[Mesh], where: str) -> Floats:
     return bounds
 
 
+def content_of(scene: Scene) -> Scene:
+    """The scene without the ground that was assumed."""
+    if scene.ground is None:
+        return scene
+    return replace(scene, meshes=tuple(mesh for mesh in scene.meshes if mesh is not scene.ground[0]))
+
+
+def whole_view(bounds: Floats, away: Vec3, name: str, up: Vec3 = (0.0, 1.0, 0.0)) -> Camera:
+    """A camera that shows the whole bounding sphere of (2, 3) bounds; away: direction from their middle to it."""
+    center, diagonal = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
+    position = center + unit(away) * (diagonal / 2) / math.sin(FOV_Y / 2)
+    return Camera(name, vec3(position), vec3(center), FOV_Y, up)
+
+
+def pose_of(camera: Camera) -> str:
+    """Where a camera stands, for a note."""
+    place = f"at {point_text(camera.position)} looking at {point_text(camera.target)}"
+    return f"{place}, fov_y {math.degrees(camera.fov_y):.0f}°"
+
+
 def assumed_camera(bounds: Floats, where: str) -> tuple[Camera, str]:
     """A camera that shows the whole bounding sphere of (2, 3) bounds, and the note about it."""
-    center, diagonal = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
-    position = center + unit(VIEW_FROM) * (diagonal / 2) / math.sin(FOV_Y / 2)
-    camera = Camera("camera", vec3(position), vec3(center), FOV_Y)
-    pose = f"at {_text(camera.position)} looking at {_text(camera.target)}, fov_y {math.degrees(FOV_Y):.0f}°"
-    return camera, f"no camera in {where}: assumed {pose}"
+    camera = whole_view(bounds, VIEW_FROM, "camera")
+    return camera, f"no camera in {where}: assumed {pose_of(camera)}"
+
+
+def sun_direction(azimuth: float, elevation: float) -> Vec3:
+    """Direction in which the light of a sun travels.
+
+    azimuth: clockwise from north (−z), seen from above, so that π/2 is east (+x), as of a compass; elevation: above the
+    horizon; both in radians.
+    """
+    level = math.cos(elevation)
+    return vec3((-level * math.sin(azimuth), -math.sin(elevation), level * math.cos(azimuth)))
 
 
 def assumed_sun(where: str) -> tuple[Light, str]:
     """A sun 45° above the horizon, and the note about it."""
     height = math.degrees(math.asin(-unit(SUN)[1]))
-    note = f"no light in {where}: assumed a sun travelling along {_text(SUN)}, {height:.0f}° above the horizon"
+    note = f"no light in {where}: assumed a sun travelling along {point_text(SUN)}, {height:.0f}° above the horizon"
     return Light("light", "directional", direction=SUN), note
 
 
@@ -80,14 +108,33 @@ def with_assumptions(scene: Scene, bounds: Floats, where: str) -> Scene:
 
     bounds: (2, 3) lowest and highest corner of the meshes.
     """
+    assumed: dict[str, str] = {}
     if not scene.cameras:
-        camera, note = assumed_camera(bounds, where)
-        scene = replace(scene, cameras=(camera,), notes=(*scene.notes, note))
+        camera, assumed["camera"] = assumed_camera(bounds, where)
+        scene = replace(scene, cameras=(camera,))
     if not scene.lights:
-        light, note = assumed_sun(where)
-        scene = replace(scene, lights=(light,), notes=(*scene.notes, note))
+        light, assumed["light"] = assumed_sun(where)
+        scene = replace(scene, lights=(light,))
+    scene = replace(scene, notes=(*scene.notes, *assumed.values()), assumed=assumed)
     left_out = f"{where}: {scene.dropped} zero-area triangle(s) left out"
     return replace(scene, notes=(*scene.notes, left_out)) if scene.dropped else scene
+
+
+def with_cameras(scene: Scene, cameras: Sequence[Camera], note: str = "") -> Scene:
+    """The scene with these cameras in place of its own, without the note on an assumed one, and with one on them."""
+    return replace(scene, cameras=tuple(cameras), **_told(scene, "camera", note))
+
+
+def with_lights(scene: Scene, lights: Sequence[Light], note: str = "") -> Scene:
+    """The scene with these lights in place of its own, without the note on an assumed one, and with one on them."""
+    return replace(scene, lights=tuple(lights), **_told(scene, "light", note))
+
+
+def _told(scene: Scene, what: str, note: str) -> dict[str, Any]:
+    """The fields of a scene that tell what was assumed, with another note on one thing."""
+    notes = [line for line in scene.notes if line != scene.assumed.get(what)]
+    assumed = {name: line for name, line in scene.assumed.items() if name != what}
+    return {"notes": (*notes, *([note] if note else [])), "assumed": assumed}
 
 
 def sunlit(light: Light) -> Light:
@@ -110,11 +157,12 @@ def without_ground(scene: Scene) -> Scene:
     """The scene without the ground that was assumed, and a note on it."""
     if scene.ground is None:
         return replace(scene, notes=(*scene.notes, f"no-ground: no ground was assumed in {scene.name}"))
-    ground, told = scene.ground
+    told = scene.ground[1]
     none = f"{told.partition(': assumed a square')[0]}: none assumed"
     notes = tuple(none if note == told else note for note in scene.notes)
-    return replace(scene, meshes=tuple(mesh for mesh in scene.meshes if mesh is not ground), notes=notes, ground=None)
+    return replace(content_of(scene), notes=notes, ground=None)
 
 
-def _text(values: Vec3) -> str:
+def point_text(values: Vec3) -> str:
+    """A point or a direction, for a note."""
     return f"({', '.join(f'{value:.6g}' for value in values)})"

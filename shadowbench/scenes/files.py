@@ -15,9 +15,10 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
 from shadowbench.scenes.contents import Chosen
-from shadowbench.scenes.geometry import MOST_TRIANGLES
+from shadowbench.scenes.geometry import MOST_TRIANGLES, Triangles
 from shadowbench.scenes.meshes import placed, read_meshes
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene
+from shadowbench.scenes.normals import mean_normals
 from shadowbench.scenes.shapes import build_shape, shape_table
 from shadowbench.scenes.tables import (
     MOST_COPIES,
@@ -132,7 +133,9 @@ def _sources(
     table = validated(model, raw, where)
     if table.file is None:
         parameters = {key: value for key, value in raw.items() if key not in MeshTable.model_fields}
-        return table, (Mesh(table.name or str(shape), *build_shape(str(shape), parameters, where)),), 0
+        mesh = build_shape(str(shape), parameters, where)
+        normals = mean_normals(Triangles(mesh.vertices, mesh.faces)) if table.smooth else None
+        return table, (replace(mesh, name=table.name or mesh.name, normals=normals),), 0
     file = _resolved(table.file, scene, assets, where)
     chosen = Chosen(table.time, table.clip, table.variant)
     if (file, chosen) not in read:

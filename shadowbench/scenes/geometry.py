@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.options import LARGEST as LARGEST
 from shadowbench.scenes.cutouts import CutoutFaces
 
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int32]
-
-LARGEST = 1e18
-"""Largest allowed coordinate: squares of larger ones overflow float32, which `coordinates="absolute"` uses."""
 
 FLATTEST = 1e-10
 """Height of a triangle, as a share of its longest edge, below which float64 cannot distinguish its area from zero."""
@@ -103,7 +101,8 @@ class Geometry:
     """All triangles of a scene in one indexed list, meshes in file order; an index identifies a triangle.
 
     vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives, planar: (F,) bool; colors: (F, 3) float64, linear;
-    cutouts: the cut-out triangles, None without any.
+    cutouts: the cut-out triangles, None without any; corner_normals: (F, 3, 3) float32 of smooth surfaces, zero at
+    corners without one, None if there is none at all.
     """
 
     vertices: Floats
@@ -113,6 +112,7 @@ class Geometry:
     planar: NDArray[np.bool_]
     colors: Floats
     cutouts: CutoutFaces | None = None
+    corner_normals: NDArray[np.float32] | None = None
 
     @cached_property
     def crosses(self) -> Floats:
@@ -132,6 +132,13 @@ class Geometry:
         """(F, 3) float64 unit normals, towards the side seen counter-clockwise; 0 for areas that round to 0."""
         lengths = np.linalg.norm(self.crosses, axis=0)
         return np.ascontiguousarray((self.crosses / np.where(lengths == 0.0, 1.0, lengths)).T)
+
+    @cached_property
+    def shading_normals(self) -> NDArray[np.float32]:
+        """(F, 3, 3) float32 normals at the corners, those of the triangles where there are no others."""
+        flat: NDArray[np.float32] = np.repeat(self.normals[:, np.newaxis].astype(np.float32), 3, axis=1)
+        own = self.corner_normals
+        return flat if own is None else np.where(own.any(axis=2, keepdims=True), own, flat)
 
     @cached_property
     def bounds(self) -> Floats:
@@ -160,7 +167,8 @@ class Geometry:
         """Hex digest of all properties of triangles that affect shadows; colours do not."""
         digest = hashlib.sha256()
         cut = () if self.cutouts is None else self.cutouts.arrays()
-        arrays: tuple[NDArray[Any], ...] = (self.vertices, self.faces, self.casts, self.receives, *cut)
+        smooth = () if self.corner_normals is None else (self.corner_normals,)
+        arrays: tuple[NDArray[Any], ...] = (self.vertices, self.faces, self.casts, self.receives, *cut, *smooth)
         for array in arrays:
             digest.update(repr((array.shape, array.dtype.str)).encode())
             digest.update(np.ascontiguousarray(array).tobytes())

@@ -22,9 +22,10 @@ from shadowbench.scenes.gltf_instances import instance_matrices
 from shadowbench.scenes.gltf_layout import Layout, Primitive
 from shadowbench.scenes.gltf_materials import Cut, Materials
 from shadowbench.scenes.gltf_nodes import Node, scene_nodes
-from shadowbench.scenes.gltf_pose import Poser
+from shadowbench.scenes.gltf_pose import Posed, Poser, corner_normals
 from shadowbench.scenes.gltf_variants import variant_notes, with_variant
 from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
+from shadowbench.scenes.normals import Singles
 from shadowbench.scenes.tables import NARROWEST
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.strict import validated
@@ -40,12 +41,13 @@ HONOURED = re.compile(
 class Source(NamedTuple):
     """A primitive: its triangles as a node's matrix moves them, None where all nodes deform it; and its colour.
 
-    posed: triangles and their matrix to the world by number of a node that deforms it; cut: what cuts it out.
+    normals: of the triangles, None if it is flat; posed: by number of a node that deforms it; cut: what cuts it out.
     """
 
     triangles: Triangles | None
+    normals: Singles | None
     color: Vec3
-    posed: dict[int, tuple[Triangles, Floats]]
+    posed: dict[int, Posed]
     cut: Cut | None
 
 
@@ -72,7 +74,8 @@ def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
         still = triangles_of(each.positions, each.faces, where) if poser.stands(each, posed) else None
         cut = materials.cut(each)
         if cut is None or not materials.clear(cut):
-            sources[each.mesh].append(Source(still, _base_color(layout, each.primitive), posed, cut))
+            normals = None if still is None else corner_normals(each, each.floats("NORMAL", "VEC3"))
+            sources[each.mesh].append(Source(still, normals, _base_color(layout, each.primitive), posed, cut))
     instances = _instances(data, nodes, sources)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
     notes += variant_notes(layout, chosen.variant, where) + materials.notes + pose_notes + poser.notes
@@ -95,12 +98,13 @@ def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> li
         name = node.data.name or layout.meshes[node.data.mesh].name or "mesh"
         copies = instance_matrices(data, node.data)
         for k, source in enumerate(rows, 1):
-            triangles, matrix = source.posed.get(node.number, (source.triangles, node.matrix))
+            shape = source.triangles, node.matrix, source.normals
+            triangles, matrix, normals = source.posed.get(node.number, shape)
             assert triangles is not None  # as some node does not deform it
             title = name if len(rows) == 1 else f"{name} {k}"
             for number, copy in enumerate(copies, 1):
                 once = title if len(copies) == 1 else f"{title} {number}"
-                mesh = Mesh(once, *triangles, source.color)
+                mesh = Mesh(once, *triangles, source.color, normals=normals)
                 if source.cut is not None:
                     mesh = replace(mesh, **source.cut._asdict())
                 instances.append((mesh, matrix @ copy))

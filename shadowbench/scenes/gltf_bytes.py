@@ -59,6 +59,14 @@ class TrianglePrimitive(NamedTuple):
             return None if index is None else integers_of(self.data, index, *types)
         return self._compressed(name, types).astype(np.uint32)
 
+    def by_corner(self, values: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(F, 3, …) float32 of (V, …) values of the vertices. Raises InputError if there are too few."""
+        if (last := int(self.faces.max(initial=0))) >= max(len(values), 1):
+            found = f"an attribute of {len(values)} values"
+            raise InputError(f"{self.data.where}: {found}; a triangle uses vertex {last}, counted from 0")
+        corners: NDArray[np.float32] = values[self.faces].astype(np.float32)
+        return corners
+
     def _compressed(self, name: str, types: tuple[str, ...]) -> NDArray[Any]:
         found = self.decoded[name]
         if found.shape[1] not in [NUMBERS[each] for each in types]:

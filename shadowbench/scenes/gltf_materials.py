@@ -121,7 +121,7 @@ class Materials:
         colors = primitive.floats("COLOR_0", "VEC3", "VEC4")
         if colors is None or colors.shape[1] < 4:
             return None
-        return _by_corner(np.clip(colors[:, 3], 0.0, 1.0), primitive)
+        return primitive.by_corner(np.clip(colors[:, 3], 0.0, 1.0))
 
     @staticmethod
     def _coordinates(primitive: TrianglePrimitive, info: TextureInfo | None) -> NDArray[np.float32] | None:
@@ -136,13 +136,4 @@ class Materials:
         cosine, sine = math.cos(moved.rotation), math.sin(moved.rotation)
         # Counter-clockwise as seen, with v downwards.
         coordinates = coordinates * moved.scale @ np.array([[cosine, -sine], [sine, cosine]]) + moved.offset
-        return _by_corner(coordinates, primitive)
-
-
-def _by_corner(values: NDArray[np.float64], primitive: TrianglePrimitive) -> NDArray[np.float32]:
-    """(F, 3, …) float32 of (V, …) values of the vertices. Raises InputError if there are too few."""
-    if (last := int(primitive.faces.max(initial=0))) >= max(len(values), 1):
-        found = f"an attribute of {len(values)} values"
-        raise InputError(f"{primitive.data.where}: {found}; a triangle uses vertex {last}, counted from 0")
-    corners: NDArray[np.float32] = values[primitive.faces].astype(np.float32)
-    return corners
+        return primitive.by_corner(coordinates)

@@ -1,7 +1,6 @@
 """Vertices of glTF primitives under morph targets and skins, in float64.
 
-glTF 2.0 specification, sections 3.7.2.2 (morph targets) and 3.7.3.3 (skins). A normal is posed by the inverse transpose
-of the matrices of `blended`.
+glTF 2.0 specification, sections 3.7.2.2 (morph targets) and 3.7.3.3 (skins).
 """
 
 import re
@@ -18,11 +17,20 @@ from shadowbench.scenes.gltf_animation import Pose
 from shadowbench.scenes.gltf_bytes import TrianglePrimitive
 from shadowbench.scenes.gltf_motion import Skin
 from shadowbench.scenes.gltf_nodes import Node, joint_worlds
+from shadowbench.scenes.normals import Singles, normal_matrices, unit_normals
 from shadowbench.scenes.vectors import Floats
 
 UNEVEN = 0.01
 """Deviation of the sum of a vertex's weights from 1 above which a note says so: more than 8-bit weights round."""
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
+
+
+class Posed(NamedTuple):
+    """A primitive's triangles, their (4, 4) matrix to the world, and their (F, 3, 3) normals, None if it is flat."""
+
+    triangles: Triangles
+    matrix: Floats
+    normals: Singles | None
 
 
 class Poser:
@@ -44,8 +52,8 @@ class Poser:
         line = f"{self._data.where}: weights of joints of {self._uneven} vertices divided by their sum, which is not 1"
         return [line] if self._uneven else []
 
-    def posed(self, primitive: TrianglePrimitive) -> dict[int, tuple[Triangles, Floats]]:
-        """Triangles, and their (4, 4) matrix to the world, by number of each visible node that deforms a primitive."""
+    def posed(self, primitive: TrianglePrimitive) -> dict[int, Posed]:
+        """A primitive as each visible node deforms it that does, by the node's number."""
         users = [node for node in self._users.get(primitive.mesh, ()) if node.visible]
         found = {node.number: self._deformed(primitive, node) for node in users}
         return {index: each for index, each in found.items() if each is not None}
@@ -54,7 +62,7 @@ class Poser:
         """Whether a primitive is also needed as it is stored. posed: what the method of this name returned."""
         return not posed or len(posed) < len(self._users[primitive.mesh])
 
-    def _deformed(self, primitive: TrianglePrimitive, node: Node) -> tuple[Triangles, Floats] | None:
+    def _deformed(self, primitive: TrianglePrimitive, node: Node) -> Posed | None:
         weights, skin = self._weights(node, primitive.mesh), node.data.skin
         moved = any(weights[: len(primitive.primitive.targets)])
         blend = None if skin is None else blended(primitive, self._joint_matrices(skin))
@@ -62,10 +70,15 @@ class Poser:
             return None
         positions, matrix = morphed(primitive, "POSITION", weights), node.matrix
         assert positions is not None  # as `read_primitives` checks
+        normals = morphed(primitive, "NORMAL", weights)
         if blend is not None:
             positions, matrix = skinned(positions, blend.matrices)
+            if normals is not None:
+                _same_count(primitive, "NORMAL", len(normals), len(positions))
+                normals = np.einsum("vij,vj->vi", normal_matrices(blend.matrices[:, :, :3]), normals) @ matrix[:3, :3]
             self._uneven += blend.uneven
-        return triangles_of(positions, primitive.faces, self._data.where), matrix
+        triangles = triangles_of(positions, primitive.faces, self._data.where)
+        return Posed(triangles, matrix, corner_normals(primitive, normals))
 
     def _weights(self, node: Node, mesh: int) -> list[float]:
         """Weights of the morph targets: animated, or the node's, or the mesh's."""
@@ -85,6 +98,11 @@ class Blend(NamedTuple):
 
     matrices: Floats
     uneven: int
+
+
+def corner_normals(primitive: TrianglePrimitive, normals: Floats | None) -> Singles | None:
+    """(F, 3, 3) unit normals of (V, 3) ones; None for None. Raises InputError if there are too few."""
+    return None if normals is None else primitive.by_corner(unit_normals(normals))
 
 
 def morphed(primitive: TrianglePrimitive, name: str, weights: Sequence[float] | Floats) -> Floats | None:

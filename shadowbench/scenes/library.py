@@ -4,6 +4,8 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
@@ -17,6 +19,9 @@ from shadowbench.scenes.usd import USD_SUFFIXES
 LONGEST_PATH = 4096
 WITHOUT_UP = (".obj", ".ply", ".stl", ".off")
 """Mesh formats that do not specify the up axis; in glTF it is y."""
+
+Z_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
+"""Turns the z axis up."""
 
 
 def load_scene(
@@ -81,7 +86,7 @@ def _read_mesh_scene(path: Path, up: str | None, chosen: Chosen) -> Scene:
     if up is None and path.suffix.lower() in WITHOUT_UP:
         notes.append(f"no up axis in {path.name}: assumed y; --up z takes z")
     if up == "z":
-        meshes = [replace(mesh, vertices=mesh.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0] + 0.0) for mesh in meshes]
+        meshes = [mesh.reshaped(mesh.vertices @ Z_UP[:3, :3].T + 0.0, mesh.faces, Z_UP) for mesh in meshes]
     bounds = mesh_bounds(meshes, path.name)
     ground = assumed_ground(meshes, bounds, path.name)
     if ground is not None:

@@ -14,16 +14,16 @@ from shadowbench.scenes.geometry import (
     MOST_TRIANGLES,
     Triangles,
     checked,
-    mirrors,
     transformed,
     welded,
     with_area,
 )
 from shadowbench.scenes.gltf import read_gltf
 from shadowbench.scenes.model import Mesh, Scene
+from shadowbench.scenes.normals import Singles
 from shadowbench.scenes.obj_off_stl import read_obj, read_off, read_stl
 from shadowbench.scenes.ply import read_ply
-from shadowbench.scenes.polygons import Polygons, triangulated
+from shadowbench.scenes.polygons import Integers, Polygons, triangulated
 from shadowbench.scenes.usd import USD_SUFFIXES, read_usd
 from shadowbench.scenes.vectors import Floats
 from shadowbench.strict import short
@@ -69,16 +69,23 @@ def _polygonal(path: Path, where: str) -> Contents:
     """The named objects of an OBJ, PLY, STL or OFF file, and notes on what was left out."""
     polygons = READERS[path.suffix.lower()](path.read_bytes(), where)
     checked(polygons.vertices, where)
-    faces, polygon, notes = triangulated(polygons, where)
+    corners, polygon, notes = triangulated(polygons, where)
+    faces = polygons.corners[corners]
     owners = polygons.owners[polygon]
     order = np.argsort(owners, kind="stable")
     parts = np.split(order, np.searchsorted(owners[order], np.arange(1, len(polygons.names))))
     instances = [
-        (Mesh(name or path.stem, *welded(polygons.vertices, faces[part])), np.eye(4))
+        (_mesh(name or path.stem, welded(polygons.vertices, faces[part]), polygons.normals, corners[part]), np.eye(4))
         for name, part in zip(polygons.names, parts, strict=True)
         if len(part)
     ]
     return Contents(instances, [], [], [*polygons.notes, *notes])
+
+
+def _mesh(name: str, triangles: Triangles, normals: Singles | None, corners: Integers) -> Mesh:
+    """The mesh of triangles with (F, 3) corners, of which (C, 3) normals are; flat if these are all zero."""
+    smooth = normals is not None and normals[corners].any()
+    return Mesh(name, *triangles, normals=normals[corners] if normals is not None and smooth else None)
 
 
 def _assembled(contents: Contents, name: str, where: str) -> Scene:
@@ -111,5 +118,5 @@ def placed(instances: Iterable[tuple[Mesh, Floats]], where: str) -> tuple[list[M
             used, corners = np.unique(faces[kept], return_inverse=True)
             vertices, faces = vertices[used], corners.reshape(-1, 3).astype(np.int32)
         if len(faces):
-            meshes.append(mesh.reshaped(vertices, faces, kept if lost else None, mirrors(matrix)))
+            meshes.append(mesh.reshaped(vertices, faces, matrix, kept if lost else None))
     return meshes, dropped

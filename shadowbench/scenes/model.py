@@ -4,6 +4,7 @@ Right-handed, y up, cameras look along −z; metres, radians, float64. All class
 """
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.cutouts import Cutout, cutout_faces
-from shadowbench.scenes.geometry import Geometry
+from shadowbench.scenes.geometry import Geometry, mirrors
+from shadowbench.scenes.normals import turned
 from shadowbench.scenes.placement import Placement
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 
@@ -30,7 +32,7 @@ SUN_RADIUS = float(np.radians(0.2665))
 NEAREST_TARGET = 1e-12
 """Least distance from a camera to its target, as a share of their coordinates, whose float64 precision is 2e-16."""
 GREY: Vec3 = (0.8, 0.8, 0.8)
-CORNERS = ("coordinates", "alpha")
+CORNERS = ("coordinates", "alpha", "normals")
 """What a mesh has by corner of a triangle, as vertices at one place are one."""
 
 
@@ -42,7 +44,8 @@ class Mesh:
     read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
     and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere;
     coordinates: (F, 3, 2) float32 texture coordinates of the triangles' corners, alpha: (F, 3) float32 vertex alphas,
-    None for 0 and for 1.
+    None for 0 and for 1. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None if it is flat, and
+    zero at corners without one.
     """
 
     name: str
@@ -55,6 +58,7 @@ class Mesh:
     cutout: Cutout | None = None
     coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
     alpha: NDArray[np.float32] | None = field(default=None, repr=False)
+    normals: NDArray[np.float32] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("vertices", "faces", *CORNERS):
@@ -64,17 +68,19 @@ class Mesh:
                 object.__setattr__(self, name, view)
 
     def reshaped(
-        self, vertices: Floats, faces: NDArray[np.int32], kept: NDArray[np.bool_] | None = None, mirrored: bool = False
+        self, vertices: Floats, faces: NDArray[np.int32], matrix: Floats, kept: NDArray[np.bool_] | None = None
     ) -> "Mesh":
-        """The mesh with other vertices and faces.
+        """The mesh with vertices moved by an affine (4, 4) matrix; one that mirrors has reversed the faces' corners.
 
-        kept: (F,) bool, which of its faces these are, by default all; mirrored: whether their corners are reversed.
+        kept: (F,) bool, which of its faces these are, by default all.
         """
         corners = {name: values for name in CORNERS if (values := getattr(self, name)) is not None}
         if kept is not None:
             corners = {name: values[kept] for name, values in corners.items()}
-        if mirrored:
+        if mirrors(matrix):
             corners = {name: values[:, ::-1] for name, values in corners.items()}
+        if "normals" in corners:
+            corners["normals"] = turned(corners["normals"], matrix)
         return replace(self, vertices=vertices, faces=faces, **corners)
 
     @cached_property
@@ -162,7 +168,8 @@ class Scene:
     """Meshes, cameras and lights of a file, with defaults for those that it does not have.
 
     notes: a line for each default and each unsupported feature; dropped: number of zero-area triangles removed; ground:
-    the mesh that was assumed and the note about it, None if none was.
+    the mesh that was assumed and the note about it, None if none was; assumed: the notes about an assumed `camera` and
+    `light`.
     """
 
     name: str
@@ -172,6 +179,7 @@ class Scene:
     notes: tuple[str, ...] = ()
     dropped: int = 0
     ground: tuple[Mesh, str] | None = None
+    assumed: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         triangles = sum(len(mesh.faces) for mesh in self.meshes)
@@ -193,6 +201,14 @@ class Scene:
             colors=np.repeat(np.array([mesh.color for mesh in self.meshes], dtype=np.float64), counts, axis=0),
             cutouts=cutout_faces(
                 [(len(mesh.faces), mesh.cutout, mesh.coordinates, mesh.alpha) for mesh in self.meshes]
+            ),
+            corner_normals=None
+            if all(mesh.normals is None for mesh in self.meshes)
+            else np.concatenate(
+                [
+                    np.zeros((len(mesh.faces), 3, 3), np.float32) if mesh.normals is None else mesh.normals
+                    for mesh in self.meshes
+                ]
             ),
         )
 

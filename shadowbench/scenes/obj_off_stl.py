@@ -1,4 +1,4 @@
-"""OBJ, OFF and STL readers: vertices and faces, of OBJ and STL by object.
+"""OBJ, OFF and STL readers: vertices and faces, of OBJ and STL by object, of OBJ with normals.
 
 Materials and groups do not split meshes. Not read by trimesh, which searches a text STL for keywords also in names of
 solids, and truncates damaged files.
@@ -12,6 +12,7 @@ import numpy as np
 from shadowbench.errors import InputError, printable
 from shadowbench.scenes.geometry import check_indices
 from shadowbench.scenes.lines import Lines, Rows, lines_of, numbers, with_newlines, without_comments
+from shadowbench.scenes.normals import Singles, unit_normals
 from shadowbench.scenes.polygons import Integers, Polygons, gather
 from shadowbench.scenes.tables import MOST_COPIES
 from shadowbench.scenes.vectors import Floats
@@ -41,7 +42,8 @@ def read_obj(data: bytes, where: str) -> Polygons:
     owners, names = _objects(lines.select(is_a["o"], skip=1), face_lines)
     others = lines.select(~(is_a["v"] | is_a["f"] | is_a["vn"] | is_a["vt"]))
     notes = [f"{where}: {note}" for note in (_more_numbers(vertices), _left_out(others)) if note]
-    return Polygons(vertices.vectors, corners, counts, owners, names, notes)
+    normals = _normals(face_lines, lines.select(is_a["vn"], skip=2), counts)
+    return Polygons(vertices.vectors, corners, counts, owners, names, notes, normals)
 
 
 def _more_numbers(vertices: Rows) -> str:
@@ -59,16 +61,37 @@ def _more_numbers(vertices: Rows) -> str:
 def _corners(faces: Lines, vertices: Lines) -> tuple[Integers, Integers]:
     """(C,) zero-based vertex indices of all faces, and (P,) the number of each face's corners."""
     rows = numbers(faces, integers=True, dropped=rb"/(?<=\d/)[^ \t\v\f\n]*")
+    return _counted_from_0(rows, faces, vertices, "vertex"), rows.counts
+
+
+def _normals(faces: Lines, normals: Lines, counts: Integers) -> Singles | None:
+    """(C, 3) unit normals of the corners, zero in faces of which not every corner has one; None without any."""
+    letters = np.frombuffer(faces.text, dtype=np.uint8)
+    slashes = np.concatenate([[0], np.cumsum(letters == ord("/"))])
+    smooth = slashes[faces.ends] - slashes[faces.starts] == 2 * counts
+    if not smooth.any() or not len(normals.starts):
+        return None
+    own = faces.select(smooth)
+    rows = numbers(own, integers=True, dropped=rb"[^ \t\v\f\n]*/(?=[-+\d])")
+    given = numbers(normals)
+    normals.check(given.counts >= 3, given.counts, 3)
+    found = np.zeros((int(counts.sum()), 3), dtype=np.float32)
+    found[np.repeat(smooth, counts)] = unit_normals(given.vectors)[_counted_from_0(rows, own, normals, "normal")]
+    return found
+
+
+def _counted_from_0(rows: Rows, faces: Lines, things: Lines, what: str) -> Integers:
+    """The indices of lines of faces, counted from 0. Raises InputError for one that is none of the things."""
     indices = rows.values.astype(np.int64)
-    before = np.repeat(np.searchsorted(vertices.starts, faces.starts), rows.counts)
-    corners = np.where(indices > 0, indices - 1, indices + before)
-    wrong = (indices == 0) | (corners < 0) | (corners >= len(vertices.starts))
+    before = np.repeat(np.searchsorted(things.starts, faces.starts), rows.counts)
+    found = np.where(indices > 0, indices - 1, indices + before)
+    wrong = (indices == 0) | (found < 0) | (found >= len(things.starts))
     if wrong.any():
         k = int(wrong.argmax())
-        count = f"the file has {len(vertices.starts)}, {before[k]} before this line"
+        count = f"the file has {len(things.starts)}, {before[k]} before this line"
         line = int(np.searchsorted(rows.starts, k, side="right")) - 1
-        raise faces.error(line, f"a face uses vertex {indices[k]}; an OBJ counts from 1 or -1, {count}")
-    return corners, rows.counts
+        raise faces.error(line, f"a face uses {what} {indices[k]}; an OBJ counts from 1 or -1, {count}")
+    return found
 
 
 def _objects(objects: Lines, faces: Lines) -> tuple[Integers, tuple[str | None, ...]]:

@@ -1,4 +1,4 @@
-"""PLY reader, text and binary: vertices and faces, with any other properties skipped.
+"""PLY reader, text and binary: vertices with their normals, and faces; other properties are skipped.
 
 Not read by trimesh, because it assumes that all lists of a binary file are as long as the first, and triangulates
 polygons as fans.
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import check_indices
 from shadowbench.scenes.lines import Lines, lines_of, numbers, with_newlines
+from shadowbench.scenes.normals import unit_normals
 from shadowbench.scenes.polygons import Integers, Polygons, gather
 
 TYPES = {
@@ -26,6 +27,7 @@ Order = Literal["=", "<", ">"]
 Row = tuple[list[int], list[int], int]
 ORDERS: dict[str, Order] = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 INDICES = ("vertex_indices", "vertex_index")
+NORMAL = ("nx", "ny", "nz")
 END = re.compile(rb"end_header[ \t]*(\r\n|\n|\r)")
 LONGEST_HEADER = 65536
 
@@ -91,7 +93,10 @@ def _polygons(elements: list[Element], columns: dict[str, dict[str, Column]], no
     values, counts = lists[0] if lists else Column(none, None)
     counts = none if counts is None else counts
     corners = check_indices(values, len(vertices), where)
-    return Polygons(vertices, corners, counts, np.zeros(len(counts), dtype=np.int64), (None,), notes)
+    normals = None
+    if all(axis in vertex and vertex[axis].counts is None for axis in NORMAL):
+        normals = unit_normals(np.stack([vertex[axis].values for axis in NORMAL], axis=1, dtype=np.float64))[corners]
+    return Polygons(vertices, corners, counts, np.zeros(len(counts), dtype=np.int64), (None,), notes, normals)
 
 
 def _header(text: str, where: str) -> tuple[Order, list[Element]]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import FLATTEST, MOST_TRIANGLES, in_slices
+from shadowbench.scenes.normals import Singles
 from shadowbench.scenes.vectors import Floats
 
 Integers = NDArray[np.int64]
@@ -33,7 +34,8 @@ class Polygons(NamedTuple):
 
     vertices: (V, 3) float64; corners: (C,) int64 vertex indices, polygon after polygon; counts: (P,) int64 number of
     corners of each polygon; owners: (P,) int64 index into `names` of each polygon's object; names: of the objects, None
-    for one without a name.
+    for one without a name; normals: (C, 3) float32 unit normals at the corners, zero at those without one, None if the
+    file has none.
     """
 
     vertices: Floats
@@ -42,6 +44,7 @@ class Polygons(NamedTuple):
     owners: Integers
     names: tuple[str | None, ...]
     notes: list[str]
+    normals: Singles | None = None
 
 
 def gather(values: NDArray[Number], starts: Integers, counts: Integers) -> NDArray[Number]:
@@ -52,9 +55,9 @@ def gather(values: NDArray[Number], starts: Integers, counts: Integers) -> NDArr
 
 
 def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, list[str]]:
-    """(F, 3) int64 triangles in the order of their polygons, (F,) their polygons, and notes on malformed polygons.
+    """(F, 3) int64 triangles as indices of corners, (F,) their polygons, and notes on malformed polygons.
 
-    Raises InputError for too many triangles, or too large polygons.
+    They are in the order of their polygons. Raises InputError for too many triangles, or too large polygons.
     """
     vertices, corners, counts = polygons.vertices, polygons.corners, polygons.counts
     sizes = np.maximum(counts - 2, 0)
@@ -64,18 +67,18 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
     starts, rows = np.cumsum(counts) - counts, np.cumsum(sizes) - sizes
     owner = np.repeat(np.arange(len(counts)), sizes)
     second = starts[owner] + 1 + np.arange(total) - rows[owner]
-    faces = corners[np.stack([starts[owner], second, second + 1], axis=1)]
+    faces = np.stack([starts[owner], second, second + 1], axis=1)
     many = np.flatnonzero(counts > 3)
     nonplanar = crossing = work = 0
     kept = np.ones(total, dtype=bool)
     for part in in_slices(len(many)):
         chosen = many[part]
-        fans = _fans(vertices[gather(faces, rows[chosen], sizes[chosen])], sizes[chosen])
+        fans = _fans(vertices[corners[gather(faces, rows[chosen], sizes[chosen])]], sizes[chosen])
         nonplanar += int(fans.nonplanar.sum())
         valid = fans.valid
         quads = np.flatnonzero(~valid & (counts[chosen] == 4))
-        others = corners[starts[chosen[quads], None, None] + OTHER_DIAGONAL]
-        other_fan = quads[_fans(vertices[others.reshape(-1, 3)], sizes[chosen[quads]]).valid]
+        others = starts[chosen[quads], None, None] + OTHER_DIAGONAL
+        other_fan = quads[_fans(vertices[corners[others.reshape(-1, 3)]], sizes[chosen[quads]]).valid]
         valid[other_fan] = True
         faces[rows[chosen[other_fan], None] + np.arange(2)] = others[np.isin(quads, other_fan)]
         waiting = np.flatnonzero(~valid)
@@ -85,12 +88,11 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
             raise InputError(f"{where}: {largest}; allowed is one of {MOST_CORNERS} corners, or several as costly")
         for k in waiting:
             size, row, start = (int(of[chosen[k]]) for of in (counts, rows, starts))
-            ring = corners[start : start + size]
-            triangulation = _earcut(vertices[ring], fans.normals[k])
+            triangulation = _earcut(vertices[corners[start : start + size]], fans.normals[k])
             if triangulation is None:
                 crossing += int(fans.has_area[k])
             else:
-                faces[row : row + len(triangulation)] = ring[triangulation]
+                faces[row : row + len(triangulation)] = start + triangulation
                 kept[row + len(triangulation) : row + size - 2] = False
     found = [
         (int((counts < 3).sum()), "face(s) of fewer than 3 corners left out"),

@@ -1,8 +1,8 @@
 """Shapes for scene files, centred on the origin, with faces wound outwards. All are deterministic.
 
 plane 1×1 in xz, normal +y; box 1³; sphere radius ½; torus radii ½ and ⅙, around y; cylinder and cone radius ½ and
-height 1 along y; capsule radius ½ with a cylinder of height 1 along y, of total height 2. Stairs, terrain, leaves and a
-draped statue are difficult for shadow techniques.
+height 1 along y; capsule radius ½ with a cylinder of height 1 along y, of total height 2. Stairs, terrain, leaves, a
+draped statue, foliage that is cut out of cards and a walker are difficult for shadow techniques.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,11 @@ import numpy as np
 from pydantic import Field, create_model
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.geometry import Faces, Floats, Triangles, welded, without_zero_area
+from shadowbench.scenes.figures import walker
+from shadowbench.scenes.foliage import Cards, foliage
+from shadowbench.scenes.geometry import Faces, Floats, Triangles, welded
+from shadowbench.scenes.model import Mesh
+from shadowbench.scenes.solids import capsule, cone, cylinder, torus
 from shadowbench.strict import Model, Strict, validated
 
 _BOX = [[6, 4, 7], [3, 6, 7], [7, 4, 5], [5, 3, 7], [6, 0, 4], [2, 6, 3], [2, 0, 6], [4, 0, 5], [1, 3, 5], [5, 0, 1]]
@@ -23,8 +27,6 @@ _BOX += [[1, 2, 3], [0, 2, 1]]
 _ICOSAHEDRON = [[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2]]
 _ICOSAHEDRON += [[10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5], [2, 4, 11]]
 _ICOSAHEDRON += [[6, 2, 10], [8, 6, 7], [9, 8, 1]]
-_POLE = 1e-8  # radius below which points of a profile are on the axis
-Sections = Annotated[int, Field(ge=3, le=1024, strict=True)]  # segments around the axis
 Sectors = Annotated[int, Field(ge=8, le=512, strict=True)]
 Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
 
@@ -57,51 +59,6 @@ def sphere(subdivisions: Annotated[int, Field(ge=0, le=7, strict=True)] = 4) -> 
         length = np.sqrt((points**2).sum(axis=1, keepdims=True))
         points = points + points / length * (0.5 - length)
     return welded(points, faces)
-
-
-def torus(sections: Sections = 64) -> Triangles:
-    """A horizontal ring, with half as many sections around the tube as around the axis."""
-    angles = np.linspace(0, 2 * np.pi, max(3, sections // 2) + 1)
-    angles[-1] = 0
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
-    return _revolved(circle * (1 / 6) + [0.5, 0.0], sections)
-
-
-def cylinder(sections: Sections = 64) -> Triangles:
-    """A closed cylinder."""
-    return _revolved(np.array([[0, -0.5], [0.5, -0.5], [0.5, 0.5], [0, 0.5]]), sections)
-
-
-def cone(sections: Sections = 64) -> Triangles:
-    """A closed cone with its apex up, centred at half its height."""
-    triangles = _revolved(np.array([[0, 0], [0.5, 0], [0, 1]]), sections)
-    return Triangles(triangles.vertices - [0.0, 0.5, 0.0], triangles.faces)
-
-
-def capsule(sections: Sections = 64) -> Triangles:
-    """A cylinder of height 1 between two hemispheres."""
-    quarter = (max(4, sections // 2) + 1) // 2 + 1  # points from the equator to a pole
-    angles = np.concatenate([np.linspace(-np.pi / 2, 0, quarter), np.linspace(0, np.pi / 2, quarter)])
-    profile = np.column_stack([np.cos(angles), np.sin(angles)]) * 0.5
-    profile[:quarter, 1] -= 0.5
-    profile[quarter:, 1] += 0.5
-    return _revolved(profile, sections + sections % 2)
-
-
-def _revolved(profile: Floats, sections: int) -> Triangles:
-    """The surface that a profile of (P, 2) radii and heights sweeps around the y axis, upwards on its outside."""
-    radius, height = profile.T
-    angles = np.linspace(0, 2 * np.pi, sections + 1)[:-1, np.newaxis]
-    angles = np.where(np.abs(radius) < _POLE, 0, angles)  # (sections, P)
-    points = np.stack(
-        [np.cos(angles) * radius, np.sin(angles) * radius, np.broadcast_to(height, angles.shape)], axis=-1
-    )
-    count = len(radius)
-    quad = np.array([[0, count, 1], [1, count, count + 1]])
-    strips = np.arange(sections)[:, np.newaxis] * count + np.arange(count - 1)  # the first corner of each quad
-    corners = (strips[..., np.newaxis, np.newaxis] + quad).reshape(-1, 3) % (sections * count)
-    closed = without_zero_area(welded(points.reshape(-1, 3), corners))[0]
-    return Triangles(closed.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0], closed.faces)
 
 
 def stairs(steps: Annotated[int, Field(ge=1, le=1000, strict=True)] = 6) -> Triangles:
@@ -263,8 +220,8 @@ def _bump(y: Floats, center: float, width: float) -> Floats:
     return np.exp(-(((y - center) / width) ** 2))
 
 
-_ALL = (plane, box, sphere, torus, cylinder, cone, capsule, stairs, terrain, leaves, statue)
-SHAPES: dict[str, Callable[..., Triangles]] = {shape.__name__: shape for shape in _ALL}
+_ALL = (plane, box, sphere, torus, cylinder, cone, capsule, stairs, terrain, leaves, statue, foliage, walker)
+SHAPES: dict[str, Callable[..., Triangles | Cards]] = {shape.__name__: shape for shape in _ALL}
 
 
 def shape_table(name: str, base: type[Model], where: str) -> type[Model]:
@@ -282,7 +239,7 @@ def _shape_table(name: str, base: type[Model]) -> type[Model]:
     return create_model(name, __base__=base, **parameters)
 
 
-def build_shape(name: str, parameters: dict[str, object], where: str) -> Triangles:
-    """The triangles of a shape. Raises InputError that begins with `where` for an unknown name or parameter."""
+def build_shape(name: str, parameters: dict[str, object], where: str) -> Mesh:
+    """A shape's mesh, of its name. Raises InputError that begins with `where` for an unknown name or parameter."""
     table = validated(shape_table(name, Strict, where), parameters, where)
-    return SHAPES[name](**dict(table))
+    return Mesh(name, **SHAPES[name](**dict(table))._asdict())

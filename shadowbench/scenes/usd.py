@@ -56,7 +56,7 @@ def _triangulated(arrays: list[NDArray[Any]], where: str) -> tuple[list[Triangle
     checked(joined, where)
     polygons = Polygons(joined, np.concatenate(shifted), np.concatenate(counts), owners, (None,) * len(points), [])
     faces, polygon, notes = triangulated(polygons, where)
-    parts = np.split(faces, np.searchsorted(owners[polygon], np.arange(1, len(points))))
+    parts = np.split(polygons.corners[faces], np.searchsorted(owners[polygon], np.arange(1, len(points))))
     return [welded(joined, part) for part in parts], notes
 
 

@@ -22,15 +22,15 @@ from shadowbench.options import (
     ROUNDS,
     VIEW_SIZE,
     Measuring,
-    SceneOptions,
     ViewOptions,
 )
 from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
-from shadowbench.scenes.views import Named, named, opened
-from shadowbench.strict import Strict, explain, read_toml
+from shadowbench.strict import explain, read_toml
 from shadowbench.studies.crossing import MOST_SPECS, CrossedSpecs, Techniques, convert, to_list
+from shadowbench.studies.scene_fields import SceneFields
+from shadowbench.survey.views import Named, named, opened
 
 if TYPE_CHECKING:
     from shadowbench.results.tables import SweepPositions
@@ -42,16 +42,14 @@ _Size = Annotated[int, Field(ge=MAP_SIZE.least, le=MAP_SIZE.most, strict=True)]
 _SOME = Field(min_length=1)
 
 
-class Study(Strict):
+class Study(SceneFields):
     """Scenes × views × lights × specs × map sizes × phases to measure, and the settings of the measurement.
 
     The fields are those of a study file, except `assets`, `up` and `notes`. scenes: built-in names, paths, or loaded
-    scenes; assets, up: see `load_scene`. map_size: for specs that name no size; None for each technique's own.
-    technique: crossed specs. phases: subtexel offsets of the map's grid to measure, for `technique` entries without
-    their own number. step: what moves a little to count flips, None to count none. views, lights: "file" for the first
-    camera and all lights of a scene, else by name. sun: whether directional lights without a size have the sun's
-    (`with_sun`); no_ground: whether no ground is assumed (`without_ground`); time, clip, variant: what is taken of glTF
-    files.    time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
+    scenes. map_size: for specs that name no size; None for each technique's own. technique: crossed specs. phases:
+    subtexel offsets of the map's grid to measure, for `technique` entries without their own number. step: what moves a
+    little to count flips, None to count none. views, lights: "file" for the first camera and all lights of a scene,
+    else by name. time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
 
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
@@ -69,14 +67,7 @@ class Study(Strict):
     memory_limit: float = Field(8.0, gt=0, le=4096)
     views: Annotated[tuple[str | InstanceOf[Camera], ...], _SOME] = ("file",)
     lights: Annotated[tuple[str | InstanceOf[Light], ...], _SOME] = ("file",)
-    sun: bool = Field(False, strict=True)
-    no_ground: bool = Field(False, strict=True)
-    time: float | None = Field(None, ge=0.0)
-    clip: str | None = None
-    variant: str | None = None
     technique: Annotated[tuple[InstanceOf[CrossedSpecs], ...], _SOME]
-    assets: Path | None = None
-    up: str | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -136,12 +127,7 @@ class Study(Strict):
             "rounds": self.rounds,
             "phases": self.phases,
             "coordinates": self.coordinates,
-            "sun": self.sun,
-            **({"no_ground": True} if self.no_ground else {}),
-            **({"up": self.up} if self.up else {}),
-            **({} if self.time is None else {"time": self.time}),
-            **({} if self.clip is None else {"clip": self.clip}),
-            **({} if self.variant is None else {"variant": self.variant}),
+            **self.scene_facts(),
         }
 
     def cells(self, soft: bool = True) -> tuple[Cell, ...]:
@@ -165,8 +151,7 @@ class Study(Strict):
         """All blocks, scene by scene. Raises InputError for a scene that cannot be read."""
         files: dict[str, str | Scene] = {}
         for source in dict.fromkeys(self.scenes):
-            asked = (self.sun, self.no_ground, self.time, self.clip, self.variant)
-            scene = opened(source, SceneOptions(self.assets, self.up, *asked))
+            scene = opened(source, self.scene_options())
             first = files.setdefault(scene.name, source)
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
@@ -272,6 +257,10 @@ def study_from_options(
     for one, several in (("view", "views"), ("light", "lights")):
         changes[several] = tuple(filter(None, [changes.pop(one)]))
     changes = {name: value for name, value in changes.items() if value or type(value) in (int, float)}  # 0 rounds, 0 s
+    if view.camera:
+        changes["target"] = view.target
+    if view.lamp or view.sun_at:
+        changes |= {"lamp": view.lamp, "sun_at": view.sun_at}
     if specs:
         changes["technique"] = (CrossedSpecs(tuple(specs), sweeps=found.sweeps),)
         if study is None and map_size is None:

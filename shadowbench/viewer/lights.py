@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from shadowbench.scenes.assumed import sun_direction
 from shadowbench.scenes.model import Camera, Light, LightShape, Scene
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.viewer.navigation import distance, projected, ray
@@ -49,7 +50,7 @@ def dragged(light: Light, camera: Camera, handle: Handle, to: tuple[float, float
     if light.kind == "directional":
         sun = replace(light, direction=vec3(-_on_dome(camera, *to, far)))
         azimuth, elevation = azimuth_elevation(sun)
-        return sun if elevation >= LOWEST else replace(sun, direction=sun_at(azimuth, LOWEST))
+        return sun if elevation >= LOWEST else replace(sun, direction=sun_direction(azimuth, LOWEST))
     depth = projected(camera, handles(light, camera)[handle])[2]
     if depth < 1e-3 * distance(camera):
         depth = distance(camera)
@@ -77,16 +78,10 @@ def is_far(light: Light, camera: Camera) -> bool:
     return projected(camera, handles(light, camera)["light"])[2] > distance(camera)
 
 
-def sun_at(azimuth: float, elevation: float) -> Vec3:
-    """Direction in which the light of a sun travels; azimuth: about y from +x towards −z; both in radians."""
-    level = math.cos(elevation)
-    return vec3((-level * math.cos(azimuth), -math.sin(elevation), level * math.sin(azimuth)))
-
-
 def azimuth_elevation(light: Light) -> tuple[float, float]:
-    """Azimuth and elevation in radians of the direction that a light comes from, as for `sun_at`."""
+    """Azimuth and elevation in radians of the direction that a light comes from, as for `sun_direction`."""
     x, y, z = -unit(light.direction)
-    return math.atan2(-z, x), math.asin(float(np.clip(y, -1.0, 1.0)))
+    return math.atan2(x, -z), math.asin(float(np.clip(y, -1.0, 1.0)))
 
 
 def travelled(light: Light, scene: Scene, path: LightPath, turns: float) -> Light:

@@ -11,12 +11,13 @@ from imgui_bundle import imgui
 
 from shadowbench.engines.external_mask import decode_srgb
 from shadowbench.gl.picture import Shading
+from shadowbench.scenes.assumed import sun_direction
 from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.viewer.app import Viewer
-from shadowbench.viewer.lights import LightPath, azimuth_elevation, sun_at, with_kind
+from shadowbench.viewer.lights import LightPath, azimuth_elevation, with_kind
 from shadowbench.viewer.state import Origin, materials
 from shadowbench.viewer.technique_panel import choice, number, tooltip
 
@@ -51,7 +52,7 @@ def scene_panel(viewer: Viewer) -> None:
     state = viewer.state
     source = "" if state.origin is None else state.origin.source
     shown = Path(source).name or state.scene.name
-    name = choice("scene", shown, builtin_names(), f"{source}\na built-in scene; others by the command line".strip())
+    name = choice("scene", shown, builtin_names(), f"{source}\na built-in scene; others by `open…`".strip())
     if name != shown:
         viewer.attempt(lambda: viewer.open_scene(Origin(name)))
         return
@@ -104,11 +105,11 @@ def _edited(light: Light) -> Light:
 
 def _edited_sun(light: Light) -> Light:
     before = azimuth_elevation(light)
-    azimuth = _angle("azimuth", before[0], -180, 180, "of the sun, about the vertical axis from +x towards −z")
+    azimuth = _angle("azimuth", before[0], -180, 180, "of the sun, from north (−z) clockwise as seen from above")
     elevation = _angle("elevation", before[1], -89, 89, "of the sun above the horizon")
     radius = _angle("radius", light.radius, 0, 45, f"angular radius: 0 for hard shadows; the sun's is {_SUN}")
     moved = (azimuth, elevation) != before
-    return replace(light, radius=radius, direction=sun_at(azimuth, elevation) if moved else light.direction)
+    return replace(light, radius=radius, direction=sun_direction(azimuth, elevation) if moved else light.direction)
 
 
 def shading_panel(viewer: Viewer) -> None:

@@ -15,7 +15,7 @@ from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.vectors import Floats, Vec3
-from shadowbench.scenes.views import Named, opened
+from shadowbench.survey.views import Named, opened
 
 Layout = Literal["one", "wipe", "side by side"]
 Source = Literal["A", "B", "truth"]

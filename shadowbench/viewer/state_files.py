@@ -18,15 +18,15 @@ from shadowbench.files import check_outputs, replace_file
 from shadowbench.gl.picture import Shading
 from shadowbench.measure.row_store import read_run_file, stream_rows
 from shadowbench.measure.rows import Record
-from shadowbench.options import VIEW_SIZE, SceneOptions
+from shadowbench.options import PLACES, VIEW_SIZE, SceneOptions
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.files import read_document
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Mesh
 from shadowbench.scenes.tables import LIGHT_TABLES, Color
-from shadowbench.scenes.views import named
 from shadowbench.strict import Strict, explain
 from shadowbench.studies.crossing import Techniques
+from shadowbench.survey.views import named
 from shadowbench.viewer.state import Layout, Origin, Overlay, Source, ViewerState
 
 _ATTRIBUTES = ("color", "casts", "receives", "planar")  # of a mesh, besides its shape
@@ -74,6 +74,11 @@ class ViewerTable(Strict):
 
 
 SHOWN = [name for name in ViewerTable.model_fields if name not in ("techniques", "colors", "shading")]
+
+
+def holds_state(file: Path) -> bool:
+    """Whether a file is a scene file with a table `[viewer]`. Raises InputError for a `.toml` that is no scene."""
+    return file.suffix.lower() == ".toml" and bool(read_document(file).viewer)
 
 
 def read_state(file: Path, techniques: Techniques, assets: Path | None = None) -> ViewerState:
@@ -151,7 +156,7 @@ def _study_of_scene(state: ViewerState, file: Path) -> dict[str, Any]:
     if origin is None or origin.options.up:
         missing = "no file has" if origin is None else "no study file can turn (--up)"
         raise InputError(f"{file}: {missing} the scene {state.scene.name!r}; save the state, and open it")
-    names = ("sun", "no_ground", "time", "clip", "variant")
+    names = ("sun", "no_ground", "time", "clip", "variant", *PLACES)
     asked = {name: value for name in names if (value := getattr(origin.options, name)) not in (None, False)}
     is_builtin = origin.source in builtin_names()
     return {"scenes": [origin.source if is_builtin else os.path.relpath(origin.source, file.parent)], **asked}
@@ -219,16 +224,9 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
             raise InputError(f"{folder}: cell {row['key']} is of an axis that stress no longer has: {row['axis']!r}")
         view = axis.at(row["axis_value"], row["light_kind"]).views[0]
         return ViewerState(view.scene, view.camera, view.light, (spec,), **shown)
-    study = read_run_file(folder / "run.json").get("study", {})
-    options = SceneOptions(
-        assets,
-        study.get("up"),
-        study.get("sun", False),
-        study.get("no_ground", False),
-        study.get("time"),
-        study.get("clip"),
-        study.get("variant"),
-    )
+    study: Mapping[str, Any] = read_run_file(folder / "run.json").get("study", {})
+    asked = ("up", "sun", "no_ground", "time", "clip", "variant", *PLACES)
+    options = SceneOptions(assets, **{name: study[name] for name in asked if name in study})
     own = [row["scene"]] if row["scene"] in builtin_names() else []
     for source in sorted({*study.get("scenes", ()), *own}, key=lambda source: Path(source).stem != row["scene"]):
         origin = Origin(source, options)

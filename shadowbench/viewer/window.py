@@ -22,6 +22,7 @@ from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import Canvas
 from shadowbench.viewer.crash_reporter import crash_reporter
 from shadowbench.viewer.navigation import distance, walked
+from shadowbench.viewer.opening import Opener
 from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.result_panels import map_panel, scores_panel, times_panel
 from shadowbench.viewer.scene_panels import light_panel, scene_panel, shading_panel
@@ -105,6 +106,8 @@ class ViewerWindow:
         _load_font(io)
         self.renderer = Renderer(self.window, self._heard)
         self.window.key_event_func = self._key
+        self.opener = Opener(self.viewer)
+        glfw.set_drop_callback(self.window._window, self._dropped)
         self.canvas = Canvas(self.viewer)
         self.frame_ms, self._started = 0.0, time.perf_counter()
         self._quiet_from = 0.0  # time from which on frames without a change need not be drawn
@@ -174,6 +177,7 @@ class ViewerWindow:
 
     def _left(self) -> None:
         self.viewer.shows_map = False
+        self.opener.button()
         for title, panel, flags in PANELS:
             if imgui.collapsing_header(title, flags):
                 panel(self.viewer)
@@ -208,6 +212,10 @@ class ViewerWindow:
 
     def _heard(self) -> None:
         self._quiet_from = time.perf_counter() + AFTER_EVENT_S
+
+    def _dropped(self, _window: Any, files: Any, *_: Any) -> None:
+        self._heard()
+        self.opener.dropped(files)
 
     def _held(self, *keys: int) -> bool:
         return any(glfw.get_key(self.window._window, key) == glfw.PRESS for key in keys)

@@ -18,10 +18,10 @@ from shadowbench.scenes.assumed import without_ground
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_digest
-from shadowbench.scenes.views import chosen_view
 from shadowbench.studies.study import Study
 from shadowbench.survey.explanations import explanations_of
 from shadowbench.survey.survey import needs
+from shadowbench.survey.views import chosen_view
 from tests.scenes.conftest import refused
 
 
@@ -104,10 +104,11 @@ def test_needs_tells_the_map_sizes_with_and_without_the_ground(tmp_path: Path, b
     assert row.reason.endswith(f"(--no-ground), instead of {both.texels.edge_size.value:.0f} with it")
 
 
-def test_every_command_that_takes_a_mesh_file_can_leave_the_ground_out() -> None:
+def test_every_command_that_takes_a_mesh_file_can_leave_the_ground_out_and_place_camera_and_light() -> None:
     for name, command in typer.main.get_command(app).commands.items():
         options = {option for one in command.params for option in one.opts}
-        assert ("--no-ground" in options) == ("--sun" in options) == ("--up" in options), name
+        places = {"--no-ground", "--sun", "--camera", "--target", "--lamp", "--sun-at"}
+        assert places & options == (places if "--up" in options else set()), name
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "off"])

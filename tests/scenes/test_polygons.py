@@ -21,7 +21,8 @@ SQUARE = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\n"
 def cut(points: np.ndarray, ring: list[int]) -> tuple[np.ndarray, list[str]]:
     """The triangles of one polygon, and notes."""
     one = Polygons(points, np.array(ring), np.array([len(ring)]), np.zeros(1, dtype=np.int64), (None,), [])
-    faces, _, notes = triangulated(one, "a")
+    corners, _, notes = triangulated(one, "a")
+    faces = one.corners[corners]
     return faces, notes
 
 

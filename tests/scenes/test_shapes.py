@@ -10,7 +10,7 @@ from shadowbench.scenes.shapes import SHAPES, build_shape
 
 EXTENTS = {"plane": (1, 0, 1), "torus": (4 / 3, 1 / 3, 4 / 3), "capsule": (1, 2, 1)}
 EXTENTS |= dict.fromkeys(("box", "sphere", "cylinder", "cone", "stairs", "terrain"), (1, 1, 1))
-OPEN = ("plane", "terrain", "leaves")
+OPEN = ("plane", "terrain", "leaves", "foliage")
 
 
 def solid(triangles: Triangles) -> trimesh.Trimesh:

@@ -8,7 +8,6 @@ from hypothesis.extra.numpy import arrays
 
 from shadowbench.maps.biases import Texel
 from shadowbench.scenes.model import Light, Mesh, View
-from shadowbench.scenes.views import chosen_view
 from shadowbench.survey import sampling
 from shadowbench.survey.depth import BIAS_STEPS
 from shadowbench.survey.maps import ANGLES, DISPLACEMENTS, PADDING, REFERENCE_SIZE, FittedMap, fitted_map
@@ -24,6 +23,7 @@ from shadowbench.survey.texels import (
     texels_for,
     texels_of,
 )
+from shadowbench.survey.views import chosen_view
 from shadowbench.techniques.shadow_map import ShadowMap
 from tests.survey.conftest import box, from_above, looking, plate, tilted
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shadowbench.scenes.assumed import sun_direction
 from shadowbench.scenes.model import Camera, Light, LightShape, View
 from shadowbench.scenes.vectors import unit
 from shadowbench.viewer.lights import (
@@ -18,7 +19,6 @@ from shadowbench.viewer.lights import (
     dragged,
     handles,
     is_far,
-    sun_at,
     travelled,
     with_kind,
 )
@@ -75,7 +75,8 @@ def test_a_spot_shines_to_where_its_aim_is_dragged(x: float, y: float) -> None:
 
 @given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5))
 def test_azimuth_and_elevation_are_those_of_the_sun(azimuth: float, elevation: float) -> None:
-    assert azimuth_elevation(replace(SUN, direction=sun_at(azimuth, elevation))) == pytest.approx((azimuth, elevation))
+    sun = replace(SUN, direction=sun_direction(azimuth, elevation))
+    assert azimuth_elevation(sun) == pytest.approx((azimuth, elevation))
 
 
 @given(st.floats(0.0, 5.0))

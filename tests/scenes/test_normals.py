@@ -1,0 +1,140 @@
+"""Smooth normals: read from files, and moved with the surfaces that have them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from shadowbench.scenes.contents import Chosen
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.meshes import placed, read_meshes
+from shadowbench.scenes.model import Mesh
+from shadowbench.scenes.normals import mean_normals, normal_matrices, unit_normals
+from shadowbench.scenes.shapes import SHAPES
+from tests.scenes.conftest import refused
+from tests.scenes.rigs import Rig
+
+MeshFile = Callable[[str, str | bytes], Path]
+CORNERS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+NORMALS = "vn 1 0 1\nvn 0 0 2\nvn 0 -3 0\nvn 0 0 1\n"
+HALF = np.sqrt(0.5)
+GIVEN = np.array([[HALF, 0, HALF], [0, 0, 1], [0, -1, 0], [0, 0, 1]])
+
+
+def corners_of(path: Path) -> dict[tuple[float, ...], NDArray[np.float32]]:
+    """The normal at each vertex of a file of one mesh whose corners agree, by position."""
+    (mesh,) = read_meshes(path).meshes
+    assert mesh.normals is not None
+    assert mesh.normals.dtype == np.float32
+    places, normals = mesh.vertices[mesh.faces].reshape(-1, 3), mesh.normals.reshape(-1, 3)
+    return {tuple(place): normal for place, normal in zip(places.tolist(), normals, strict=True)}
+
+
+@pytest.mark.parametrize(
+    "faces",
+    ["f 1//1 2//2 3//3 4//4", "f 1/9/1 2/9/2 3/9/3 4/9/4", "f -4//-4 -3//-3 -2//-2 -1//-1"],
+)
+def test_an_obj_has_a_normal_at_each_corner(mesh_file: MeshFile, faces: str) -> None:
+    found = corners_of(mesh_file("a.obj", CORNERS + NORMALS + faces))
+    assert np.allclose([found[0, 0, 0], found[1, 0, 0], found[1, 1, 0], found[0, 1, 0]], GIVEN, atol=1e-7)
+
+
+def test_normals_of_an_obj_follow_concave_polygons(mesh_file: MeshFile) -> None:
+    ring = [(0, 0), (4, 0), (4, 4), (2, 1), (0, 4)]  # earcut's order of corners is its own
+    text = "".join(f"v {x} {y} 0\nvn {x + 1} {y + 1} 1\n" for x, y in ring)
+    found = corners_of(mesh_file("a.obj", text + "f " + " ".join(f"{k}//{k}" for k in range(1, 6))))
+    for (x, y, _), normal in found.items():
+        assert np.allclose(normal, unit_normals(np.array([x + 1, y + 1, 1])))
+
+
+def test_faces_of_an_obj_without_normals_are_flat_beside_others(mesh_file: MeshFile) -> None:
+    (mesh,) = read_meshes(mesh_file("a.obj", CORNERS + NORMALS + "f 1 2 3\nf 1//1 3//3 4//4\n")).meshes
+    assert mesh.normals is not None
+    assert not mesh.normals[0].any()
+    assert mesh.normals[1].any(axis=1).all()
+
+
+@pytest.mark.parametrize("text", ["f 1 2 3", "f 1/1 2/2 3/3", "vn 0 0 0\nf 1//1 2//1 3//1"])
+def test_a_file_without_normals_is_flat(mesh_file: MeshFile, text: str) -> None:
+    assert read_meshes(mesh_file("a.obj", CORNERS + text)).meshes[0].normals is None
+
+
+def test_an_index_of_no_normal_is_refused(mesh_file: MeshFile) -> None:
+    refused(mesh_file("a.obj", CORNERS + NORMALS + "f 1//1 2//2 3//5"), "line 9", "normal 5", "has 4")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+@pytest.mark.parametrize("kind", ["ply", "obj", "glb"])
+def test_a_sphere_of_a_file_is_smooth(tmp_path: Path, kind: str, encoding: str) -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=2)
+    options = {"encoding": encoding, "vertex_normal": True} if kind == "ply" else {"include_normals": True}
+    sphere.export(tmp_path / f"sphere.{kind}", **options)
+    for place, normal in corners_of(tmp_path / f"sphere.{kind}").items():
+        assert np.dot(unit_normals(np.array(place)), normal) > 0.999
+
+
+@pytest.mark.parametrize("matrix", [np.diag([1, 2, 3.0]), np.diag([-1, 1, 1.0]), np.diag([1, 0, 1.0])])
+def test_normals_stay_perpendicular_to_their_surface(matrix: NDArray[np.float64]) -> None:
+    """Of a plane along the diagonals, under scaling, mirroring and flattening."""
+    plane = np.array([[0, 0, 0], [1, 0, -1], [0, 1, -1.0]])
+    mesh = Mesh("plane", plane, np.array([[0, 1, 2]], np.int32), normals=unit_normals(np.ones((1, 3, 3))))
+    affine = np.eye(4)
+    affine[:3, :3] = matrix
+    ((moved,), _) = placed([(mesh, affine)], "file")
+    a, b, c = moved.vertices[moved.faces[0]]
+    assert moved.normals is not None
+    assert np.allclose(moved.normals @ np.cross(b - a, c - a), np.linalg.norm(np.cross(b - a, c - a)), rtol=1e-6)
+
+
+@given(st.lists(st.floats(-1, 1), min_size=9, max_size=9))
+def test_the_matrix_of_normals_is_the_inverse_transpose(values: list[float]) -> None:
+    linear = np.array(values).reshape(3, 3)
+    if np.linalg.cond(linear) > 1e4:
+        return
+    scaled = normal_matrices(linear) / abs(np.linalg.det(linear))
+    assert np.allclose(scaled, np.linalg.inv(linear).T, rtol=1e-6, atol=1e-6 * np.abs(scaled).max())
+
+
+def test_normals_bend_with_joints_and_morph_targets(tmp_path: Path) -> None:
+    """One joint turns a square by 90° about x; a morph target then adds to a normal."""
+    rig = Rig()
+    square, faces = [[0, 0, 0], [1, 0, 0], [1, 1, 0.0]], [[0, 1, 2]]
+    influences = rig.influences([[0, 0, 0, 0]] * 3, [[1, 0, 0, 0.0]] * 3)
+    mesh = rig.mesh(square, faces, NORMAL=rig.accessor([[0, 0, 1.0]] * 3), **influences)
+    skin = rig.skin([1])
+    rig.json["nodes"] += [{"mesh": mesh, "skin": skin, "children": [1]}, {"rotation": [HALF, 0, 0, HALF]}]
+    (posed,) = read_meshes(rig.write(tmp_path / "a.glb"), chosen=Chosen(0.0)).meshes
+    assert posed.normals is not None
+    assert np.allclose(posed.normals, [0, -1, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["sphere", "torus", "capsule"])
+def test_mean_normals_of_a_round_shape_are_nearly_those_of_the_surface(name: str) -> None:
+    triangles = SHAPES[name]()
+    normals = mean_normals(triangles)
+    flat = np.cross(
+        *(triangles.vertices[triangles.faces[:, k]] - triangles.vertices[triangles.faces[:, 0]] for k in (1, 2))
+    )
+    assert (np.einsum("fki,fi->fk", normals, flat) > 0.9 * np.linalg.norm(flat, axis=1)[:, None]).all()
+    if name == "sphere":
+        assert np.allclose(normals, 2 * triangles.vertices[triangles.faces], atol=0.01)
+
+
+def test_a_shape_is_smooth_where_its_table_says_so(scene_file: Callable[..., Path]) -> None:
+    text = '[[mesh]]\nshape = "sphere"\nsmooth = true\n[[mesh]]\nshape = "sphere"\n'
+    smooth, flat = load_scene(str(scene_file(text))).meshes[:2]
+    assert smooth.normals is not None
+    assert flat.normals is None
+    refused(scene_file('[[mesh]]\nfile = "a.obj"\nsmooth = true\n'), "smooth is for a shape")
+
+
+def test_normals_turn_with_the_up_axis(mesh_file: MeshFile) -> None:
+    path = mesh_file("a.obj", CORNERS + "vn 0 0 1\nf 1//1 2//1 3//1 4//1\n")
+    mesh = load_scene(path, up="z").meshes[0]
+    assert mesh.normals is not None
+    assert np.array_equal(mesh.normals, np.broadcast_to([0, 1, 0], (2, 3, 3)))
