@@ -96,8 +96,8 @@ def load(
     specify it; sun: give directional lights without a size that of the sun; no_ground: assume no ground; time, clip:
     seconds, and the name or number of a clip, that pose an animated glTF; variant: of its materials; camera: the name
     of one of its cameras, "front", "back", "left", "right", "top", "inside", or a point, from which it looks at target;
-    lamp, sun_at: a point light at a point, or a sun at azimuth and elevation in degrees, in place of the scene's lights.
-    Raises InputError.
+    lamp, sun_at: a point light at a point, or a sun at azimuth and elevation in degrees, in place of the scene's
+    lights. Raises InputError.
     """
     value = options.instance_of(scene, "scene", "a built-in name, a file, or what load returns", Scene, str, Path)
     folder = None if assets is None else Path(options.instance_of(assets, "assets", "a folder", str, Path))

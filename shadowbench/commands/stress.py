@@ -92,8 +92,10 @@ def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
     from shadowbench.extremes.model import NAMES
 
     if not any(one.in_tolerance for one in ranges):
-        if ranges:
-            console.print_line(f"{title}: out of tolerance already at the default value of every axis")
+        if any(one.breaks for one in ranges):
+            console.print_line(f"{title}: out of tolerance already at the default value of every axis that it supports")
+        elif ranges:
+            console.print_line(f"{title}: supports none of these axes")
         return
     lights = [kind for kind in NAMES if any(one.light == kind for one in ranges)]
     rows = []

@@ -19,6 +19,11 @@ axis among it, from the uniforms of `caster_map.map_uniforms`, and uses two defi
 name, and LAYERS, the number of maps in an array (default 1). `shadow_map.glsl` is the whole lookup,
 `lit(bias(receiver))`, of the parts that `caster_map.FilteredMap` chooses.
 
+Casters cut out by alpha are drawn whole by shaders that do not test it. Those that do, as `casters.vert` and
+`depth.frag`, include `cutout/vertex.glsl` and `cutout/fragment.glsl`, and call `pass_cutout()` and `cut_out()`; a
+geometry shader includes `cutout/geometry.glsl` and calls `pass_cutout(corner)`. A ray asks `is_opaque` of
+`cutout.glsl`, with the textures `stage.cutouts` and CUTOUTS among its defines.
+
 A plug-in may also define a filter or a bias, which every technique whose kind of map it supports then has: a subclass
 of `filters.Filter` or `biases.Bias`, whose `shader` is the text of the functions that `filter.glsl` or `bias.glsl`
 lists, or a file beside it.

@@ -11,6 +11,8 @@ from shadowbench.scenes.cutouts import Cutout
 from shadowbench.scenes.geometry import Faces, Floats
 
 _LEAFLETS = 4  # on each side of a twig, besides the one at its end
+LEAF = 0.36
+"""Length of the longest leaf, as a share of a card's side."""
 _EDGE = 1.5  # texels from 0 to 255 at the edge of a leaf
 _FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 
@@ -61,7 +63,7 @@ def twig(texels: int) -> NDArray[np.uint8]:
     inside = 0.018 - np.hypot(x, np.minimum(np.maximum(y - 0.85, 0.0), 1.0))  # the stem, to a height of 0.85
     for number in range(_LEAFLETS):
         for side in (-1.0, 1.0):
-            inside = np.maximum(inside, _leaf(x, y, (0.0, 0.08 + 0.19 * number), side * np.radians(62.0), 0.36))
+            inside = np.maximum(inside, _leaf(x, y, (0.0, 0.08 + 0.19 * number), side * np.radians(62.0), LEAF))
     inside = np.maximum(inside, _leaf(x, y, (0.0, 0.66), 0.0, 0.32))
     alpha = np.clip(0.5 + inside * texels / _EDGE, 0.0, 1.0)
     alpha[:, [0, -1]] = alpha[[0, -1]] = 0.0  # nothing reaches a card's edge

@@ -282,9 +282,14 @@ def test_breaking_points_are_what_was_asked_for(shadowbench: Any, wild: Path, ha
     assert {one["axis_value"] for one in cells} == {"5.0", "1e-05", "0.0"}
     assert all(one["failure"].startswith("leak") for one in cells)
     plain = run(shadowbench, (wild, half), tmp_path, "nothing")
-    out = "out of tolerance already at the default value of every axis"
+    out = "out of tolerance already at the default value of every axis that it supports"
     assert plain.out.splitlines()[:2] == [f"does: {out}", f"half: {out}"]
     assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256
+
+
+def test_a_technique_that_supports_no_axis_is_told_so(shadowbench: Any, tmp_path: Path) -> None:
+    answer = shadowbench("stress", "--axis", "cards", "--quick", "-t", "shadow-volume", "-o", tmp_path / "out")
+    assert answer.out.splitlines()[0] == "shadow-volume: supports none of these axes"
 
 
 def test_an_unknown_axis_is_an_input_error(shadowbench: Any, tmp_path: Path) -> None:

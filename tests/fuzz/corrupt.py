@@ -67,8 +67,12 @@ def valid(kind: str) -> list[bytes]:
     if kind == "glb":
         draco = export_glb(trimesh.Scene(ball), extension_draco=True)
         assert b"KHR_draco_mesh_compression" in draco
+        from tests.scenes.rigs import morphed_skin, two_skins  # they use this module
+
         packed = [compressed_glb(ball), compressed_glb(box, "KHR_meshopt_compression", "INDICES")]
-        return [export_glb(trimesh.Scene(box)), export_glb(two), draco, export_glb(two, extension_draco=True), *packed]
+        rigs = [morphed_skin().glb(), two_skins().glb()]
+        plain = [export_glb(trimesh.Scene(box)), export_glb(two)]
+        return [*plain, draco, export_glb(two, extension_draco=True), *packed, *rigs]
     if kind == "gltf":
         return [_embedded(data) for data in valid("glb")]
     if kind.startswith("usd"):

@@ -50,6 +50,11 @@ class Reference:
                         found.append(self._primitive(number, node, primitive))
         return found
 
+    def times(self, animation: int) -> list[float]:
+        """Times of the keys of an animation's first channel."""
+        clip = self.json["animations"][animation]
+        return [time for (time,) in self._read(clip["samplers"][clip["channels"][0]["sampler"]]["input"])]
+
     def world(self, number: int) -> Matrix:
         """From a node to the world."""
         node = self.nodes[number]
@@ -148,18 +153,29 @@ class Reference:
         cache = self.__dict__.setdefault("_cache", {})
         if number not in cache:
             accessor = self.json["accessors"][number]
-            view = self.json["bufferViews"][accessor["bufferView"]]
             code, count = CODES[accessor["componentType"]], COUNTS[accessor["type"]]
-            width = struct.calcsize(code) * count
-            start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-            data, stride = self._buffer(view["buffer"]), view.get("byteStride", width)
-            rows = [struct.unpack_from(f"<{count}{code}", data, start + k * stride) for k in range(accessor["count"])]
+            rows = [(0,) * count] * accessor["count"]
+            if "bufferView" in accessor:
+                rows = self._rows(accessor, code, count, accessor["count"])
+            if "sparse" in accessor:
+                sparse = accessor["sparse"]
+                indices = self._rows(sparse["indices"], CODES[sparse["indices"]["componentType"]], 1, sparse["count"])
+                for (index,), row in zip(
+                    indices, self._rows(sparse["values"], code, count, sparse["count"]), strict=True
+                ):
+                    rows[int(index)] = row
             if accessor.get("normalized"):
                 largest = LARGEST[accessor["componentType"]]
                 rows = [tuple(max(value / largest, -1.0) for value in row) for row in rows]
             cache[number] = rows
         found: list[tuple[float, ...]] = cache[number]
         return found
+
+    def _rows(self, part: dict[str, Any], code: str, count: int, rows: int) -> list[tuple[float, ...]]:
+        view = self.json["bufferViews"][part["bufferView"]]
+        data, start = self._buffer(view["buffer"]), view.get("byteOffset", 0) + part.get("byteOffset", 0)
+        stride = view.get("byteStride", struct.calcsize(code) * count)
+        return [struct.unpack_from(f"<{count}{code}", data, start + k * stride) for k in range(rows)]
 
     def _buffer(self, number: int) -> bytes:
         uri = self.json["buffers"][number].get("uri")

@@ -67,10 +67,14 @@ class Rig:
         targets = [{"sampler": k, "target": {"node": n, "path": path}} for k, (n, path, _, _) in enumerate(channels)]
         self.json["animations"].append({"channels": targets, "samplers": samplers, **({"name": name} if name else {})})
 
+    def glb(self) -> bytes:
+        """The bytes of a .glb."""
+        document = {key: part for key, part in self.json.items() if part != []}
+        return glb_of(document | {"buffers": [{"byteLength": len(self.blob)}]}, self.blob)
+
     def write(self, path: Path) -> Path:
         """Write a .glb."""
-        document = {key: part for key, part in self.json.items() if part != []}
-        path.write_bytes(glb_of(document | {"buffers": [{"byteLength": len(self.blob)}]}, self.blob))
+        path.write_bytes(self.glb())
         return path
 
 
@@ -100,15 +104,15 @@ def _weights(points: NDArray[np.float64], sets: int = 1) -> tuple[NDArray[np.int
     chance = _chance(3)
     joints = np.stack([chance.permutation(4 * sets) for _ in points])
     weights = chance.random(joints.shape) ** 3
-    return joints % 4, weights / weights.sum(axis=1, keepdims=True)
+    return joints, weights / weights.sum(axis=1, keepdims=True)
 
 
-def _chain(rig: Rig, first: int, **extra: Any) -> list[int]:
-    """Four joints below each other, half a metre apart; extra: of each."""
-    for k in range(4):
-        below = {"children": [first + k + 1]} if k < 3 else {}
+def _chain(rig: Rig, first: int, count: int = 4, **extra: Any) -> list[int]:
+    """Joints below each other, half a metre apart; extra: of each."""
+    for k in range(count):
+        below = {"children": [first + k + 1]} if k < count - 1 else {}
         rig.json["nodes"].append({"translation": [0, 0.5 if k else 0, 0], **extra, **below})
-    return [first, first + 1, first + 2, first + 3]
+    return list(range(first, first + count))
 
 
 def _inverse() -> NDArray[np.float64]:
@@ -190,7 +194,7 @@ def eight_joints() -> Rig:
         for name, index in rig.influences(joints[:, 4 * k : 4 * k + 4], weights[:, 4 * k : 4 * k + 4], k).items()
     }
     rig.json["nodes"] = [{"children": [1], "mesh": rig.mesh(points, faces, **sets), "skin": 0}]
-    chain = _chain(rig, 1)
+    chain = _chain(rig, 1, 8)
     rig.skin(chain)
     rig.clip(*((joint, "translation", TIMES, _chance(joint).normal(size=(4, 3))) for joint in chain), kind="STEP")
     return rig

@@ -6,8 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shadowbench.engines.export import inexpressible_in_gltf
-from shadowbench.plugin.engine import Engine
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.cutouts import Cutout, Wrap
@@ -105,6 +103,21 @@ def test_maps_hold_the_leaves_that_triangles_make(kind, spec, mask) -> None:
     assert (np.abs(whole - theirs) > 0.01).mean() > 0.05
 
 
+@pytest.mark.parametrize(("kind", "name", "kept"), [("directional", "shadow-map", 0), ("point", "cube-map", 1)])
+def test_cut_out_casters_are_culled_as_others_are(kind, name, kept, shape, studio, build, mask) -> None:
+    """Before, between and after opaque ones in the file, near ones and far ones, which one face of a cube has."""
+    away = cards(200, NOISE)
+    away = replace(away, vertices=away.vertices + np.array([40.0, 0.0, 5.0]))
+    near, far, last = (shape("sphere", 0.4, at) for at in ((-0.9, 0.5, 0.2), (41.0, 0.5, 5.0), (0.8, 0.3, -0.4)))
+    view = leaves_view(LIGHTS[kind], away, near, far, LEAVES, last)
+    shot = studio.shot(view)
+    one = build(f"{name}:size=512", shot)
+    assert np.array_equal(one.draw(shot), mask(f"{name}:size=512,cull=false", view))
+    culled, distant = one.technique.facts()["culled_triangles"], len(away.faces) + len(far.faces)
+    layers = 1 + 5 * kept
+    assert (layers - kept) * distant <= culled < layers * len(shot.view.scene.geometry.faces)
+
+
 @pytest.mark.parametrize("nearest", [True, False])
 @pytest.mark.parametrize(("wrap", "factor"), [("repeat", 1.0), ("mirror", 0.8), ("clamp", 0.9)])
 def test_the_camera_sees_through_what_is_not_opaque(nearest: bool, wrap: Wrap, factor: float, studio) -> None:
@@ -161,13 +174,6 @@ def test_volumes_decline_what_is_cut_out_or_draw_it_whole(spec, light, device, m
     assert refusal(opaque, view, device) is None
     on_ground = [mask(opaque, one)[-20:, :] for one in (view, whole)]  # below the leaves
     assert (on_ground[0] != on_ground[1]).mean() < 0.1
-
-
-def test_an_engine_and_an_export_say_that_they_lack_cut_outs() -> None:
-    view = leaves_view(LIGHTS["directional"])
-    assert "cut out by alpha" in str(Engine.unsupported(view))
-    assert Engine.unsupported(leaves_view(LIGHTS["directional"], replace(LEAVES, cutout=None))) is None
-    assert [line for line in inexpressible_in_gltf(view) if "leaves is cut out" in line]
 
 
 def test_needs_count_what_is_cut_out() -> None:
