@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, AliasPath, Field, model_validator
+from pydantic import AfterValidator, AliasChoices, AliasPath, Field, model_validator
 
 from shadowbench.scenes.geometry import MOST_TRIANGLES
 from shadowbench.scenes.gltf_fields import (
@@ -21,6 +21,7 @@ from shadowbench.scenes.gltf_motion import MOST_MORPHED, Animation, Skin
 from shadowbench.scenes.gltf_storage import Accessor, Buffer, BufferView, check_sizes
 from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
 
+_BASE, _GLOSSY = "pbrMetallicRoughness", ("extensions", "KHR_materials_pbrSpecularGlossiness")
 DRACO = ("extensions", "KHR_draco_mesh_compression")
 
 
@@ -120,9 +121,11 @@ class Material(JsonObject):
     alphaMode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
     alphaCutoff: Annotated[Number, Field(ge=0)] = 0.5
     color: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = Field(
-        None, validation_alias=AliasPath("pbrMetallicRoughness", "baseColorFactor")
+        None, validation_alias=AliasChoices(AliasPath(_BASE, "baseColorFactor"), AliasPath(*_GLOSSY, "diffuseFactor"))
     )
-    texture: TextureInfo | None = Field(None, validation_alias=AliasPath("pbrMetallicRoughness", "baseColorTexture"))
+    texture: TextureInfo | None = Field(
+        None, validation_alias=AliasChoices(AliasPath(_BASE, "baseColorTexture"), AliasPath(*_GLOSSY, "diffuseTexture"))
+    )
     extensions: dict[str, Any] = {}
 
     @property

@@ -123,8 +123,8 @@ def morphed(primitive: TrianglePrimitive, name: str, weights: Sequence[float] | 
 def blended(primitive: TrianglePrimitive, joints: Floats) -> Blend | None:
     """The matrices of a skin at each vertex; None if the primitive has no joints.
 
-    joints: (J, 4, 4) as of `joint_matrices`. Weights are divided by their sum; a vertex without any follows the first of its
-    joints, both as in three.js. Raises InputError.
+    joints: (J, 4, 4) as of `joint_matrices`. Weights are divided by their sum; a vertex without any follows the
+    first of its joints, both as in three.js. Raises InputError.
     """
     found = _influences(primitive, len(joints))
     if found is None:
