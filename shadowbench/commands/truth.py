@@ -37,8 +37,13 @@ def truth(scene: options.Scene, asked: TruthOptions, quiet: options.Quiet = Fals
       triangle        index of the visible triangle, -1 for none
       cosine          N·L at the visible point
       diagonal        one number: diagonal of casters and receivers in metres
+      shading_cosine  N·L by the smooth normal, where a surface has one
+      facet_shadow    whether a smooth surface's own triangles shadow it there
       depth           distance of the visible point along the camera's axis
       about           names, camera and light of the view, as JSON text
+
+    Scenes of flat surfaces lack the last two before depth; facet_shadow is
+    also absent under a light with a size.
 
     `shadowbench score` takes the file in place of the scene.
     """

@@ -18,7 +18,7 @@ from shadowbench.geometry.convex import caster_and_receiver_vertices
 from shadowbench.geometry.topology import is_closed
 from shadowbench.options import FIRST, SceneOptions
 from shadowbench.scenes.geometry import bounds_of
-from shadowbench.scenes.model import Camera, Light, Mesh, View
+from shadowbench.scenes.model import WHITE, Camera, Light, Mesh, View
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit
 from shadowbench.scores.masks import write_mask
 from shadowbench.truths.trace import Truth
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 SCHEMA = 1
 _ROW = re.compile(r"\[[^][{}]*\]")  # a list of numbers, which is written on one line
-WHITE: Vec3 = (1.0, 1.0, 1.0)
 MODEL, DESCRIPTION, EXAMPLE = "scene.glb", "view.json", "truth.png"
 
 Json = dict[str, Any]

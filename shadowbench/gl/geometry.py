@@ -50,11 +50,12 @@ class DeviceGeometry:
     Techniques draw `casters`, the G-buffer draws `all_faces`: a program with `cut` draws the cut-out triangles by that,
     any other draws them whole. `normals` and `colors` are textures addressed by triangle (`texel_of` in
     `triangle.glsl`); w of a normal is 1 for triangles that receive shadows. cutouts: textures of `cutout.glsl`; empty
-    if nothing is cut out; smooth: those of `gbuffer/smooth.glsl`; empty if all surfaces are flat.
+    if nothing is cut out; smooth: those of `gbuffer/smooth.glsl`; empty if all surfaces are flat. geometry: what was
+    uploaded.
     """
 
     def __init__(self, device: Device, geometry: Geometry) -> None:
-        self._device, context, faces = device, device.context, geometry.faces
+        self.geometry, self._device, context, faces = geometry, device, device.context, geometry.faces
         self._vertices = context.buffer(geometry.vertices.astype(np.float32).tobytes())
         self._buffers = [self._vertices]
         textures = {} if geometry.cutouts is None else _cutout_textures(device, geometry.cutouts.packed)

@@ -1,6 +1,7 @@
 """The shaded picture (Blinn-Phong, anti-aliased where surfaces meet): for people to look at, never scored."""
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +10,9 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer, download
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Drawable, Sampling, link
+from shadowbench.gl.program import Drawable, Sampling, Textures, link
 from shadowbench.gl.shaders import SHADERS, compose
+from shadowbench.gl.textures import base_color_textures
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Vec3, unit, vec3
 
@@ -41,16 +43,20 @@ class PicturePass:
 
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
         self._device, self._geometry = device, geometry
+        self._textured = bool(geometry.geometry.textured)
         self._white = device.context.texture((1, 1), 4, b"\xff" * 4)
         self._shade, self._antialias = (self._fullscreen(name) for name in ("shade", "antialias"))
 
     def _fullscreen(self, fragment: str) -> Drawable:
-        vertex, text = (
-            compose("fullscreen.vert", SHADERS),
-            compose(f"picture/{fragment}.frag", SHADERS, {**TRIANGLE_DEFINES, **self._geometry.smooth_defines}),
-        )
+        defines = {**TRIANGLE_DEFINES, **self._geometry.smooth_defines, **({"TEXTURED": "1"} if self._textured else {})}
+        vertex, text = compose("fullscreen.vert", SHADERS), compose(f"picture/{fragment}.frag", SHADERS, defines)
         program = link(self._device, vertex, text)
         return Drawable(program, self._device.context.vertex_array(program.linked, []), count=3)
+
+    @cached_property
+    def _base_colors(self) -> Textures:
+        """Inputs of `picture/texture.glsl`, from the first picture on."""
+        return base_color_textures(self._device, self._geometry.geometry) if self._textured else {}
 
     def draw(
         self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
@@ -81,6 +87,10 @@ class PicturePass:
             cos_half_angle=view.light.cos_half_angle,
             **asdict(shading),
         )
+        if self._textured:
+            right, up, back = view.camera.basis()
+            pixel = 2 * np.tan(view.camera.fov_y / 2) / view.size
+            self._shade.program.set(forward=vec3(-back), pixel_right=vec3(right * pixel), pixel_up=vec3(up * pixel))
         shaded, smooth = (self._device.context.texture((view.size, view.size), 4, dtype="f1") for _ in range(2))
         targets = [self._device.context.framebuffer([texture]) for texture in (shaded, smooth)]
         inputs = {
@@ -89,6 +99,7 @@ class PicturePass:
             "colors": (self._geometry.colors, Sampling()),
             "visibility": (visibility, Sampling()),
             "tint": (tint or self._white, Sampling()),
+            **self._base_colors,
         }
         self._shade.draw(targets[0], inputs)
         self._antialias.draw(targets[1], {**surface.inputs, "shaded": (shaded, Sampling(linear=True))})
@@ -106,6 +117,7 @@ class PicturePass:
         return pictures[0], pictures[1]
 
     def release(self) -> None:
-        """Free the programs."""
+        """Free the programs and textures."""
         drawables = (self._shade, self._antialias)
+        self._device.free(texture for texture, _ in self.__dict__.pop("_base_colors", {}).values())
         self._device.free((*(part for one in drawables for part in (one.vertices, one.program.linked)), self._white))

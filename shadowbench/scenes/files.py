@@ -14,8 +14,8 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
+from shadowbench.scenes.contents import Chosen
 from shadowbench.scenes.geometry import MOST_TRIANGLES, Triangles
-from shadowbench.scenes.gltf_animation import Moment
 from shadowbench.scenes.meshes import placed, read_meshes
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene
 from shadowbench.scenes.normals import mean_normals
@@ -102,7 +102,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     if not document.mesh:
         raise InputError(f"{path.name}: mesh: found none; at least one [[mesh]] is needed")
     meshes: list[Mesh] = []
-    read: dict[tuple[Path, Moment], Scene] = {}  # many tables may use the same large file
+    read: dict[tuple[Path, Chosen], Scene] = {}  # many tables may use the same large file
     dropped = triangles = copies = 0
     for number, raw in enumerate(document.mesh, 1):
         where = f"{path.name}: [[mesh]] {number}"
@@ -125,7 +125,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
 
 
 def _sources(
-    raw: dict[str, Any], scene: Path, assets: Path | None, read: dict[tuple[Path, Moment], Scene], where: str
+    raw: dict[str, Any], scene: Path, assets: Path | None, read: dict[tuple[Path, Chosen], Scene], where: str
 ) -> tuple[MeshTable, tuple[Mesh, ...], int]:
     """The validated table, its shape's or file's meshes in object space, and the zero-area triangles of the file."""
     shape = raw.get("shape")
@@ -137,10 +137,10 @@ def _sources(
         normals = mean_normals(Triangles(mesh.vertices, mesh.faces)) if table.smooth else None
         return table, (replace(mesh, name=table.name or mesh.name, normals=normals),), 0
     file = _resolved(table.file, scene, assets, where)
-    moment = Moment(table.time, table.clip)
-    if (file, moment) not in read:
-        read[file, moment] = read_meshes(file, f"{where}: {table.file}", moment)
-    return table, read[file, moment].meshes, read[file, moment].dropped
+    chosen = Chosen(table.time, table.clip, table.variant)
+    if (file, chosen) not in read:
+        read[file, chosen] = read_meshes(file, f"{where}: {table.file}", chosen)
+    return table, read[file, chosen].meshes, read[file, chosen].dropped
 
 
 def _copies(table: MeshTable, sources: tuple[Mesh, ...]) -> Iterator[tuple[Mesh, Floats]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.options import LARGEST as LARGEST
 from shadowbench.scenes.cutouts import CutoutFaces
+from shadowbench.scenes.textures import TexturedFaces
 
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int32]
@@ -102,7 +103,7 @@ class Geometry:
 
     vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives, planar: (F,) bool; colors: (F, 3) float64, linear;
     cutouts: the cut-out triangles, None without any; corner_normals: (F, 3, 3) float32 of smooth surfaces, zero at
-    corners without one, None if there is none at all.
+    corners without one, None if there is none at all; textured: the triangles with a texture, in order.
     """
 
     vertices: Floats
@@ -113,6 +114,7 @@ class Geometry:
     colors: Floats
     cutouts: CutoutFaces | None = None
     corner_normals: NDArray[np.float32] | None = None
+    textured: tuple[TexturedFaces, ...] = ()
 
     @cached_property
     def crosses(self) -> Floats:

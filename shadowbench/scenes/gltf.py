@@ -6,27 +6,28 @@ camera's node.
 
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.contents import Contents, unique_name
+from shadowbench.scenes.contents import BY_DEFAULT, Chosen, Contents, unique_name
 from shadowbench.scenes.geometry import Triangles, triangles_of
 from shadowbench.scenes.gltf_accessors import Data
-from shadowbench.scenes.gltf_animation import NOW, Moment, pose_at
+from shadowbench.scenes.gltf_animation import pose_at
 from shadowbench.scenes.gltf_bytes import TRIANGLES, read_buffers, read_json, read_primitives
 from shadowbench.scenes.gltf_instances import instance_matrices
-from shadowbench.scenes.gltf_layout import Layout, Primitive
-from shadowbench.scenes.gltf_materials import Cut, Materials
+from shadowbench.scenes.gltf_layout import Layout
+from shadowbench.scenes.gltf_materials import Materials
 from shadowbench.scenes.gltf_nodes import Node, scene_nodes
 from shadowbench.scenes.gltf_pose import Posed, Poser, corner_normals
-from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
+from shadowbench.scenes.gltf_variants import variant_notes, with_variant
+from shadowbench.scenes.looks import Look
+from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Mesh
 from shadowbench.scenes.normals import Singles
 from shadowbench.scenes.tables import NARROWEST
-from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
+from shadowbench.scenes.vectors import Floats, unit, vec3
 from shadowbench.strict import validated
 
 HONOURED = re.compile(
@@ -38,20 +39,19 @@ HONOURED = re.compile(
 
 
 class Source(NamedTuple):
-    """A primitive: its triangles as a node's matrix moves them, None where all nodes deform it; and its colour.
+    """A primitive: its triangles as a node's matrix moves them, None where all nodes deform it; and its material.
 
-    normals: of the triangles, None if it is flat; posed: by number of a node that deforms it; cut: what cuts it out.
+    normals: of the triangles, None if it is flat; posed: by number of a node that deforms it.
     """
 
     triangles: Triangles | None
     normals: Singles | None
-    color: Vec3
     posed: dict[int, Posed]
-    cut: Cut | None
+    look: Look
 
 
-def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
-    """The contents of a .gltf or .glb at a moment, in the order of its nodes.
+def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
+    """The contents of a .gltf or .glb as chosen, in the order of its nodes.
 
     Raises InputError or ValueError for invalid ones.
     """
@@ -62,21 +62,22 @@ def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
             raise InputError(
                 f"{where}: extensionsRequired: {extension!r:.60} is not supported; save the file without it"
             )
+    layout = with_variant(layout, chosen.variant, where)
     data = read_buffers(layout, chunk, path, where)
-    pose, pose_notes = pose_at(data, moment)
+    pose, pose_notes = pose_at(data, chosen)
     nodes = scene_nodes(layout, pose)
     poser, materials = Poser(data, pose, nodes), Materials(data, path)
     sources: list[list[Source]] = [[] for _ in layout.meshes]
     for each in read_primitives(data):
         posed = poser.posed(each)
         still = triangles_of(each.positions, each.faces, where) if poser.stands(each, posed) else None
-        cut = materials.cut(each)
-        if cut is None or not materials.clear(cut):
+        if (look := materials.look(each)) is not None:
             normals = None if still is None else corner_normals(each, each.floats("NORMAL", "VEC3"))
-            sources[each.mesh].append(Source(still, normals, _base_color(layout, each.primitive), posed, cut))
+            sources[each.mesh].append(Source(still, normals, posed, look))
     instances = _instances(data, nodes, sources)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
-    notes += materials.notes + pose_notes + poser.notes + cameras[1] + lights[1]
+    notes += variant_notes(layout, chosen.variant, where) + materials.notes + pose_notes + poser.notes
+    notes += cameras[1] + lights[1]
     return Contents(instances, cameras[0], lights[0], notes)
 
 
@@ -101,19 +102,11 @@ def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> li
             title = name if len(rows) == 1 else f"{name} {k}"
             for number, copy in enumerate(copies, 1):
                 once = title if len(copies) == 1 else f"{title} {number}"
-                mesh = Mesh(once, *triangles, source.color, normals=normals)
-                if source.cut is not None:
-                    mesh = replace(mesh, **source.cut._asdict())
+                mesh = Mesh(once, *triangles, normals=normals, **source.look._asdict())
                 instances.append((mesh, matrix @ copy))
     if hidden and not any(len(mesh.faces) for mesh, _ in instances):
         raise InputError(f"{data.where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
     return instances
-
-
-def _base_color(layout: Layout, primitive: Primitive) -> Vec3:
-    """The material's linear base colour factor; grey without one, as where a texture has the colour."""
-    factor = None if primitive.material is None else layout.materials[primitive.material].color
-    return GREY if factor is None else vec3(np.clip(factor[:3], 0.0, 1.0))
 
 
 def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera], list[str]]:

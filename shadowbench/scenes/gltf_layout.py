@@ -3,11 +3,11 @@
 import math
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, AliasPath, Field, model_validator
+from pydantic import AfterValidator, AliasChoices, AliasPath, Field, model_validator
 
 from shadowbench.scenes.geometry import MOST_TRIANGLES
 from shadowbench.scenes.gltf_fields import (
-    LIGHTS,
+    LISTS,
     AccessorIndex,
     Count,
     JsonObject,
@@ -21,6 +21,7 @@ from shadowbench.scenes.gltf_motion import MOST_MORPHED, Animation, Skin
 from shadowbench.scenes.gltf_storage import Accessor, Buffer, BufferView, check_sizes
 from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
 
+_BASE, _GLOSSY = "pbrMetallicRoughness", ("extensions", "KHR_materials_pbrSpecularGlossiness")
 DRACO = ("extensions", "KHR_draco_mesh_compression")
 
 
@@ -62,6 +63,15 @@ class NodeTable(JsonObject):
     extensions: dict[str, Any] = {}
 
 
+class _Variant(JsonObject):
+    name: str
+
+
+class _Mapping(JsonObject):
+    variants: list[Annotated[Count, index_into("variants")]]
+    material: Annotated[Count, index_into("materials")]
+
+
 class Primitive(JsonObject):
     """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip and fan of triangles.
 
@@ -72,6 +82,7 @@ class Primitive(JsonObject):
     indices: AccessorIndex | None = None
     mode: Literal[0, 1, 2, 3, 4, 5, 6] = 4
     material: Annotated[Count, index_into("materials")] | None = None
+    variants: list[_Mapping] = Field([], validation_alias=AliasPath("extensions", "KHR_materials_variants", "mappings"))
     targets: list[dict[str, AccessorIndex]] = []
     draco: ViewIndex | None = Field(None, validation_alias=AliasPath(*DRACO, "bufferView"))
     draco_ids: dict[str, Annotated[Count, Field(lt=2**32)]] = Field(
@@ -110,9 +121,11 @@ class Material(JsonObject):
     alphaMode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
     alphaCutoff: Annotated[Number, Field(ge=0)] = 0.5
     color: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = Field(
-        None, validation_alias=AliasPath("pbrMetallicRoughness", "baseColorFactor")
+        None, validation_alias=AliasChoices(AliasPath(_BASE, "baseColorFactor"), AliasPath(*_GLOSSY, "diffuseFactor"))
     )
-    texture: TextureInfo | None = Field(None, validation_alias=AliasPath("pbrMetallicRoughness", "baseColorTexture"))
+    texture: TextureInfo | None = Field(
+        None, validation_alias=AliasChoices(AliasPath(_BASE, "baseColorTexture"), AliasPath(*_GLOSSY, "diffuseTexture"))
+    )
     extensions: dict[str, Any] = {}
 
     @property
@@ -179,7 +192,8 @@ class Layout(JsonObject):
     samplers: list[_Sampler] = []
     images: list[_Image] = []
     cameras: list[_Camera] = []
-    lights: list[_Light] = Field([], validation_alias=LIGHTS)
+    lights: list[_Light] = Field([], validation_alias=LISTS["lights"])
+    variants: list[_Variant] = Field([], validation_alias=LISTS["variants"])
     animations: list[Animation] = []
     skins: list[Skin] = []
     extensionsUsed: list[str] = []

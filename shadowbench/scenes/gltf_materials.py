@@ -1,4 +1,4 @@
-"""Materials of a glTF: what its primitives are cut out by.
+"""Materials of a glTF: what its primitives are cut out by, and their colours and textures.
 
 Not by `doubleSided`: here all triangles are seen, cast and receive from both sides.
 """
@@ -6,7 +6,6 @@ Not by `doubleSided`: here all triangles are seen, cast and receive from both si
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,19 +16,16 @@ from shadowbench.scenes.gltf_accessors import Data
 from shadowbench.scenes.gltf_bytes import TrianglePrimitive, read_uri
 from shadowbench.scenes.gltf_layout import Material, TextureInfo
 from shadowbench.scenes.images import read_image
+from shadowbench.scenes.looks import Look
+from shadowbench.scenes.model import GREY, WHITE
+from shadowbench.scenes.textures import MOST_BYTES, Texture
+from shadowbench.scenes.vectors import vec3
 
 BLEND_CUTOFF = 0.5
 _NEAREST = 9728  # GL_NEAREST
 _WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}  # GL_CLAMP_TO_EDGE, GL_MIRRORED_REPEAT, …
+_NOT_DRAWN = "drawn without this texture"
 _OPAQUE = np.full((1, 1), 255, dtype=np.uint8)
-
-
-class Cut(NamedTuple):
-    """What cuts a primitive out: by corner of its (F, 3) faces, float32 texture coordinates and vertex alphas."""
-
-    cutout: Cutout
-    coordinates: NDArray[np.float32] | None
-    alpha: NDArray[np.float32] | None
 
 
 class Materials:
@@ -41,36 +37,36 @@ class Materials:
     def __init__(self, data: Data, path: Path) -> None:
         self._data, self._path = data, path
         self._cutouts: dict[int, Cutout] = {}
-        self._images: dict[int, NDArray[np.uint8]] = {}
+        self._textures: dict[tuple[object, ...], Texture] = {}
+        self._alphas: dict[int, NDArray[np.uint8]] = {}
+        self._contents: dict[int, bytes] = {}
         self._blended: set[int] = set()
         self._left_out = 0
-        self._unread: set[str] = set()
+        self._told: set[str] = set()
 
-    def cut(self, primitive: TrianglePrimitive) -> Cut | None:
-        """What cuts a primitive out, None if it is opaque everywhere. Raises InputError for an image that is not read.
+    def look(self, primitive: TrianglePrimitive) -> Look | None:
+        """What a primitive looks like, None if it is opaque nowhere. Raises InputError for an alpha that is not read.
 
         Its vertex indices must be valid.
         """
         number = primitive.primitive.material
-        material = None if number is None else self._data.layout.materials[number]
-        if number is None or material is None or material.alphaMode == "OPAQUE":
-            return None
-        if material.alphaMode == "BLEND":
-            self._blended.add(number)
-        if number not in self._cutouts:
-            self._cutouts[number] = self._cutout(material)
-        cutout, alpha = self._cutouts[number], self._alpha(primitive)
-        least = 1.0 if alpha is None else float(alpha.min(initial=1.0))
-        if int(cutout.alpha.min()) * least >= cutout.least:
-            return None
-        return Cut(cutout, self._coordinates(primitive, material.texture), alpha)
-
-    def clear(self, cut: Cut) -> bool:
-        """Whether what is cut out is opaque nowhere; counted for `notes`."""
-        most = 1.0 if cut.alpha is None else float(cut.alpha.max(initial=0.0))
-        clear = int(cut.cutout.alpha.max()) * most < cut.cutout.least
-        self._left_out += clear
-        return clear
+        material = self._data.layout.materials[number] if number is not None else Material()
+        cutout, alpha = self._cutout(number, material), self._alpha(primitive)
+        if cutout is not None:
+            least, most = (
+                (1.0, 1.0) if alpha is None else (float(alpha.min(initial=1.0)), float(alpha.max(initial=0.0)))
+            )
+            if int(cutout.alpha.max()) * most < cutout.least:
+                self._left_out += 1
+                return None
+            if int(cutout.alpha.min()) * least >= cutout.least:
+                cutout = None
+        texture = self._texture(material)
+        coordinates = self._coordinates(primitive, material.texture) if cutout or texture else None
+        texture = None if coordinates is None else texture
+        color = material.color or (GREY if texture is None else WHITE)
+        color = vec3(np.clip(color[:3], 0.0, 1.0))
+        return Look(color, cutout, texture, coordinates, None if cutout is None else alpha, self._tints(primitive))
 
     @property
     def notes(self) -> list[str]:
@@ -80,40 +76,76 @@ class Materials:
             found.append(f"{len(self._blended)} blended material(s) cut out where alpha is below {BLEND_CUTOFF:g}")
         if self._left_out:
             found.append(f"{self._left_out} primitive(s) left out whose alpha is below the cutoff everywhere")
-        found += [f"{kind}: alpha not read, taken as 1" for kind in sorted(self._unread)]
-        return [f"{where}: {line}" for line in found]
+        return [*(f"{where}: {line}" for line in found), *sorted(self._told)]
 
-    def _cutout(self, material: Material) -> Cutout:
-        cutoff = BLEND_CUTOFF if material.alphaMode == "BLEND" else material.alphaCutoff
-        factor = 1.0 if material.color is None or len(material.color) < 4 else min(max(material.color[3], 0.0), 1.0)
-        cutout = Cutout(_OPAQUE, factor, cutoff)
-        info = material.texture
-        if info is None:
-            return cutout
-        texture = self._data.layout.textures[info.index]
-        if (image := texture.image) is None:
-            self._unread.add(" or ".join(sorted(texture.extensions)) or "a texture without an image")
-            return cutout
-        sampler = None if texture.sampler is None else self._data.layout.samplers[texture.sampler]
-        wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
-        if sampler is not None:
-            wrap = _WRAPS[sampler.wrapS], _WRAPS[sampler.wrapT]
-        nearest = sampler is not None and sampler.magFilter == _NEAREST
-        return replace(cutout, alpha=self._alphas(image), nearest=nearest, wrap=wrap)
+    def _cutout(self, number: int | None, material: Material) -> Cutout | None:
+        """How a material is cut out, read once."""
+        if number is None or material.alphaMode == "OPAQUE":
+            return None
+        if material.alphaMode == "BLEND":
+            self._blended.add(number)
+        if number not in self._cutouts:
+            cutoff = BLEND_CUTOFF if material.alphaMode == "BLEND" else material.alphaCutoff
+            factor = 1.0 if material.color is None or len(material.color) < 4 else min(max(material.color[3], 0.0), 1.0)
+            cutout = Cutout(_OPAQUE, factor, cutoff)
+            if (image := self._image(material, "alpha not read, taken as 1")) is not None:
+                nearest, wrap = self._sampling(material)
+                cutout = replace(cutout, alpha=self._alphas_of(image), nearest=nearest, wrap=wrap)
+            self._cutouts[number] = cutout
+        return self._cutouts[number]
 
-    def _alphas(self, number: int) -> NDArray[np.uint8]:
+    def _texture(self, material: Material) -> Texture | None:
+        """The texture of a material's base colour, made once; None, with a note, for one that cannot be read."""
+        if (image := self._image(material, _NOT_DRAWN)) is None:
+            return None
+        where = f"{self._data.where}: images {image + 1}"
+        try:
+            content = self._content(image)
+        except InputError as error:
+            self._told.add(f"{error}: {_NOT_DRAWN}")
+            return None
+        if sum(map(len, self._contents.values())) > MOST_BYTES:
+            self._told.add(f"{where}: above {MOST_BYTES >> 20} MiB of images: {_NOT_DRAWN}")
+            return None
+        wrap, opaque = self._sampling(material)[1], material.alphaMode == "OPAQUE"
+        return self._textures.setdefault((image, *wrap, opaque), Texture(content, where, wrap, opaque))
+
+    def _image(self, material: Material, lost: str) -> int | None:
+        """The number of the image of a material's base colour; None without one, with a note if it is not read."""
+        texture = None if material.texture is None else self._data.layout.textures[material.texture.index]
+        if texture is not None and texture.image is None:
+            kind = " or ".join(sorted(texture.extensions)) or "a texture without an image"
+            self._told.add(f"{self._data.where}: {kind}: {lost}")
+        return None if texture is None else texture.image
+
+    def _sampling(self, material: Material) -> tuple[bool, tuple[Wrap, Wrap]]:
+        """Whether a material's texture is magnified to its nearest texel, and its wraps."""
+        assert material.texture is not None
+        number = self._data.layout.textures[material.texture.index].sampler
+        if number is None:
+            return False, ("repeat", "repeat")
+        sampler = self._data.layout.samplers[number]
+        return sampler.magFilter == _NEAREST, (_WRAPS[sampler.wrapS], _WRAPS[sampler.wrapT])
+
+    def _alphas_of(self, number: int) -> NDArray[np.uint8]:
         """(H, W) alphas of an image, read once."""
-        if number not in self._images:
+        if number not in self._alphas:
+            texels = read_image(self._content(number), f"{self._data.where}: images {number + 1}")
+            self._alphas[number] = np.ascontiguousarray(texels[..., 3])
+        return self._alphas[number]
+
+    def _content(self, number: int) -> bytes:
+        """The bytes of an image, read once."""
+        if number not in self._contents:
             image, where = self._data.layout.images[number], f"{self._data.where}: images {number + 1}"
             if image.bufferView is not None:
                 view = self._data.layout.bufferViews[image.bufferView]
-                content = self._data.buffers[view.buffer][view.byteOffset : view.end]
+                self._contents[number] = self._data.buffers[view.buffer][view.byteOffset : view.end]
             elif image.uri is not None:
-                content = read_uri(image.uri, self._path, where)
+                self._contents[number] = read_uri(image.uri, self._path, where)
             else:
                 raise InputError(f"{where}: found neither uri nor bufferView; one is needed")
-            self._images[number] = np.ascontiguousarray(read_image(content, where)[..., 3])
-        return self._images[number]
+        return self._contents[number]
 
     @staticmethod
     def _alpha(primitive: TrianglePrimitive) -> NDArray[np.float32] | None:
@@ -122,6 +154,12 @@ class Materials:
         if colors is None or colors.shape[1] < 4:
             return None
         return primitive.by_corner(np.clip(colors[:, 3], 0.0, 1.0))
+
+    @staticmethod
+    def _tints(primitive: TrianglePrimitive) -> NDArray[np.float32] | None:
+        """(F, 3) mean colours of the vertices; None without any."""
+        colors = primitive.floats("COLOR_0", "VEC3", "VEC4")
+        return None if colors is None else primitive.by_corner(np.clip(colors[:, :3], 0.0, 1.0)).mean(axis=1)
 
     @staticmethod
     def _coordinates(primitive: TrianglePrimitive, info: TextureInfo | None) -> NDArray[np.float32] | None:

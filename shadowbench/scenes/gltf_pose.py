@@ -123,8 +123,8 @@ def morphed(primitive: TrianglePrimitive, name: str, weights: Sequence[float] | 
 def blended(primitive: TrianglePrimitive, joints: Floats) -> Blend | None:
     """The matrices of a skin at each vertex; None if the primitive has no joints.
 
-    joints: (J, 4, 4) as of `joint_matrices`. Weights are divided by their sum; a
-    vertex without any follows the first of its joints, both as in three.js. Raises InputError.
+    joints: (J, 4, 4) as of `joint_matrices`. Weights are divided by their sum; a vertex without any follows the
+    first of its joints, both as in three.js. Raises InputError.
     """
     found = _influences(primitive, len(joints))
     if found is None:
@@ -186,7 +186,7 @@ def _influences(primitive: TrianglePrimitive, joints: int) -> tuple[NDArray[np.i
     number, weight = np.hstack(numbers), np.hstack(weights)
     if not (np.isfinite(weight).all() and (weight >= 0.0).all()):
         raise InputError(f"{where}: a weight of a joint is {weight.min():g}; allowed: finite ones, not below 0")
-    number[weight == 0.0] = 0  # exporters leave anything there
+    number[(weight == 0.0) & (number >= joints)] = 0  # exporters leave anything there
     if number.max(initial=0) >= joints:
         raise InputError(f"{where}: a vertex has joint {number.max()}; its skin has {joints}, counted from 0")
     return number, weight

@@ -2,6 +2,8 @@
 
 import io
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,26 @@ def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
 
     Raises InputError that begins with `where` for data that are no image of FORMATS, or more than MOST_TEXELS.
     """
+    with opened_image(data, where) as image:
+        texels: NDArray[np.uint8] = np.asarray(image.convert("RGBA"))
+    return texels
+
+
+def read_square(data: bytes, where: str, side: int, opaque: bool) -> NDArray[np.uint8]:
+    """(side, side, 4) uint8 texels of an image, by a box filter: red, green, blue, multiplied by alpha, and that.
+
+    opaque: whether its alpha is ignored. Raises InputError as `read_image` does.
+    """
+    with opened_image(data, where) as image:
+        image.draft("RGB", (side, side))  # a JPEG is decoded at a size near the one that is asked for
+        resized = image.convert("RGB" if opaque else "RGBA").resize((side, side), Image.Resampling.BOX)
+        texels: NDArray[np.uint8] = np.asarray(resized.convert("RGBA").convert("RGBa"))
+    return texels
+
+
+@contextmanager
+def opened_image(data: bytes, where: str) -> Iterator[Image.Image]:
+    """The image of a file, not decoded yet. Raises InputError as `read_image` does, in the block too."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # its limit is not ours
@@ -27,9 +49,8 @@ def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
                 if image.width * image.height > MOST_TEXELS:
                     found = f"{image.width} × {image.height} texels"
                     raise InputError(f"{where}: {found}; allowed are at most {MOST_TEXELS}")
-                texels: NDArray[np.uint8] = np.asarray(image.convert("RGBA"))
+                yield image
     except InputError:
         raise
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:  # as Pillow's decoders fail
         raise InputError(f"{where}: not an image that can be read ({', '.join(FORMATS)}): {short(error)}") from error
-    return texels

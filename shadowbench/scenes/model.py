@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.cutouts import Cutout, cutout_faces
+from shadowbench.scenes.cutouts import Cutout
 from shadowbench.scenes.geometry import Geometry, mirrors
+from shadowbench.scenes.joined import joined
 from shadowbench.scenes.normals import turned
 from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.textures import Texture
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 
 LightKind = Literal["directional", "spot", "point"]
@@ -32,6 +34,7 @@ SUN_RADIUS = float(np.radians(0.2665))
 NEAREST_TARGET = 1e-12
 """Least distance from a camera to its target, as a share of their coordinates, whose float64 precision is 2e-16."""
 GREY: Vec3 = (0.8, 0.8, 0.8)
+WHITE: Vec3 = (1.0, 1.0, 1.0)
 CORNERS = ("coordinates", "alpha", "normals")
 """What a mesh has by corner of a triangle, as vertices at one place are one."""
 
@@ -45,7 +48,8 @@ class Mesh:
     and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere;
     coordinates: (F, 3, 2) float32 texture coordinates of the triangles' corners, alpha: (F, 3) float32 vertex alphas,
     None for 0 and for 1. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None if it is flat, and
-    zero at corners without one.
+    zero at corners without one. texture, and tints, (F, 3) float32 linear RGB that color is multiplied by, are of
+    pictures only.
     """
 
     name: str
@@ -59,6 +63,8 @@ class Mesh:
     coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
     alpha: NDArray[np.float32] | None = field(default=None, repr=False)
     normals: NDArray[np.float32] | None = field(default=None, repr=False)
+    texture: Texture | None = None
+    tints: NDArray[np.float32] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("vertices", "faces", *CORNERS):
@@ -74,14 +80,15 @@ class Mesh:
 
         kept: (F,) bool, which of its faces these are, by default all.
         """
-        corners = {name: values for name in CORNERS if (values := getattr(self, name)) is not None}
+        corners, tints = {name: values for name in CORNERS if (values := getattr(self, name)) is not None}, self.tints
         if kept is not None:
             corners = {name: values[kept] for name, values in corners.items()}
+            tints = None if tints is None else tints[kept]
         if mirrors(matrix):
             corners = {name: values[:, ::-1] for name, values in corners.items()}
         if "normals" in corners:
             corners["normals"] = turned(corners["normals"], matrix)
-        return replace(self, vertices=vertices, faces=faces, **corners)
+        return replace(self, vertices=vertices, faces=faces, tints=tints, **corners)
 
     @cached_property
     def closed(self) -> bool:
@@ -189,28 +196,7 @@ class Scene:
     @cached_property
     def geometry(self) -> Geometry:
         """All meshes as one indexed triangle list."""
-        offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in self.meshes[:-1])])
-        counts = [len(mesh.faces) for mesh in self.meshes]
-        faces = [mesh.faces + offset for mesh, offset in zip(self.meshes, offsets, strict=True)]
-        return Geometry(
-            vertices=np.concatenate([mesh.vertices for mesh in self.meshes]),
-            faces=np.concatenate(faces, dtype=np.int32),
-            casts=np.repeat([mesh.casts for mesh in self.meshes], counts),
-            receives=np.repeat([mesh.receives for mesh in self.meshes], counts),
-            planar=np.repeat([mesh.planar for mesh in self.meshes], counts),
-            colors=np.repeat(np.array([mesh.color for mesh in self.meshes], dtype=np.float64), counts, axis=0),
-            cutouts=cutout_faces(
-                [(len(mesh.faces), mesh.cutout, mesh.coordinates, mesh.alpha) for mesh in self.meshes]
-            ),
-            corner_normals=None
-            if all(mesh.normals is None for mesh in self.meshes)
-            else np.concatenate(
-                [
-                    np.zeros((len(mesh.faces), 3, 3), np.float32) if mesh.normals is None else mesh.normals
-                    for mesh in self.meshes
-                ]
-            ),
-        )
+        return joined(self.meshes)
 
     @cached_property
     def placement(self) -> Placement:

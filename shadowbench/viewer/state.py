@@ -6,12 +6,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
-import numpy as np
-
 from shadowbench.files import data_folder
 from shadowbench.gl.picture import Shading
 from shadowbench.options import FIRST, SceneOptions
 from shadowbench.plugin.spec import Spec
+from shadowbench.scenes.joined import triangle_colors
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.vectors import Floats, Vec3
@@ -106,7 +105,7 @@ def materials(scene: Scene) -> dict[str, Vec3]:
 def recolored(scene: Scene, colors: Mapping[str, Vec3]) -> Floats:
     """(F, 3) colours of a scene's triangles, with others of some materials."""
     shown = [colors.get(_COPY.sub("", mesh.name), mesh.color) for mesh in scene.meshes]
-    return np.repeat(np.array(shown, dtype=np.float64), [len(mesh.faces) for mesh in scene.meshes], axis=0)
+    return triangle_colors(scene.meshes, shown)
 
 
 @dataclass(frozen=True)

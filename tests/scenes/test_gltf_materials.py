@@ -1,4 +1,4 @@
-"""What glTF materials cut out."""
+"""What glTF materials cut out, and their textures."""
 
 import base64
 import io
@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from shadowbench.scenes.images import read_image
 from shadowbench.scenes.meshes import read_meshes
-from shadowbench.scenes.model import Mesh
+from shadowbench.scenes.model import GREY, Mesh
 from tests.scenes.conftest import refused
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float32)
@@ -180,3 +181,55 @@ def test_an_image_of_too_many_texels_is_refused_before_it_is_decoded(
 ) -> None:
     monkeypatch.setattr("shadowbench.scenes.images.MOST_TEXELS", 31)
     refused(card(masked({"index": 0})), "images 1", "8 × 4 texels", "31")
+
+
+def test_a_base_colour_is_the_texture_times_the_factor_with_its_wrap(card: Written) -> None:
+    base = {"baseColorTexture": {"index": 0, "texCoord": 1}, "baseColorFactor": [0.5, 0.25, 1, 1]}
+    sampler = {"wrapS": 33071, "wrapT": 33648}
+    path = card({"pbrMetallicRoughness": base}, textures=[{"source": 0, "sampler": 0}], samplers=[sampler])
+    mesh = only_mesh(path)
+    assert mesh.color == (0.5, 0.25, 1.0) and mesh.cutout is None and mesh.texture is not None
+    assert mesh.texture.wrap == ("clamp", "mirror") and mesh.texture.opaque
+    assert np.array_equal(read_image(mesh.texture.content, "a"), RANDOM)
+    assert coordinates_at(mesh)[1, 1, 0] == (2, 0)
+
+
+def test_a_texture_without_a_factor_keeps_its_colours_and_a_mask_its_alpha(card: Written) -> None:
+    glossy = {"extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseTexture": {"index": 0}}}}
+    plain, old, leaf = (
+        only_mesh(card(one)) for one in ({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, glossy,
+                                         masked({"index": 0}))
+    )  # fmt: skip
+    assert plain.color == old.color == leaf.color == (1.0, 1.0, 1.0)
+    assert plain.texture is not None and old.texture is not None and leaf.texture is not None
+    assert (plain.texture.opaque, old.texture.opaque, leaf.texture.opaque) == (True, True, False)
+
+
+def test_vertex_colours_are_those_of_triangles_in_the_mean(card: Written) -> None:
+    colors = np.array([[0.0, 0.3, 0.6], [0.3, 0.3, 0.6], [0.6, 0.3, 0.6], [0.9, 0.9, 0.9]])
+    path = card({"pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.5, 0.5, 1.0]}}, colors)
+    scene = read_meshes(path)
+    assert scene.geometry.colors == pytest.approx(np.array([[0.3, 0.15, 0.3], [0.5, 0.25, 0.35]]), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("parts", "note"),
+    [
+        ({"images": [{"uri": "missing.png"}]}, "images 1: uri 'missing.png' is not a file in"),
+        ({"images": [{"uri": "../card.png"}]}, "images 1: uri '../card.png' leads outside"),
+        ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]}, "KHR_texture_basisu"),
+    ],
+)
+def test_a_texture_of_an_opaque_surface_that_is_not_read_is_told(
+    card: Written, parts: dict[str, Any], note: str
+) -> None:
+    contents = read_meshes(card({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, **parts))
+    assert contents.meshes[0].texture is None and contents.meshes[0].color == GREY
+    assert any(note in found and "drawn without this texture" in found for found in contents.notes)
+
+
+def test_more_image_files_than_memory_is_spent_on_are_told(card: Written, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shadowbench.scenes.gltf_materials.MOST_BYTES", 99)
+    contents = read_meshes(card({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}))
+    assert contents.meshes[0].texture is None
+    assert any("above 0 MiB of images" in note for note in contents.notes)

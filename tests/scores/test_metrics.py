@@ -50,7 +50,7 @@ def test_in_a_view_of_few_pixels_every_metric_is_a_number_or_none(size, soft, tr
 def test_every_metric_has_a_row_that_explains_it():
     assert list(METRICS) == [
         *("iou", "iou_soft", "boundary_iou", "ssim", "ssim_edge", "mae", "mae_area", "mae_lit"),
-        *("acne", "acne_soft", "leak", "contact", "edge_px", "edge_p95"),
+        *("acne", "acne_soft", "leak", "contact", "terminator", "edge_px", "edge_p95"),
         *("rmse", "rmse_pen", "bias_pen", "bleed", "false_dark", "noise", "banding"),
         *("width", "hardening", "hardening_intercept"),
     ]

@@ -6,8 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shadowbench.engines.export import inexpressible_in_gltf
-from shadowbench.plugin.engine import Engine
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.cutouts import Cutout, Wrap
@@ -176,13 +174,6 @@ def test_volumes_decline_what_is_cut_out_or_draw_it_whole(spec, light, device, m
     assert refusal(opaque, view, device) is None
     on_ground = [mask(opaque, one)[-20:, :] for one in (view, whole)]  # below the leaves
     assert (on_ground[0] != on_ground[1]).mean() < 0.1
-
-
-def test_an_engine_and_an_export_say_that_they_lack_cut_outs() -> None:
-    view = leaves_view(LIGHTS["directional"])
-    assert "cut out by alpha" in str(Engine.unsupported(view))
-    assert Engine.unsupported(leaves_view(LIGHTS["directional"], replace(LEAVES, cutout=None))) is None
-    assert [line for line in inexpressible_in_gltf(view) if "leaves is cut out" in line]
 
 
 def test_needs_count_what_is_cut_out() -> None:

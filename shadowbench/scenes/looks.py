@@ -1,0 +1,22 @@
+"""What a material gives a mesh: where it is cut out, and what colour it has in pictures."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.scenes.cutouts import Cutout
+from shadowbench.scenes.model import GREY
+from shadowbench.scenes.textures import Texture
+from shadowbench.scenes.vectors import Vec3
+
+
+class Look(NamedTuple):
+    """Fields of `Mesh` of these names."""
+
+    color: Vec3 = GREY
+    cutout: Cutout | None = None
+    texture: Texture | None = None
+    coordinates: NDArray[np.float32] | None = None
+    alpha: NDArray[np.float32] | None = None
+    tints: NDArray[np.float32] | None = None

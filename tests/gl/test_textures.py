@@ -1,0 +1,145 @@
+"""Textures of base colours in pictures."""
+
+import io
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from shadowbench.gl import textures
+from shadowbench.gl.gbuffer import download
+from shadowbench.gl.picture import PicturePass, Shading
+from shadowbench.scenes.cutouts import WRAPS, Cutout
+from shadowbench.scenes.model import Light, Mesh
+from shadowbench.scenes.textures import Texture
+
+BARE = Shading(ambient=0.0, specular=0.0, light_color=(1.0, 1.0, 1.0))
+"""A surface that faces the light has its base colour."""
+HEADLIGHT = Light("light", "directional", (0.0, 0.0, -1.0))
+SIZE = 128
+RANDOM = np.random.default_rng(3).integers(0, 256, (4, 8, 3), dtype=np.uint8)
+
+
+def encoded(texels: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(texels).save(stream, "PNG")
+    return stream.getvalue()
+
+
+def wall(texture: Texture | None, low: float = 0.0, high: float = 1.0, **more: object) -> Mesh:
+    """A square, 1 wide, that faces +z, with u to the right and v downwards."""
+    vertices = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    corners = np.array([[low, high], [high, high], [high, low], [low, low]], dtype=np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+    white = (1.0, 1.0, 1.0)
+    return Mesh("wall", vertices, faces, **{"color": white, "texture": texture, "coordinates": corners[faces], **more})
+
+
+@pytest.fixture
+def painted(studio, looking, device):
+    """The (SIZE, SIZE, 3) picture of a wall that fills it, as float."""
+
+    def paint(*meshes: Mesh, visibility: float = 1.0, **view) -> np.ndarray:
+        shot = studio.shot(looking(meshes, HEADLIGHT, SIZE, **{"eye": (0, 0, 0.5), "fov": 90.0, **view}))
+        painter = PicturePass(device, shot.geometry)
+        even = np.full((SIZE, SIZE), visibility, dtype="f4")
+        mask = device.context.texture(even.shape, 1, even.tobytes(), dtype="f4")
+        drawn = painter.shade(shot.surface, shot.view, mask, shading=BARE)
+        picture = download(drawn, "u1")[..., :3].astype(float)
+        device.free((mask, drawn))
+        painter.release()
+        return picture
+
+    return paint
+
+
+@pytest.mark.parametrize("across", WRAPS)
+@pytest.mark.parametrize("down", WRAPS)
+def test_a_texel_is_where_its_coordinates_say_and_v_is_downwards(painted, across, down) -> None:
+    picture = painted(wall(Texture(encoded(RANDOM), "a", (across, down)), -1.0, 2.0))
+    at = (np.arange(SIZE) + 0.5) / SIZE * 3 - 1
+    places = np.stack(np.meshgrid(at, at), axis=-1)
+    high = RANDOM.repeat(2, axis=0)  # textures are squares on the device
+    expected = np.stack([Cutout(high[..., k], wrap=(across, down))._mixed(places) for k in range(3)], axis=-1)
+    assert np.abs(picture - expected).max() <= 3, "GPUs round the weights of their filters to 8 bits"
+
+
+def test_the_texture_is_multiplied_by_the_colour_and_by_vertex_colours_in_linear_light(painted) -> None:
+    grey = np.full((1, 1, 3), 188, dtype=np.uint8)  # 0.5 in linear light
+    tints = np.array([[1.0, 1.0, 0.5], [0.5, 1.0, 1.0]], dtype=np.float32)
+    picture = painted(wall(Texture(encoded(grey), "a"), color=(1.0, 0.5, 0.25), tints=tints))
+    assert picture[-9, -25] == pytest.approx(255 * srgb(0.5 * np.array([1.0, 0.5, 0.125])), abs=1.5)
+    assert picture[8, 24] == pytest.approx(255 * srgb(0.5 * np.array([0.5, 0.5, 0.25])), abs=1.5)
+
+
+def srgb(linear: np.ndarray) -> np.ndarray:
+    return 1.055 * linear ** (1 / 2.4) - 0.055
+
+
+def test_a_far_texture_is_its_mean_and_does_not_alias(painted) -> None:
+    checks = (np.indices((64, 64)).sum(axis=0) % 2 * 255).astype(np.uint8)
+    picture = painted(wall(Texture(encoded(np.dstack([checks] * 3)), "a"), 0.0, 37.0))
+    assert np.abs(picture - 127.5).max() <= 3
+
+
+def test_a_slanted_texture_is_read_in_perspective(painted) -> None:
+    stripes = np.zeros((16, 16, 3), dtype=np.uint8)
+    stripes[::2] = 255
+    picture = painted(wall(Texture(encoded(stripes), "a")), eye=(0, -0.7, 0.25), target=(0, -0.2, 0), fov=60.0)
+    column = picture[:, SIZE // 2, 0] > 100
+    edges = np.flatnonzero(column[1:] != column[:-1])
+    gaps = np.diff(edges[1:])
+    assert len(gaps) >= 8 and (gaps[-3:].mean() > 1.5 * gaps[:3].mean()), "stripes nearer to the camera are wider"
+
+
+def test_what_is_cut_away_leaves_no_dark_rim(painted) -> None:
+    texels = np.zeros((16, 16, 4), dtype=np.uint8)
+    texels[4:12, 4:12] = 40, 200, 40, 255
+    image = encoded(texels)
+    leaf = wall(Texture(image, "a", opaque=False), cutout=Cutout(texels[..., 3]))
+    picture = painted(leaf)
+    shown = picture[..., 1] > picture[..., 2] + 20
+    assert 0.2 < shown.mean() < 0.3, "half as wide and as high as the wall"
+    assert (picture[shown] >= np.array([37, 180, 37])).all(), "as bright, but for the sky beside it"
+    ignored = painted(wall(Texture(image, "a")))
+    assert np.abs(ignored[2, 2] - [0, 0, 0]).max() <= 1, "an alpha that says nothing is not looked at"
+
+
+def test_triangles_without_a_texture_beside_one_keep_their_colour(painted) -> None:
+    small = replace(wall(None, color=(0.0, 0.0, 1.0)), vertices=wall(None).vertices * 0.5 + np.array([0, 0, 0.1]))
+    picture = painted(wall(Texture(encoded(np.full((2, 2, 3), 255, np.uint8)), "a")), small)
+    assert picture[SIZE // 2, SIZE // 2].tolist() == [0, 0, 255]
+    assert picture[4, 4].tolist() == [255, 255, 255]
+
+
+def test_an_image_that_cannot_be_decoded_is_grey_and_told(painted, caplog) -> None:
+    broken = encoded(RANDOM)[:-40]
+    with caplog.at_level(logging.ERROR, "shadowbench"):
+        picture = painted(wall(Texture(broken, "a.glb: images 1")))
+    assert np.abs(picture - 128).max() <= 1
+    assert "a.glb: images 1: not an image" in caplog.text
+
+
+def test_textures_are_decoded_for_pictures_only_and_within_limits(
+    studio, looking, device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sides: list[int] = []
+    read = textures.read_square
+    monkeypatch.setattr(textures, "read_square", lambda *given: (sides.append(given[2]), read(*given))[1])
+    monkeypatch.setattr(textures, "MOST_TEXELS", 2 * 16 * 16)
+    large = Texture(encoded(np.zeros((64, 64, 3), np.uint8)), "a")
+    meshes = wall(large), replace(wall(replace(large)), vertices=wall(None).vertices + np.array([2, 0, 0]))
+    shot = studio.shot(looking(meshes, HEADLIGHT, SIZE))
+    painter = PicturePass(device, shot.geometry)
+    assert not sides, "not for the G-buffer"
+    painter.extremes(shot.surface, shot.view)
+    assert sides == [16, 16], "once each, for both pictures"
+    painter.release()
+
+
+def test_neither_keys_nor_masks_depend_on_a_texture(looking, mask) -> None:
+    views = [looking([wall(texture)], HEADLIGHT) for texture in (None, Texture(encoded(RANDOM), "a"))]
+    assert views[0].scene.geometry.digest() == views[1].scene.geometry.digest()
+    assert np.array_equal(mask("shadow-map", views[0]), mask("shadow-map", views[1]))
