@@ -29,6 +29,15 @@ def difference_over(grey: NDArray[np.floating], signed: NDArray[np.floating]) ->
     return mixed
 
 
+def with_facets(
+    picture: NDArray[np.uint8], facets: NDArray[np.bool_], visibility: NDArray[np.floating]
+) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 sRGB: the picture blended towards FACETS at some pixels, (H, W), by a mask's darkness."""
+    strength = np.where(facets, 1 - visibility, 0)[..., np.newaxis]
+    mixed: NDArray[np.uint8] = np.rint(picture * (1 - strength) + np.array(FACETS) * strength).astype(np.uint8)
+    return mixed
+
+
 def weight(error: NDArray[np.floating], soft: bool) -> NDArray[np.floating]:
     """Signed blend weight of errors of visibility in [-1, 1]: of soft shadows the root, as their errors are small."""
     return np.sign(error) * np.sqrt(np.abs(error)) if soft else error
@@ -45,8 +54,7 @@ def difference_picture(comparison: Comparison) -> NDArray[np.uint8]:
     grey = np.where(prepared.valid, _SHADOW + (_LIT - _SHADOW) * prepared.visibility, _UNSCORED)
     error = np.where(prepared.valid, comparison.signed_error, 0)
     picture = difference_over(grey, weight(error, prepared.soft))
-    dark = 1 - comparison.visibility[prepared.facet_shadow][:, np.newaxis]
-    picture[prepared.facet_shadow] = np.rint(picture[prepared.facet_shadow] * (1 - dark) + np.array(FACETS) * dark)
+    picture = with_facets(picture, prepared.facet_shadow, comparison.visibility)
     return with_legend(picture) if prepared.soft else picture
 
 
