@@ -22,6 +22,8 @@ from shadowbench.scenes.textures import MOST_BYTES, Texture
 from shadowbench.scenes.vectors import vec3
 
 BLEND_CUTOFF = 0.5
+MOST_MASKED = 1 << 27
+"""Limit on the texels of a file's masks, thirty-two of 2048², which techniques hold in one texture."""
 _NEAREST = 9728  # GL_NEAREST
 _WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}  # GL_CLAMP_TO_EDGE, GL_MIRRORED_REPEAT, …
 _NOT_DRAWN = "drawn without this texture"
