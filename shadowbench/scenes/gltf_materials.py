@@ -132,8 +132,10 @@ class Materials:
     def _alphas_of(self, number: int) -> NDArray[np.uint8]:
         """(H, W) alphas of an image, read once."""
         if number not in self._alphas:
-            texels = read_image(self._content(number), f"{self._data.where}: images {number + 1}")
-            self._alphas[number] = np.ascontiguousarray(texels[..., 3])
+            where = f"{self._data.where}: images {number + 1}"
+            self._alphas[number] = np.ascontiguousarray(read_image(self._content(number), where)[..., 3])
+            if (total := sum(alpha.size for alpha in self._alphas.values())) > MOST_MASKED:
+                raise InputError(f"{where}: {total} texels of masks by now; a file may have {MOST_MASKED}")
         return self._alphas[number]
 
     def _content(self, number: int) -> bytes:
