@@ -22,6 +22,8 @@ from shadowbench.scenes.textures import MOST_BYTES, Texture
 from shadowbench.scenes.vectors import vec3
 
 BLEND_CUTOFF = 0.5
+MOST_MASKED = 1 << 27
+"""Limit on the texels of a file's masks, thirty-two of 2048², which techniques hold in one texture."""
 _NEAREST = 9728  # GL_NEAREST
 _WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}  # GL_CLAMP_TO_EDGE, GL_MIRRORED_REPEAT, …
 _NOT_DRAWN = "drawn without this texture"
@@ -130,8 +132,10 @@ class Materials:
     def _alphas_of(self, number: int) -> NDArray[np.uint8]:
         """(H, W) alphas of an image, read once."""
         if number not in self._alphas:
-            texels = read_image(self._content(number), f"{self._data.where}: images {number + 1}")
-            self._alphas[number] = np.ascontiguousarray(texels[..., 3])
+            where = f"{self._data.where}: images {number + 1}"
+            self._alphas[number] = np.ascontiguousarray(read_image(self._content(number), where)[..., 3])
+            if (total := sum(alpha.size for alpha in self._alphas.values())) > MOST_MASKED:
+                raise InputError(f"{where}: {total} texels of masks by now; a file may have {MOST_MASKED}")
         return self._alphas[number]
 
     def _content(self, number: int) -> bytes:
