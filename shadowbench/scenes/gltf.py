@@ -49,10 +49,11 @@ class Source(NamedTuple):
     look: Look
 
 
-def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
+def read_gltf(path: Path, where: str, moment: Moment = NOW, coordinates: bool = False) -> Contents:
     """The contents of a .gltf or .glb at a moment, in the order of its nodes.
 
-    Raises InputError or ValueError for invalid ones.
+    coordinates: whether its meshes have texture coordinates even if no material needs them. Raises InputError or
+    ValueError for invalid ones.
     """
     document, chunk = read_json(path)
     layout = validated(Layout, document, where, context=document)
@@ -64,7 +65,7 @@ def read_gltf(path: Path, where: str, moment: Moment = NOW) -> Contents:
     data = read_buffers(layout, chunk, path, where)
     pose, pose_notes = pose_at(data, moment)
     nodes = scene_nodes(layout, pose)
-    poser, materials = Poser(data, pose, nodes), Materials(data, path)
+    poser, materials = Poser(data, pose, nodes), Materials(data, path, coordinates)
     sources: list[list[Source]] = [[] for _ in layout.meshes]
     for each in read_primitives(data):
         posed = poser.posed(each)
