@@ -36,6 +36,8 @@ WHERE = {  # the pixels that are wrong until they are cured, as sets of the trut
     "eye-in-volume": "valid",
     "light-bleeding": "shadow",
     "fixed-width": "penumbra",
+    "leaves-lost-to-bias": "shadow",
+    "two-sided-cards": "shadow",
 }
 ALSO = {  # other cures that the text names; they leave at most half of the error
     "peter-panning": "shadow-map:preset=constant,fit=visible",

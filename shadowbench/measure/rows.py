@@ -185,6 +185,7 @@ class StudyFacts(TypedDict, total=False):
     up: str
     time: float
     clip: str
+    variant: str
     camera: str
     target: str
     lamp: str

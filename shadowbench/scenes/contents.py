@@ -1,10 +1,26 @@
-"""What a mesh file holds, before its meshes are placed."""
+"""What is asked of a mesh file, and what it holds, before its meshes are placed."""
 
 from typing import NamedTuple
 
 from shadowbench.scenes.model import Camera, Light, Mesh
 from shadowbench.scenes.tables import LONGEST_NAME, name_from
 from shadowbench.scenes.vectors import Floats
+
+
+class Chosen(NamedTuple):
+    """What is read of a mesh file, all but coordinates of a glTF alone.
+
+    time: in seconds, None for 0; clip: by name or number from 1, or NO_CLIP, None for the first; variant: of the
+    materials, by name, None for the file's own. coordinates: texture coordinates too, even if no material needs them.
+    """
+
+    time: float | None = None
+    clip: str | None = None
+    variant: str | None = None
+    coordinates: bool = False
+
+
+BY_DEFAULT = Chosen()
 
 
 class Contents(NamedTuple):

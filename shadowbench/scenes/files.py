@@ -14,10 +14,11 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
+from shadowbench.scenes.contents import Chosen
 from shadowbench.scenes.cutouts import Cutout, Wrap
 from shadowbench.scenes.geometry import MOST_TRIANGLES, Triangles
-from shadowbench.scenes.gltf_animation import Moment
 from shadowbench.scenes.images import mask_of, read_image
+from shadowbench.scenes.looks import MOST_MASKED
 from shadowbench.scenes.meshes import placed, read_meshes
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene
 from shadowbench.scenes.normals import mean_normals
@@ -183,15 +184,15 @@ class _Files:
 
     def __init__(self, scene: Path, assets: Path | None) -> None:
         self._folders = [folder.resolve() for folder in (scene.parent, assets) if folder is not None]
-        self.read: dict[tuple[Path, Moment, bool], Scene] = {}
+        self.read: dict[tuple[Path, Chosen], Scene] = {}
         self._cutouts: dict[tuple[object, ...], Cutout] = {}
 
     def meshes(self, table: MeshTable, where: str) -> tuple[tuple[Mesh, ...], int]:
         """The meshes of a table's file in object space, and the zero-area triangles of the file."""
         file = self._resolved(str(table.file), f"{where}: file")
-        key = file, Moment(table.time, table.clip), table.mask is not None
+        key = file, Chosen(table.time, table.clip, table.variant, table.mask is not None)
         if key not in self.read:
-            self.read[key] = read_meshes(file, f"{where}: {table.file}", *key[1:])
+            self.read[key] = read_meshes(file, f"{where}: {table.file}", key[1])
         return self.read[key].meshes, self.read[key].dropped
 
     def masked(self, table: MeshTable, mask: str, meshes: tuple[Mesh, ...], where: str) -> tuple[Mesh, ...]:
@@ -202,6 +203,9 @@ class _Files:
         if key not in self._cutouts:
             alpha = mask_of(read_image(file.read_bytes(), f"{where}: {mask!r:.60}"))
             cutout = Cutout(alpha, 1.0, table.cutoff, table.mask_filter == "nearest", (wrap, wrap))
+            total = alpha.size + sum(other.alpha.size for other in self._cutouts.values())
+            if total > MOST_MASKED:
+                raise InputError(f"{where}: {total} texels of masks by now; a scene file may have {MOST_MASKED}")
             if int(alpha.max()) < cutout.least:
                 found = f"below the cutoff {table.cutoff:g} everywhere, so that nothing is left"
                 raise InputError(f"{where}: {mask!r:.60} is {found}")

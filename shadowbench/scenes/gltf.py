@@ -12,16 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.contents import Contents, unique_name
+from shadowbench.scenes.contents import BY_DEFAULT, Chosen, Contents, unique_name
 from shadowbench.scenes.geometry import Triangles, triangles_of
 from shadowbench.scenes.gltf_accessors import Data
-from shadowbench.scenes.gltf_animation import NOW, Moment, pose_at
+from shadowbench.scenes.gltf_animation import pose_at
 from shadowbench.scenes.gltf_bytes import TRIANGLES, read_buffers, read_json, read_primitives
 from shadowbench.scenes.gltf_instances import instance_matrices
 from shadowbench.scenes.gltf_layout import Layout
 from shadowbench.scenes.gltf_materials import Materials
 from shadowbench.scenes.gltf_nodes import Node, scene_nodes
 from shadowbench.scenes.gltf_pose import Posed, Poser, corner_normals
+from shadowbench.scenes.gltf_variants import variant_notes, with_variant
 from shadowbench.scenes.looks import Look
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Mesh
 from shadowbench.scenes.normals import Singles
@@ -49,11 +50,10 @@ class Source(NamedTuple):
     look: Look
 
 
-def read_gltf(path: Path, where: str, moment: Moment = NOW, coordinates: bool = False) -> Contents:
-    """The contents of a .gltf or .glb at a moment, in the order of its nodes.
+def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
+    """The contents of a .gltf or .glb as chosen, in the order of its nodes.
 
-    coordinates: whether its meshes have texture coordinates even if no material needs them. Raises InputError or
-    ValueError for invalid ones.
+    Raises InputError or ValueError for invalid ones.
     """
     document, chunk = read_json(path)
     layout = validated(Layout, document, where, context=document)
@@ -62,10 +62,11 @@ def read_gltf(path: Path, where: str, moment: Moment = NOW, coordinates: bool = 
             raise InputError(
                 f"{where}: extensionsRequired: {extension!r:.60} is not supported; save the file without it"
             )
+    layout = with_variant(layout, chosen.variant, where)
     data = read_buffers(layout, chunk, path, where)
-    pose, pose_notes = pose_at(data, moment)
+    pose, pose_notes = pose_at(data, chosen)
     nodes = scene_nodes(layout, pose)
-    poser, materials = Poser(data, pose, nodes), Materials(data, path, coordinates)
+    poser, materials = Poser(data, pose, nodes), Materials(data, path, chosen.coordinates)
     sources: list[list[Source]] = [[] for _ in layout.meshes]
     for each in read_primitives(data):
         posed = poser.posed(each)
@@ -75,7 +76,8 @@ def read_gltf(path: Path, where: str, moment: Moment = NOW, coordinates: bool = 
             sources[each.mesh].append(Source(still, normals, posed, look))
     instances = _instances(data, nodes, sources)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
-    notes += materials.notes + pose_notes + poser.notes + cameras[1] + lights[1]
+    notes += variant_notes(layout, chosen.variant, where) + materials.notes + pose_notes + poser.notes
+    notes += cameras[1] + lights[1]
     return Contents(instances, cameras[0], lights[0], notes)
 
 

@@ -1,4 +1,4 @@
-"""Clips of a glTF at a moment: which one, and what it sets.
+"""Clips of a glTF at a time: which one, and what it sets.
 
 glTF 2.0 specification, section 3.11 and appendix C, for interpolation.
 """
@@ -6,11 +6,11 @@ glTF 2.0 specification, section 3.11 and appendix C, for interpolation.
 import bisect
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from shadowbench.errors import InputError, alternatives
+from shadowbench.scenes.contents import Chosen
 from shadowbench.scenes.gltf_accessors import Data, as_floats, stored
 from shadowbench.scenes.gltf_layout import Layout
 from shadowbench.scenes.gltf_motion import Animation, Channel, Sampler
@@ -22,30 +22,20 @@ NO_CLIP = "none"
 TYPES = {"translation": ("VEC3", 3), "rotation": ("VEC4", 4), "scale": ("VEC3", 3)}
 
 
-class Moment(NamedTuple):
-    """A clip by name or number, counted from 1, or NO_CLIP; and a time in seconds. None: the first clip, and 0."""
-
-    time: float | None = None
-    clip: str | None = None
-
-
-NOW = Moment()
-
-
-def pose_at(data: Data, moment: Moment) -> tuple[Pose, list[str]]:
-    """The pose of a file at a moment, and notes on the clip and on what it moves besides nodes. Raises InputError.
+def pose_at(data: Data, chosen: Chosen) -> tuple[Pose, list[str]]:
+    """The pose of a file as chosen, and notes on the clip and on what it moves besides nodes. Raises InputError.
 
     Without animations, or with NO_CLIP, nodes stay as they stand. Before its first and after its last key a channel
     keeps the value of that key, as the specification demands.
     """
     layout, where = data.layout, data.where
-    number = _number_of(layout, moment.clip, where)
+    number = _number_of(layout, chosen.clip, where)
     if number is None:
         count = len(layout.animations)
         still = [f"{where}: none of {count} clip(s) taken: nodes stand as in the file"] if count else []
-        return {}, still if moment.time is None else [*still, f"{where}: time: no clip to pose"]
+        return {}, still if chosen.time is None else [*still, f"{where}: time: no clip to pose"]
     clip = layout.animations[number]
-    time = moment.time or 0.0
+    time = chosen.time or 0.0
     pose: dict[tuple[int, str], Floats] = {}
     first, last, lost = math.inf, -math.inf, 0
     for channel in clip.channels:

@@ -4,7 +4,11 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, AliasPath, BaseModel, ConfigDict, Field, ValidationInfo
 
-LIGHTS = AliasPath("extensions", "KHR_lights_punctual", "lights")
+LISTS = {
+    "lights": AliasPath("extensions", "KHR_lights_punctual", "lights"),
+    "variants": AliasPath("extensions", "KHR_materials_variants", "variants"),
+}
+"""Lists of extensions."""
 
 Count = Annotated[int, Field(ge=0, le=2**53, strict=True)]
 Number = Annotated[float, Field(strict=True)]
@@ -16,7 +20,7 @@ def index_into(part: str) -> AfterValidator:
 
     def check(index: int, info: ValidationInfo) -> int:
         document: dict[str, Any] = info.context or {}
-        parts = LIGHTS.search_dict_for_path(document) if part == "lights" else document.get(part)
+        parts = LISTS[part].search_dict_for_path(document) if part in LISTS else document.get(part)
         count = len(parts) if isinstance(parts, list | dict) else 0
         if index >= count:
             raise ValueError(f"found {index}; allowed: {f'0 to {count - 1}' if count else 'none, as there are none'}")

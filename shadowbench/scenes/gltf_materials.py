@@ -16,7 +16,7 @@ from shadowbench.scenes.gltf_accessors import Data
 from shadowbench.scenes.gltf_bytes import TrianglePrimitive, read_uri
 from shadowbench.scenes.gltf_layout import Material, TextureInfo, TextureTransform
 from shadowbench.scenes.images import read_image
-from shadowbench.scenes.looks import BLEND_CUTOFF, OPAQUE, Look
+from shadowbench.scenes.looks import BLEND_CUTOFF, MOST_MASKED, OPAQUE, Look
 from shadowbench.scenes.model import GREY, WHITE
 from shadowbench.scenes.textures import MOST_BYTES, Texture
 from shadowbench.scenes.vectors import vec3
@@ -130,8 +130,10 @@ class Materials:
     def _alphas_of(self, number: int) -> NDArray[np.uint8]:
         """(H, W) alphas of an image, read once."""
         if number not in self._alphas:
-            texels = read_image(self._content(number), f"{self._data.where}: images {number + 1}")
-            self._alphas[number] = np.ascontiguousarray(texels[..., 3])
+            where = f"{self._data.where}: images {number + 1}"
+            self._alphas[number] = np.ascontiguousarray(read_image(self._content(number), where)[..., 3])
+            if (total := sum(alpha.size for alpha in self._alphas.values())) > MOST_MASKED:
+                raise InputError(f"{where}: {total} texels of masks by now; a file may have {MOST_MASKED}")
         return self._alphas[number]
 
     def _content(self, number: int) -> bytes:

@@ -9,8 +9,8 @@ import numpy as np
 from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
+from shadowbench.scenes.contents import BY_DEFAULT, Chosen
 from shadowbench.scenes.files import SceneFile, read_document, read_scene_file
-from shadowbench.scenes.gltf_animation import NOW, Moment
 from shadowbench.scenes.meshes import GLTF_SUFFIXES, MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.tables import NAME, NAMES, name_from
@@ -24,19 +24,21 @@ Z_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype
 """Turns the z axis up."""
 
 
-def load_scene(source: str | Path, assets: Path | None = None, up: str | None = None, moment: Moment = NOW) -> Scene:
+def load_scene(
+    source: str | Path, assets: Path | None = None, up: str | None = None, chosen: Chosen = BY_DEFAULT
+) -> Scene:
     """A built-in scene, the scene of a `.toml`, or that of a mesh file with a default ground, camera and sun.
 
     assets: a second folder for the meshes of a scene file. up: "y" or "z", the up axis of a mesh file whose format does
-    not specify it; moment: at which the animations of a glTF pose it. Raises InputError for an invalid name or file.
+    not specify it; chosen: what is taken of a glTF. Raises InputError for an invalid name or file.
     """
     text = str(source)
     if up is not None:
         _check_up(up, text)
-    if moment != NOW and Path(text).suffix.lower() not in GLTF_SUFFIXES:
+    if chosen != BY_DEFAULT and Path(text).suffix.lower() not in GLTF_SUFFIXES:
         raise InputError(
-            f"--time, --clip: {text:.200} is no glTF file; allowed for {' and '.join(GLTF_SUFFIXES)}; a scene file has "
-            "time and clip in its [[mesh]] tables"
+            f"--time, --clip, --variant: {text:.200} is no glTF file; allowed for {' and '.join(GLTF_SUFFIXES)}; a "
+            "scene file has time, clip and variant in its [[mesh]] tables"
         )
     if text in builtin_names():
         return read_scene_file(data_folder("scenes") / f"{text}.toml", assets)
@@ -51,7 +53,7 @@ def load_scene(source: str | Path, assets: Path | None = None, up: str | None = 
     if suffix == ".toml":
         return read_scene_file(path, assets)
     if suffix in MESH_SUFFIXES:
-        return _read_mesh_scene(path, up, moment)
+        return _read_mesh_scene(path, up, chosen)
     if isinstance(source, Path) or path.name != text or os.path.lexists(path):
         kinds = " ".join((".toml", *MESH_SUFFIXES))
         raise InputError(f"{text:.200}: unknown kind of file; allowed: a built-in scene's name, or {kinds}")
@@ -69,7 +71,7 @@ def _check_up(up: str, source: str) -> None:
         )
 
 
-def _read_mesh_scene(path: Path, up: str | None, moment: Moment) -> Scene:
+def _read_mesh_scene(path: Path, up: str | None, chosen: Chosen) -> Scene:
     """The scene of a mesh file: its own cameras and lights, and defaults, with notes, for those it has not."""
     name = name_from(path.stem)
     if not NAME.fullmatch(name):
@@ -77,7 +79,7 @@ def _read_mesh_scene(path: Path, up: str | None, moment: Moment) -> Scene:
             f"{path.name!r:.90}: the scene of a mesh file is named after it; rename the file to {NAMES}, "
             f'or name it in a scene file with name = "…"'
         )
-    scene = read_meshes(path, moment=moment)
+    scene = read_meshes(path, chosen=chosen)
     meshes, notes = list(scene.meshes), list(scene.notes)
     if scene.lights and path.suffix.lower() not in USD_SUFFIXES:
         notes.append(f"{path.name}: glTF gives lights no size: their shadows are hard")

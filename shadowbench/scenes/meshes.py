@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.contents import Contents
+from shadowbench.scenes.contents import BY_DEFAULT, Chosen, Contents
 from shadowbench.scenes.geometry import (
     MOST_TRIANGLES,
     Triangles,
@@ -19,7 +19,6 @@ from shadowbench.scenes.geometry import (
     with_area,
 )
 from shadowbench.scenes.gltf import read_gltf
-from shadowbench.scenes.gltf_animation import NOW, Moment
 from shadowbench.scenes.looks import Look
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.obj import read_obj
@@ -37,13 +36,12 @@ GLTF_SUFFIXES = (".glb", ".gltf")
 MESH_SUFFIXES = (*GLTF_SUFFIXES, ".obj", *READERS, *USD_SUFFIXES)
 
 
-def read_meshes(path: Path, where: str | None = None, moment: Moment = NOW, coordinates: bool = False) -> Scene:
+def read_meshes(path: Path, where: str | None = None, chosen: Chosen = BY_DEFAULT) -> Scene:
     """The meshes of a glTF, OBJ, PLY, STL, OFF or USD file, with the cameras and lights of a glTF or USD file.
 
-    where: the beginning of each error message, by default the file's name; moment: at which the animations of a glTF
-    pose it; coordinates: whether meshes have texture coordinates even if no material needs them. Raises InputError for
-    a file that is missing, unreadable, empty, truncated, of an unknown format, without triangles, or with invalid
-    coordinates or indices.
+    where: the beginning of each error message, by default the file's name; chosen: what is taken of it. Raises
+    InputError for a file that is missing, unreadable, empty, truncated, of an unknown format, without triangles, or
+    with invalid coordinates or indices.
     """
     where = where or path.name
     suffix = path.suffix.lower()
@@ -54,15 +52,15 @@ def read_meshes(path: Path, where: str | None = None, moment: Moment = NOW, coor
             raise InputError(f"{where}: {'is not a file' if path.exists() else 'no such file'}")
         if path.stat().st_size == 0:
             raise InputError(f"{where}: the file is empty")
-        if suffix not in GLTF_SUFFIXES and moment != NOW:
-            raise InputError(f"{where}: time and clip are for glTF files, which may have animations")
+        if suffix not in GLTF_SUFFIXES and chosen._replace(coordinates=False) != BY_DEFAULT:
+            raise InputError(f"{where}: time, clip and variant are for glTF files, which may have them")
         with np.errstate(all="ignore"):
             if suffix in USD_SUFFIXES:
                 contents = read_usd(path, where)
             elif suffix in GLTF_SUFFIXES:
-                contents = read_gltf(path, where, moment, coordinates)
+                contents = read_gltf(path, where, chosen)
             else:
-                contents = _polygonal(path, where, coordinates)
+                contents = _polygonal(path, where, chosen.coordinates)
             return _assembled(contents, path.stem, where)
     except InputError:
         raise

@@ -18,7 +18,7 @@ from shadowbench.errors import InputError
 from shadowbench.files import read_beside
 from shadowbench.scenes.cutouts import Cutout, Wrap
 from shadowbench.scenes.images import mask_of, read_image
-from shadowbench.scenes.looks import BLEND_CUTOFF, OPAQUE, Look
+from shadowbench.scenes.looks import BLEND_CUTOFF, MOST_MASKED, OPAQUE, Look
 from shadowbench.scenes.model import GREY, WHITE
 from shadowbench.scenes.textures import MOST_BYTES, Texture
 from shadowbench.scenes.vectors import vec3
@@ -109,6 +109,10 @@ class MaterialFiles:
             if (content := self._read("map_d", file)) is not None:
                 try:
                     image = read_image(content, f"{self._where}: map_d {file!r:.60}")
+                    total = sum(mask.size for mask in self._masks.values()) + image.size // 4
+                    if total > MOST_MASKED:
+                        found = f"{total} texels of masks by now; a file may have {MOST_MASKED}"
+                        raise InputError(f"{self._where}: map_d {file!r:.60}: {found}")
                     texels = np.ascontiguousarray(image[..., 3]) if colored else mask_of(image)
                 except InputError as error:
                     self._told[f"{error}: left out"] = None

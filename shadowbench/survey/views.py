@@ -23,7 +23,7 @@ from shadowbench.scenes.assumed import (
     with_sun,
     without_ground,
 )
-from shadowbench.scenes.gltf_animation import Moment
+from shadowbench.scenes.contents import Chosen
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
 from shadowbench.scenes.tables import LONGEST_NAME
@@ -69,7 +69,7 @@ def opened(scene: str | Path | Scene, options: SceneOptions) -> Scene:
     if isinstance(scene, Scene):
         loaded = scene
     else:
-        loaded = load_scene(scene, options.assets, options.up, Moment(options.time, options.clip))
+        loaded = load_scene(scene, options.assets, options.up, Chosen(options.time, options.clip, options.variant))
     loaded = without_ground(loaded) if options.no_ground else loaded
     if options.camera is not None:
         loaded = _seen_from(loaded, options.camera, options.target)

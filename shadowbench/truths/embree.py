@@ -11,15 +11,17 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from threading import Lock
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.geometry.tree import Tree, build_tree
 from shadowbench.scenes.cutouts import CutoutFaces
 from shadowbench.scenes.geometry import in_slices
 from shadowbench.scenes.vectors import Floats
+
+if TYPE_CHECKING:
+    from shadowbench.geometry.tree import Tree
 
 Mask = NDArray[np.bool_]
 Result = TypeVar("Result")
@@ -101,7 +103,9 @@ class Tracer:
         return resolve(self._tree, self._vertices, self._faces, self._cut, starts, ways, reaches, any_hit)
 
     @property
-    def _tree(self) -> Tree:
+    def _tree(self) -> "Tree":
+        from shadowbench.geometry.tree import build_tree
+
         with self._building:  # by the first thread that needs it
             self._built = self._built or build_tree(self._vertices, self._faces)
             return self._built

@@ -15,9 +15,10 @@ from shadowbench.errors import InputError
 from shadowbench.options import ViewOptions
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
+from shadowbench.scenes.contents import Chosen
 from shadowbench.scenes.geometry import Triangles, transformed
 from shadowbench.scenes.gltf import read_gltf
-from shadowbench.scenes.gltf_animation import Moment, slerp
+from shadowbench.scenes.gltf_animation import slerp
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.studies.study import Study, study_from_options
@@ -33,10 +34,10 @@ BELOW, ABOVE = [0, 0, 0, 0], [1, 0, 0, 0]
 ALL = [1, 0, 0, 0]
 
 
-def corners(path: Path, moment: Moment) -> list[Floats]:
+def corners(path: Path, chosen: Chosen) -> list[Floats]:
     """(F, 3, 3) corners of each mesh in the world."""
     found = []
-    for mesh, matrix in read_gltf(path, path.name, moment).instances:
+    for mesh, matrix in read_gltf(path, path.name, chosen).instances:
         moved = transformed(Triangles(mesh.vertices, mesh.faces), matrix)
         found.append(moved.vertices[moved.faces])
     return found
@@ -47,7 +48,7 @@ def corners(path: Path, moment: Moment) -> list[Floats]:
 def test_vertices_are_those_of_an_evaluation_by_hand(tmp_path: Path, name: str, time: float) -> None:
     path = RIGS[name]().write(tmp_path / "rig.glb")
     clip = 1 if name == "sheared" else 0
-    found, expected = corners(path, Moment(time, str(clip + 1))), Reference(path, clip, time).corners()
+    found, expected = corners(path, Chosen(time, str(clip + 1))), Reference(path, clip, time).corners()
     assert len(found) == len(expected)
     everything = np.concatenate([np.reshape(part, (-1, 3)) for part in expected])
     diagonal = np.linalg.norm(np.ptp(everything, axis=0))
@@ -70,13 +71,13 @@ def bar(degrees: float, inverse: bool = True) -> Rig:
 
 
 def test_a_bar_is_bent_by_a_quarter_turn(tmp_path: Path) -> None:
-    (mesh,) = corners(bar(90).write(tmp_path / "a.glb"), Moment())
+    (mesh,) = corners(bar(90).write(tmp_path / "a.glb"), Chosen())
     bent = {0: (0, 0, 0), 1: (0.2, 0, 0), 2: (0, 1.2, 0), 3: (-1, 1.2, 0), 4: (-1, 1, 0), 5: (0, 1, 0)}
     assert mesh == pytest.approx(np.array([[bent[corner] for corner in face] for face in STRIP]), abs=1e-7)
 
 
 def test_a_bar_whose_joint_does_not_turn_is_as_it_was(tmp_path: Path) -> None:
-    (mesh,) = corners(bar(0).write(tmp_path / "a.glb"), Moment())
+    (mesh,) = corners(bar(0).write(tmp_path / "a.glb"), Chosen())
     assert np.array_equal(mesh, np.array(UP, np.float32)[STRIP])
 
 
@@ -84,7 +85,7 @@ def test_half_a_weight_is_half_way(tmp_path: Path) -> None:
     rig = bar(180)
     halves = rig.influences([[0, 1, 0, 0]] * 6, [[0.5, 0.5, 0, 0]] * 6)
     rig.json["meshes"][0]["primitives"][0]["attributes"] |= halves
-    (mesh,) = corners(rig.write(tmp_path / "a.glb"), Moment())
+    (mesh,) = corners(rig.write(tmp_path / "a.glb"), Chosen())
     # Half of (x, y) and half of its image (−x, 2 − y) under half a turn about (0, 1).
     assert mesh == pytest.approx(np.broadcast_to([0.0, 1.0, 0.0], mesh.shape), abs=1e-7)
 
@@ -97,7 +98,7 @@ def moving(times: Any, values: Any, kind: str, path: str = "translation") -> Rig
 
 
 def place(path: Path, time: float) -> Floats:
-    (instance,) = read_gltf(path, path.name, Moment(time)).instances
+    (instance,) = read_gltf(path, path.name, Chosen(time)).instances
     return instance[1]
 
 
@@ -147,8 +148,8 @@ def test_targets_add_up(tmp_path: Path) -> None:
     rig.json["nodes"] = [{"mesh": rig.mesh(points, faces, [right, up]), "weights": [0.5, -2]}]
     rig.clip((0, "weights", [0.0, 1.0], [0, 0, 1, 4]), name="up")
     path, still = rig.write(tmp_path / "a.glb"), np.array(points, np.float32)[faces]
-    for moment, move in ((Moment(clip="none"), [0.5, -2, 0]), (Moment(), [0, 0, 0]), (Moment(0.5, "up"), [0.5, 2, 0])):
-        (mesh,) = corners(path, moment)
+    for chosen, move in ((Chosen(clip="none"), [0.5, -2, 0]), (Chosen(), [0, 0, 0]), (Chosen(0.5, "up"), [0.5, 2, 0])):
+        (mesh,) = corners(path, chosen)
         assert mesh == pytest.approx(still + move)
 
 
@@ -160,11 +161,11 @@ def test_moving_all_joints_and_nodes_moves_the_posed_mesh(
     from scipy.spatial.transform import Rotation
 
     rig = RIGS[name]()
-    still = corners(rig.write(tmp_path / "a.glb"), Moment(time))
+    still = corners(rig.write(tmp_path / "a.glb"), Chosen(time))
     number = len(rig.json["nodes"])
     rig.json["nodes"].append({"children": [0], "rotation": turned, "translation": [3, -2, 1]})
     rig.json["scenes"] = [{"nodes": [number]}]
-    moved = corners(rig.write(tmp_path / "b.glb"), Moment(time))
+    moved = corners(rig.write(tmp_path / "b.glb"), Chosen(time))
     for before, after in zip(still, moved, strict=True):
         expected = Rotation.from_quat(turned).apply(before.reshape(-1, 3)).reshape(before.shape) + np.array([3, -2, 1])
         assert after == pytest.approx(expected, abs=1e-11)
@@ -174,14 +175,14 @@ def test_moving_all_joints_and_nodes_moves_the_posed_mesh(
 @given(st.sampled_from(sorted(RIGS)), st.floats(0, 3), st.integers(1, 64))
 def test_a_clip_that_begins_later_is_the_same_later(tmp_path: Path, name: str, time: float, later: int) -> None:
     rig = RIGS[name]()
-    first = corners(rig.write(tmp_path / "a.glb"), Moment(time))
+    first = corners(rig.write(tmp_path / "a.glb"), Chosen(time))
     for index in {sampler["input"] for clip in rig.json["animations"] for sampler in clip["samplers"]}:
         accessor = rig.json["accessors"][index]
         start = rig.json["bufferViews"][accessor["bufferView"]]["byteOffset"]
         times = np.frombuffer(rig.blob, np.float32, accessor["count"], start)
         size = times.nbytes
         rig.blob = rig.blob[:start] + (times + np.float32(later)).tobytes() + rig.blob[start + size :]
-    second = corners(rig.write(tmp_path / "b.glb"), Moment(time + later))
+    second = corners(rig.write(tmp_path / "b.glb"), Chosen(time + later))
     for before, after in zip(first, second, strict=True):
         assert after == pytest.approx(before, abs=1e-9)
 
@@ -196,7 +197,7 @@ def test_a_rigid_skin_is_a_rigid_transform(tmp_path: Path) -> None:
     rigid.json["scenes"] = [{"nodes": [0, 1]}]
     rigid.skin([1])
     plain.json["nodes"] = [{"mesh": plain.mesh(points, faces), **place}]
-    (one,), (other,) = (corners(each.write(tmp_path / "a.glb"), Moment()) for each in (rigid, plain))
+    (one,), (other,) = (corners(each.write(tmp_path / "a.glb"), Chosen()) for each in (rigid, plain))
     assert one == pytest.approx(other, abs=1e-12)
 
 
@@ -206,7 +207,7 @@ def test_a_mirrored_skin_still_faces_outwards(tmp_path: Path) -> None:
         faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
         rig.json["nodes"][0]["mesh"] = rig.mesh(box, faces, **rig.influences([BELOW] * 4, [ALL] * 4))
         rig.json["nodes"][1]["scale"] = [x, 1, 1]
-        (mesh,) = corners(rig.write(tmp_path / "a.glb"), Moment())
+        (mesh,) = corners(rig.write(tmp_path / "a.glb"), Chosen())
         return float(np.linalg.det(mesh).sum() / 6)
 
     assert signed_volume(1) == signed_volume(-1) == pytest.approx(1 / 6)
@@ -220,16 +221,16 @@ def test_weights_are_divided_by_their_sum_with_a_note(tmp_path: Path) -> None:
         rig.json["meshes"][0]["primitives"][0]["attributes"] |= {"WEIGHTS_0": rig.accessor(weights)}
         contents = read_gltf(rig.write(tmp_path / "a.glb"), "a.glb")
         assert contents.notes == ["a.glb: weights of joints of 6 vertices divided by their sum, which is not 1"] * noted
-        assert corners(tmp_path / "a.glb", Moment())[0] == pytest.approx(
-            corners(bar(90).write(tmp_path / "b.glb"), Moment())[0]
+        assert corners(tmp_path / "a.glb", Chosen())[0] == pytest.approx(
+            corners(bar(90).write(tmp_path / "b.glb"), Chosen())[0]
         )
 
 
 def test_joints_outside_the_scene_move_a_skin(tmp_path: Path) -> None:
     rig = bar(90)
     rig.json["nodes"][0].pop("children")
-    (mesh,) = corners(rig.write(tmp_path / "a.glb"), Moment())
-    assert mesh == pytest.approx(corners(bar(90).write(tmp_path / "b.glb"), Moment())[0])
+    (mesh,) = corners(rig.write(tmp_path / "a.glb"), Chosen())
+    assert mesh == pytest.approx(corners(bar(90).write(tmp_path / "b.glb"), Chosen())[0])
 
 
 def test_cameras_and_lights_move_with_their_nodes(tmp_path: Path) -> None:
@@ -238,21 +239,21 @@ def test_cameras_and_lights_move_with_their_nodes(tmp_path: Path) -> None:
     rig.json["nodes"][0] |= {"camera": 0, "extensions": light}
     rig.json["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}]
     rig.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
-    scene = read_meshes(rig.write(tmp_path / "a.glb"), moment=Moment(0.25))
+    scene = read_meshes(rig.write(tmp_path / "a.glb"), chosen=Chosen(0.25))
     assert scene.cameras[0].position == scene.lights[0].position == (0, 1, 0)
 
 
 def test_the_clip_and_its_time_are_a_note(tmp_path: Path) -> None:
     path = RIGS["sheared"]().write(tmp_path / "a.glb")
     posed = "from 0 to 2 s: posed at"
-    for moment, note in {
-        Moment(): f"clip 'other', 1 of 2, {posed} 0 s; clip and time choose another",
-        Moment(3, "walk"): f"clip 'walk', 2 of 2, {posed} 3 s (held at its end); clip and time choose another",
-        Moment(None, "2"): f"clip 'walk', 2 of 2, {posed} 0 s; clip and time choose another",
-        Moment(None, "none"): "none of 2 clip(s) taken: nodes stand as in the file",
+    for chosen, note in {
+        Chosen(): f"clip 'other', 1 of 2, {posed} 0 s; clip and time choose another",
+        Chosen(3, "walk"): f"clip 'walk', 2 of 2, {posed} 3 s (held at its end); clip and time choose another",
+        Chosen(None, "2"): f"clip 'walk', 2 of 2, {posed} 0 s; clip and time choose another",
+        Chosen(None, "none"): "none of 2 clip(s) taken: nodes stand as in the file",
     }.items():
-        assert read_gltf(path, "a.glb", moment).notes == [f"a.glb: {note}"]
-    assert corners(path, Moment(1, "walk"))[0].tolist() != corners(path, Moment(1, "other"))[0].tolist()
+        assert read_gltf(path, "a.glb", chosen).notes == [f"a.glb: {note}"]
+    assert corners(path, Chosen(1, "walk"))[0].tolist() != corners(path, Chosen(1, "other"))[0].tolist()
 
 
 def test_a_scene_file_poses_each_of_its_meshes(tmp_path: Path) -> None:
@@ -260,18 +261,18 @@ def test_a_scene_file_poses_each_of_its_meshes(tmp_path: Path) -> None:
     table = '[[mesh]]\nfile = "a.glb"\n'
     (tmp_path / "a.toml").write_text(table + 'time = 0.75\nclip = "walk"\n' + table + "time = 1.5\n" + table)
     scene = load_scene(tmp_path / "a.toml")
-    for mesh, moment in zip(scene.meshes, (Moment(0.75, "walk"), Moment(1.5), Moment()), strict=True):
-        assert mesh.vertices[mesh.faces] == pytest.approx(corners(tmp_path / "a.glb", moment)[0], abs=1e-12)
+    for mesh, chosen in zip(scene.meshes, (Chosen(0.75, "walk"), Chosen(1.5), Chosen()), strict=True):
+        assert mesh.vertices[mesh.faces] == pytest.approx(corners(tmp_path / "a.glb", chosen)[0], abs=1e-12)
     for line in ("time = -1", 'clip = "run"', 'time = "now"'):
         (tmp_path / "b.toml").write_text(table + line)
         refused(tmp_path / "b.toml", "[[mesh]] 1", line.split()[0])
     (tmp_path / "c.toml").write_text('[[mesh]]\nshape = "box"\ntime = 1')
-    refused(tmp_path / "c.toml", "time and clip are for a file")
+    refused(tmp_path / "c.toml", "time, clip and variant are for a file")
 
 
 def test_options_choose_the_pose_everywhere(tmp_path: Path) -> None:
     path = RIGS["sheared"]().write(tmp_path / "a.glb")
-    chosen = load_scene(path, moment=Moment(0.75, "walk")).geometry.digest()
+    chosen = load_scene(path, chosen=Chosen(0.75, "walk")).geometry.digest()
     view = chosen_view(str(path), 64, ViewOptions(time=0.75, clip="walk"))
     study = Study.of([str(path)], [parse_spec("unshadowed", techniques())], time=0.75, clip="walk", view_size=64)
     (block,) = study.blocks()
@@ -291,11 +292,11 @@ def test_a_time_is_a_number_of_seconds(time: Any) -> None:
 
 def test_what_has_no_clips_says_so(tmp_path: Path) -> None:
     path = bar(0).write(tmp_path / "a.glb")
-    assert any(note == "a.glb: time: no clip to pose" for note in load_scene(path, moment=Moment(1.0)).notes)
-    refused(path, "a.glb: clip: found 'walk'", "none", moment=Moment(None, "walk"))
-    refused(RIGS["sheared"]().write(tmp_path / "b.glb"), "did you mean 'walk'", "1 to 2", moment=Moment(None, "walks"))
+    assert any(note == "a.glb: time: no clip to pose" for note in load_scene(path, chosen=Chosen(1.0)).notes)
+    refused(path, "a.glb: clip: found 'walk'", "none", chosen=Chosen(None, "walk"))
+    refused(RIGS["sheared"]().write(tmp_path / "b.glb"), "did you mean 'walk'", "1 to 2", chosen=Chosen(None, "walks"))
     for source in ("cube-on-plane", tmp_path / "a.obj"):
-        refused(source, "--time, --clip", "no glTF", moment=Moment(1.0))
+        refused(source, "--time, --clip", "no glTF", chosen=Chosen(1.0))
 
 
 def test_what_a_clip_cannot_move_is_a_note(tmp_path: Path) -> None:
@@ -351,4 +352,4 @@ def test_an_invalid_rig_is_one_line(tmp_path: Path, name: str, place: Place, val
         part = part[key]
     data = isinstance(value, np.ndarray) or (isinstance(value, list) and value and "joints" not in place)
     part[place[-1]] = rig.accessor(value) if data and not isinstance(value[0], dict) else value
-    refused(rig.write(tmp_path / "rig.glb"), "rig.glb", *words, moment=Moment(0.1))
+    refused(rig.write(tmp_path / "rig.glb"), "rig.glb", *words, chosen=Chosen(0.1))

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from shadowbench.scenes.gltf_animation import Moment
+from shadowbench.scenes.contents import Chosen
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import placed, read_meshes
 from shadowbench.scenes.model import Mesh
@@ -108,7 +108,7 @@ def test_normals_bend_with_joints_and_morph_targets(tmp_path: Path) -> None:
     mesh = rig.mesh(square, faces, NORMAL=rig.accessor([[0, 0, 1.0]] * 3), **influences)
     skin = rig.skin([1])
     rig.json["nodes"] += [{"mesh": mesh, "skin": skin, "children": [1]}, {"rotation": [HALF, 0, 0, HALF]}]
-    (posed,) = read_meshes(rig.write(tmp_path / "a.glb"), moment=Moment(0.0)).meshes
+    (posed,) = read_meshes(rig.write(tmp_path / "a.glb"), chosen=Chosen(0.0)).meshes
     assert posed.normals is not None
     assert np.allclose(posed.normals, [0, -1, 0], atol=1e-6)
 

@@ -1,12 +1,12 @@
 """Materials of OBJ files: colours, textures, and what they cut out."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from shadowbench.scenes.contents import BY_DEFAULT, Chosen
 from shadowbench.scenes.images import read_image
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import GREY, Mesh, Scene
@@ -26,7 +26,7 @@ def png(path: Path, texels: np.ndarray) -> None:
 def painted(tmp_path: Path):
     """The scene of an OBJ file beside an MTL file and images."""
 
-    def read(mtl: str | bytes | None, obj: str = SQUARE + "usemtl a\n" + QUAD, **options: Any) -> Scene:
+    def read(mtl: str | bytes | None, obj: str = SQUARE + "usemtl a\n" + QUAD, chosen: Chosen = BY_DEFAULT) -> Scene:
         png(tmp_path / "grey.png", GREYS)
         png(tmp_path / "leaf.png", LEAF)
         png(tmp_path / "opaque.png", np.full((2, 2, 3), 40, np.uint8))
@@ -34,7 +34,7 @@ def painted(tmp_path: Path):
             (tmp_path / "a.mtl").write_bytes(mtl if isinstance(mtl, bytes) else mtl.encode())
         path = tmp_path / "a.obj"
         path.write_text("mtllib a.mtl\n" + obj)
-        return read_meshes(path, **options)
+        return read_meshes(path, chosen=chosen)
 
     return read
 
@@ -165,7 +165,7 @@ def test_names_may_have_blanks_and_backslashes(painted, tmp_path: Path) -> None:
 
 def test_without_materials_that_need_them_coordinates_are_read_only_if_asked_for(painted) -> None:
     assert only(painted("newmtl a\nKd 1 0 0")).coordinates is None
-    assert only(painted("newmtl a\nKd 1 0 0", coordinates=True)).coordinates is not None
+    assert only(painted("newmtl a\nKd 1 0 0", chosen=Chosen(coordinates=True))).coordinates is not None
     broken = SQUARE + "usemtl a\nf 1/9 2/1 3/1\n"
     assert len(only(painted("newmtl a\nKd 1 0 0", broken)).faces) == 1
 
