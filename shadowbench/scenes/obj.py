@@ -107,15 +107,16 @@ def _normals(faces: _Faces, lines: Lines) -> Singles | None:
     return found if found.any() else None
 
 
-def _coordinates(faces: _Faces, lines: Lines) -> Singles:
-    """(C, 2) texture coordinates of the corners with v downwards, zero at those without."""
+def _coordinates(faces: _Faces, lines: Lines) -> Singles | None:
+    """(C, 2) texture coordinates of the corners with v downwards, zero at those without; None without any."""
     corners, numbers_of = faces.references(1, lines, "texture coordinate")
+    if not len(corners):
+        return None
+    given = numbers(lines)
+    lines.check(given.counts >= 2, given.counts, 2)
+    places = given.values[given.starts[:, None] + np.arange(2)] * [1.0, -1.0] + [0.0, 1.0]  # v upwards in an OBJ
     found = np.zeros((int(faces.counts.sum()), 2), dtype=np.float32)
-    if len(corners):
-        given = numbers(lines)
-        lines.check(given.counts >= 2, given.counts, 2)
-        places = given.values[given.starts[:, None] + np.arange(2)] * [1.0, -1.0] + [0.0, 1.0]  # v upwards in an OBJ
-        found[corners] = np.nan_to_num(places, posinf=0.0, neginf=0.0)[numbers_of]
+    found[corners] = np.nan_to_num(places, posinf=0.0, neginf=0.0)[numbers_of]
     return found
 
 

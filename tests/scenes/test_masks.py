@@ -63,20 +63,24 @@ def test_tables_with_one_mask_share_it(masked, tmp_path: Path) -> None:
     assert first.cutout is second.cutout
 
 
-def test_a_mask_cuts_a_shadow_where_it_cuts_the_surface(masked, scene_file, tmp_path: Path) -> None:
+def test_a_mask_cuts_a_shadow_where_it_cuts_the_surface(masked) -> None:
     half = np.zeros((4, 4), np.uint8)
-    half[:, :2] = 255  # the left half, towards −x, is there
+    half[:, :2] = 255  # the half towards −x is there
     path = masked('shape = "plane"\ntranslate = [0, 1, 0]', half)
-    head = (
-        '[camera]\nposition = [0, 8, 0.1]\ntarget = [0, 0, 0]\n[light]\nkind = "directional"\ndirection = [0, -1, 0]\n'
-    )
+    light = '[light]\nkind = "directional"\ndirection = [1, -1, 0]\n'
+    head = f"[camera]\nposition = [0, 8, 0.01]\ntarget = [0, 0, 0]\n{light}"
     path.write_text(head + path.read_text() + '[[mesh]]\nshape = "plane"\nscale = 4\n')
     scene = load_scene(path)
     truth = trace(view_of(scene, scene.cameras[0], scene.lights[0], 128), pixel_samples=1)
-    seen = truth.triangle < 2  # of the leaf
-    middle = 64
-    assert seen[:, : middle - 1].sum() > 100 and not seen[:, middle + 1 :].any()
-    assert truth.visibility[:, middle + 2 :].min() == 1.0
+    row = 64
+    leaf = np.flatnonzero((truth.triangle[row] >= 0) & (truth.triangle[row] < 2))
+    shadow = np.flatnonzero(truth.visibility[row] == 0)
+
+    def column(x: float, y: float) -> float:
+        return 64 + 64 * x / ((8 - y) * np.tan(np.radians(18)))
+
+    assert [leaf[0], leaf[-1] + 1] == pytest.approx([column(-0.5, 1), column(0, 1)], abs=1)
+    assert [shadow[0], shadow[-1] + 1] == pytest.approx([column(0.5, 0), column(1, 0)], abs=1)
 
 
 @pytest.mark.parametrize(
