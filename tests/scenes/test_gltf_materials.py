@@ -233,3 +233,8 @@ def test_more_image_files_than_memory_is_spent_on_are_told(card: Written, monkey
     contents = read_meshes(card({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}))
     assert contents.meshes[0].texture is None
     assert any("above 0 MiB of images" in note for note in contents.notes)
+
+
+def test_masks_of_too_many_texels_together_are_refused(card: Written, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shadowbench.scenes.gltf_materials.MOST_MASKED", 31)
+    refused(card(masked({"index": 0})), "images 1", "32 texels of masks", "31")
