@@ -5,6 +5,7 @@ import io
 import os
 import re
 import secrets
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -104,6 +105,25 @@ def png_of(image: "NDArray[np.uint8]") -> bytes:
     stream = io.BytesIO()
     Image.fromarray(image).save(stream, format="PNG")
     return stream.getvalue()
+
+
+def read_beside(name: str, folder: Path, where: str, most: int = sys.maxsize) -> bytes:
+    """The bytes of a file in a folder or below, as another file there names it, with slashes of either kind.
+
+    Raises InputError that begins with `where` for one that is not there, or has more than `most` bytes.
+    """
+    folder = folder.resolve()
+    try:
+        file = Path(os.path.realpath(folder / name.replace("\\", "/")))
+        inside, there = file.is_relative_to(folder), file.is_file()
+    except (OSError, ValueError):  # a null byte, a name too long
+        inside, there = True, False
+    if not inside or not there:
+        wrong = "is not a file in" if inside else "leads outside"
+        raise InputError(f"{where} {wrong} {folder}; allowed are files in it")
+    if file.stat().st_size > most:
+        raise InputError(f"{where} has {file.stat().st_size} bytes; allowed are {most}")
+    return file.read_bytes()
 
 
 PACKAGE = Path(__file__).resolve().parent

@@ -15,11 +15,14 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
 from shadowbench.scenes.contents import Chosen
+from shadowbench.scenes.cutouts import Cutout, Wrap
 from shadowbench.scenes.geometry import MOST_TRIANGLES, Triangles
+from shadowbench.scenes.images import mask_of, read_image
+from shadowbench.scenes.looks import MOST_MASKED
 from shadowbench.scenes.meshes import placed, read_meshes
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene
 from shadowbench.scenes.normals import mean_normals
-from shadowbench.scenes.shapes import build_shape, shape_table
+from shadowbench.scenes.shapes import WITH_COORDINATES, build_shape, shape_table
 from shadowbench.scenes.tables import (
     MOST_COPIES,
     MOST_NAMED,
@@ -102,11 +105,11 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     if not document.mesh:
         raise InputError(f"{path.name}: mesh: found none; at least one [[mesh]] is needed")
     meshes: list[Mesh] = []
-    read: dict[tuple[Path, Chosen], Scene] = {}  # many tables may use the same large file
+    files = _Files(path, assets)
     dropped = triangles = copies = 0
     for number, raw in enumerate(document.mesh, 1):
         where = f"{path.name}: [[mesh]] {number}"
-        table, sources, lost = _sources(raw, path, assets, read, where)
+        table, sources, lost = _sources(raw, files, where)
         repeats = math.prod(row.count for row in table.repeat)
         copies += repeats * len(sources)
         if copies > MOST_COPIES:
@@ -119,28 +122,26 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
         dropped += lost + flat
     if not meshes:
         raise InputError(f"{path.name}: all {dropped} triangles have zero area; at least one must have some")
-    notes = [note for contents in read.values() for note in contents.notes]
+    notes = [note for contents in files.read.values() for note in contents.notes]
     scene = Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
     return with_assumptions(scene, mesh_bounds(meshes, path.name), path.name)
 
 
-def _sources(
-    raw: dict[str, Any], scene: Path, assets: Path | None, read: dict[tuple[Path, Chosen], Scene], where: str
-) -> tuple[MeshTable, tuple[Mesh, ...], int]:
+def _sources(raw: dict[str, Any], files: "_Files", where: str) -> tuple[MeshTable, tuple[Mesh, ...], int]:
     """The validated table, its shape's or file's meshes in object space, and the zero-area triangles of the file."""
     shape = raw.get("shape")
     model = shape_table(shape, MeshTable, where) if isinstance(shape, str) and shape else MeshTable
     table = validated(model, raw, where)
-    if table.file is None:
-        parameters = {key: value for key, value in raw.items() if key not in MeshTable.model_fields}
-        mesh = build_shape(str(shape), parameters, where)
-        normals = mean_normals(Triangles(mesh.vertices, mesh.faces)) if table.smooth else None
-        return table, (replace(mesh, name=table.name or mesh.name, normals=normals),), 0
-    file = _resolved(table.file, scene, assets, where)
-    chosen = Chosen(table.time, table.clip, table.variant)
-    if (file, chosen) not in read:
-        read[file, chosen] = read_meshes(file, f"{where}: {table.file}", chosen)
-    return table, read[file, chosen].meshes, read[file, chosen].dropped
+    meshes, dropped = files.meshes(table, where) if table.file is not None else ((_shaped(table, raw, where),), 0)
+    return table, meshes if table.mask is None else files.masked(table, table.mask, meshes, f"{where}: mask"), dropped
+
+
+def _shaped(table: MeshTable, raw: dict[str, Any], where: str) -> Mesh:
+    """The mesh of a table's shape."""
+    parameters = {key: value for key, value in raw.items() if key not in MeshTable.model_fields}
+    mesh = build_shape(str(table.shape), parameters, where)
+    normals = mean_normals(Triangles(mesh.vertices, mesh.faces)) if table.smooth else None
+    return replace(mesh, name=table.name or mesh.name, normals=normals)
 
 
 def _copies(table: MeshTable, sources: tuple[Mesh, ...]) -> Iterator[tuple[Mesh, Floats]]:
@@ -178,18 +179,55 @@ def _rotation(axis: int, degrees: float) -> Floats:
     return matrix
 
 
-def _resolved(file: str, scene: Path, assets: Path | None, where: str) -> Path:
-    """The path of a mesh file with links resolved. Raises InputError outside the scene's folder and `assets`."""
-    where = f"{where}: file: {file!r:.200}"
-    folders = [folder.resolve() for folder in (scene.parent, assets) if folder is not None]
-    try:
-        found = [path for folder in folders if (path := Path(os.path.realpath(folder / file))).is_file()]
-    except (OSError, ValueError) as error:  # a null byte, a name too long
-        raise InputError(f"{where} cannot be a path: {short(error)}") from error
-    if not found:
-        more = f" or {folders[1]}" if assets is not None else " (or give --assets DIR)"
-        raise InputError(f"{where} is not a file in {folders[0]}{more}")
-    for path in found:
-        if any(path.is_relative_to(folder) for folder in folders):
-            return path
-    raise InputError(f"{where} leads to {found[0]}, outside {folders[0]}; allowed are that folder and --assets DIR")
+class _Files:
+    """Files that a scene names, read once each. read: mesh files by the arguments of `read_meshes`."""
+
+    def __init__(self, scene: Path, assets: Path | None) -> None:
+        self._folders = [folder.resolve() for folder in (scene.parent, assets) if folder is not None]
+        self.read: dict[tuple[Path, Chosen], Scene] = {}
+        self._cutouts: dict[tuple[object, ...], Cutout] = {}
+
+    def meshes(self, table: MeshTable, where: str) -> tuple[tuple[Mesh, ...], int]:
+        """The meshes of a table's file in object space, and the zero-area triangles of the file."""
+        file = self._resolved(str(table.file), f"{where}: file")
+        key = file, Chosen(table.time, table.clip, table.variant, table.mask is not None)
+        if key not in self.read:
+            self.read[key] = read_meshes(file, f"{where}: {table.file}", key[1])
+        return self.read[key].meshes, self.read[key].dropped
+
+    def masked(self, table: MeshTable, mask: str, meshes: tuple[Mesh, ...], where: str) -> tuple[Mesh, ...]:
+        """The meshes cut out by a table's mask. Raises InputError if one lacks texture coordinates."""
+        file = self._resolved(mask, where)
+        wrap: Wrap = "repeat" if table.shape is None else "clamp"  # a shape's coordinates reach from 0 to 1
+        key = file, table.cutoff, table.mask_filter, wrap
+        if key not in self._cutouts:
+            alpha = mask_of(read_image(file.read_bytes(), f"{where}: {mask!r:.60}"))
+            cutout = Cutout(alpha, 1.0, table.cutoff, table.mask_filter == "nearest", (wrap, wrap))
+            total = alpha.size + sum(other.alpha.size for other in self._cutouts.values())
+            if total > MOST_MASKED:
+                raise InputError(f"{where}: {total} texels of masks by now; a scene file may have {MOST_MASKED}")
+            if int(alpha.max()) < cutout.least:
+                found = f"below the cutoff {table.cutoff:g} everywhere, so that nothing is left"
+                raise InputError(f"{where}: {mask!r:.60} is {found}")
+            self._cutouts[key] = cutout
+        for mesh in meshes:
+            if mesh.coordinates is None:
+                allowed = f"files with them, and the shapes {', '.join(WITH_COORDINATES)}"
+                raise InputError(f"{where}: {mesh.name!r:.60} has no texture coordinates; allowed: {allowed}")
+        return tuple(replace(mesh, cutout=self._cutouts[key], alpha=None) for mesh in meshes)
+
+    def _resolved(self, file: str, where: str) -> Path:
+        """The path of a file with links resolved. Raises InputError outside the scene's folder and `assets`."""
+        where = f"{where}: {file!r:.200}"
+        folders = self._folders
+        try:
+            found = [path for folder in folders if (path := Path(os.path.realpath(folder / file))).is_file()]
+        except (OSError, ValueError) as error:  # a null byte, a name too long
+            raise InputError(f"{where} cannot be a path: {short(error)}") from error
+        if not found:
+            more = f" or {folders[1]}" if len(folders) > 1 else " (or give --assets DIR)"
+            raise InputError(f"{where} is not a file in {folders[0]}{more}")
+        for path in found:
+            if any(path.is_relative_to(folder) for folder in folders):
+                return path
+        raise InputError(f"{where} leads to {found[0]}, outside {folders[0]}; allowed are that folder and --assets DIR")

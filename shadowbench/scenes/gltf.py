@@ -66,7 +66,7 @@ def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
     data = read_buffers(layout, chunk, path, where)
     pose, pose_notes = pose_at(data, chosen)
     nodes = scene_nodes(layout, pose)
-    poser, materials = Poser(data, pose, nodes), Materials(data, path)
+    poser, materials = Poser(data, pose, nodes), Materials(data, path, chosen.coordinates)
     sources: list[list[Source]] = [[] for _ in layout.meshes]
     for each in read_primitives(data):
         posed = poser.posed(each)

@@ -3,7 +3,6 @@
 import base64
 import binascii
 import json
-import os
 import struct
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.files import read_beside
 from shadowbench.scenes.draco import Blob, Decoded, decode
 from shadowbench.scenes.gltf_accessors import Data, as_floats, floats_of, integers_of
 from shadowbench.scenes.gltf_layout import Layout, Primitive
@@ -178,13 +178,4 @@ def read_uri(uri: str, path: Path, where: str) -> bytes:
             return base64.b64decode(text, validate=True)
         except binascii.Error as error:
             raise InputError(f"{where}: not base64: {error}") from error
-    folder = path.parent.resolve()
-    try:
-        file = Path(os.path.realpath(folder / unquote(uri)))
-        inside, there = file.is_relative_to(folder), file.is_file()
-    except (OSError, ValueError):  # a null byte, a name too long
-        inside, there = True, False
-    if not inside or not there:
-        wrong = "is not a file in" if inside else "leads outside"
-        raise InputError(f"{where} {wrong} {folder}; allowed are files in it")
-    return file.read_bytes()
+    return read_beside(unquote(uri), path.parent, where)

@@ -96,7 +96,7 @@ class _Mesh(JsonObject):
     primitives: list[Primitive]
 
 
-class _TextureTransform(JsonObject):
+class TextureTransform(JsonObject):
     """KHR_texture_transform."""
 
     offset: Annotated[list[Number], Field(min_length=2, max_length=2)] = [0, 0]
@@ -110,8 +110,8 @@ class TextureInfo(JsonObject):
 
     index: Annotated[Count, index_into("textures")]
     texCoord: Count = 0
-    transform: _TextureTransform = Field(
-        _TextureTransform(), validation_alias=AliasPath("extensions", "KHR_texture_transform")
+    transform: TextureTransform = Field(
+        TextureTransform(), validation_alias=AliasPath("extensions", "KHR_texture_transform")
     )
 
 

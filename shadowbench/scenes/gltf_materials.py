@@ -14,30 +14,27 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.cutouts import Cutout, Wrap
 from shadowbench.scenes.gltf_accessors import Data
 from shadowbench.scenes.gltf_bytes import TrianglePrimitive, read_uri
-from shadowbench.scenes.gltf_layout import Material, TextureInfo
+from shadowbench.scenes.gltf_layout import Material, TextureInfo, TextureTransform
 from shadowbench.scenes.images import read_image
-from shadowbench.scenes.looks import Look
+from shadowbench.scenes.looks import BLEND_CUTOFF, MOST_MASKED, OPAQUE, Look
 from shadowbench.scenes.model import GREY, WHITE
 from shadowbench.scenes.textures import MOST_BYTES, Texture
 from shadowbench.scenes.vectors import vec3
 
-BLEND_CUTOFF = 0.5
-MOST_MASKED = 1 << 27
-"""Limit on the texels of a file's masks, thirty-two of 2048², which techniques hold in one texture."""
 _NEAREST = 9728  # GL_NEAREST
 _WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}  # GL_CLAMP_TO_EDGE, GL_MIRRORED_REPEAT, …
 _NOT_DRAWN = "drawn without this texture"
-_OPAQUE = np.full((1, 1), 255, dtype=np.uint8)
 
 
 class Materials:
     """The materials of a file. path: of the file, whose folder holds its images.
 
-    notes: on what was simplified, when all primitives have been asked for.
+    coordinates: whether texture coordinates are read even if no material needs them; notes: on what was simplified,
+    when all primitives have been asked for.
     """
 
-    def __init__(self, data: Data, path: Path) -> None:
-        self._data, self._path = data, path
+    def __init__(self, data: Data, path: Path, coordinates: bool = False) -> None:
+        self._data, self._path, self._all_coordinates = data, path, coordinates
         self._cutouts: dict[int, Cutout] = {}
         self._textures: dict[tuple[object, ...], Texture] = {}
         self._alphas: dict[int, NDArray[np.uint8]] = {}
@@ -64,7 +61,8 @@ class Materials:
             if int(cutout.alpha.min()) * least >= cutout.least:
                 cutout = None
         texture = self._texture(material)
-        coordinates = self._coordinates(primitive, material.texture) if cutout or texture else None
+        needed = self._all_coordinates or (material.texture is not None and bool(cutout or texture))
+        coordinates = self._coordinates(primitive, material.texture) if needed else None
         texture = None if coordinates is None else texture
         color = material.color or (GREY if texture is None else WHITE)
         color = vec3(np.clip(color[:3], 0.0, 1.0))
@@ -89,7 +87,7 @@ class Materials:
         if number not in self._cutouts:
             cutoff = BLEND_CUTOFF if material.alphaMode == "BLEND" else material.alphaCutoff
             factor = 1.0 if material.color is None or len(material.color) < 4 else min(max(material.color[3], 0.0), 1.0)
-            cutout = Cutout(_OPAQUE, factor, cutoff)
+            cutout = Cutout(OPAQUE, factor, cutoff)
             if (image := self._image(material, "alpha not read, taken as 1")) is not None:
                 nearest, wrap = self._sampling(material)
                 cutout = replace(cutout, alpha=self._alphas_of(image), nearest=nearest, wrap=wrap)
@@ -167,12 +165,10 @@ class Materials:
 
     @staticmethod
     def _coordinates(primitive: TrianglePrimitive, info: TextureInfo | None) -> NDArray[np.float32] | None:
-        """(F, 3, 2) texture coordinates after KHR_texture_transform; None without a texture."""
-        if info is None:
-            return None
-        moved = info.transform
-        number = info.texCoord if moved.texCoord is None else moved.texCoord
-        coordinates = primitive.floats(f"TEXCOORD_{number}", "VEC2")
+        """(F, 3, 2) texture coordinates of a texture after its KHR_texture_transform; None if there are none."""
+        moved = TextureTransform() if info is None else info.transform
+        number = moved.texCoord if moved.texCoord is not None or info is None else info.texCoord
+        coordinates = primitive.floats(f"TEXCOORD_{number or 0}", "VEC2")
         if coordinates is None:
             return None
         cosine, sine = math.cos(moved.rotation), math.sin(moved.rotation)

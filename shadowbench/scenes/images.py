@@ -27,6 +27,14 @@ def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
     return texels
 
 
+def mask_of(texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(H, W) of (H, W, 4): the alphas, or if none is below 255 the luminance (ITU-R BT.601's luma)."""
+    if (texels[..., 3] < 255).any():
+        return np.ascontiguousarray(texels[..., 3])
+    luminance: NDArray[np.uint8] = np.rint(texels[..., :3] @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
+    return luminance
+
+
 def read_square(data: bytes, where: str, side: int, opaque: bool) -> NDArray[np.uint8]:
     """(side, side, 4) uint8 texels of an image, by a box filter: red, green, blue, multiplied by alpha, and that.
 

@@ -14,7 +14,7 @@ from shadowbench.scenes.polygons import Integers
 LONGEST_LINE = 100_000
 """Limit in bytes: enough for a polygon of thousands of corners."""
 BLANK = np.isin(np.arange(256), np.frombuffer(b" \t\v\f", dtype=np.uint8))
-INTEGER = re.compile(rb"[-+]?\d+")
+INDICES = re.compile(rb"[-+]?\d+(/([-+]?\d+)?)*")
 DECIMAL = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
 
@@ -61,11 +61,15 @@ class Lines(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """The numbers of lines: (N,) values, and (L,) the index of each line's first number and their count."""
+    """The numbers of lines: (N,) values, and (L,) the index of each line's first number and their count.
+
+    columns: (N,) how many slashes stand before each number in its word; None of numbers that are no indices.
+    """
 
     values: NDArray[Any]
     starts: Integers
     counts: Integers
+    columns: Integers | None
 
     @property
     def vectors(self) -> NDArray[Any]:
@@ -100,35 +104,50 @@ def lines_of(text: bytes, where: str, file: bytes | None = None) -> Lines:
     return lines.select(starts < ends)
 
 
-def numbers(lines: Lines, integers: bool = False, dropped: bytes = b"") -> Rows:
-    """The float64 or int64 numbers of lines, after removing matches of the pattern `dropped`.
+def numbers(lines: Lines, indices: bool = False) -> Rows:
+    """The float64 numbers of lines; or int64 indices, of which a word may have several, as `1/2/3` or `1//3`.
 
     Raises InputError with the line number and the word that is not a number.
     """
     text = b"".join([lines.text[a:b] for a, b in zip(lines.starts.tolist(), (lines.ends + 1).tolist(), strict=True)])
-    if dropped:
-        text = re.sub(dropped, b"", text)
     letters = np.frombuffer(text, dtype=np.uint8)
     ends = letters == ord("\n")
     separators = BLANK[letters] | ends
+    begins = np.concatenate([[True], separators[:-1]])
+    slashes = (letters == ord("/")) & indices
+    if (slashes & begins).any():
+        raise _not_a_number(lines, text, indices)
+    separators |= slashes
     words = np.flatnonzero(~separators & np.concatenate([[True], separators[:-1]]))
     first = np.searchsorted(words, np.concatenate([[0], np.flatnonzero(ends)]))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)  # NumPy's sign of a word that is not a number
-            kind = np.int64 if integers else np.float64
-            values = np.fromstring(text, kind, sep=" ") if len(words) else np.zeros(0, kind)  # blanks are none
+            kind = np.int64 if indices else np.float64
+            spaced = text.replace(b"/", b" ") if indices else text
+            values = np.fromstring(spaced, kind, sep=" ") if len(words) else np.zeros(0, kind)  # blanks are none
     except (DeprecationWarning, ValueError):
         values = np.zeros(0)
     if len(values) != len(words):
-        raise _not_a_number(lines, text, integers)
-    return Rows(values, first[:-1], np.diff(first))
+        raise _not_a_number(lines, text, indices)
+    return Rows(values, first[:-1], np.diff(first), _columns(words, begins, slashes) if indices else None)
 
 
-def _not_a_number(lines: Lines, text: bytes, integers: bool) -> InputError:
-    allowed = "integers" if integers else "numbers"
+def _columns(numbers: Integers, begins: NDArray[np.bool_], slashes: NDArray[np.bool_]) -> Integers:
+    """(N,) how many slashes stand before each number in its word.
+
+    numbers: (N,) where they begin; begins, slashes: whether a letter begins a word, and whether it is a slash.
+    """
+    first = begins[numbers]
+    passed = np.cumsum(np.where(first, 0, 1 + slashes[numbers - 2]))
+    of_word = np.maximum.accumulate(np.where(first, np.arange(len(numbers)), 0))
+    return np.asarray(passed - passed[of_word])
+
+
+def _not_a_number(lines: Lines, text: bytes, indices: bool) -> InputError:
+    allowed, pattern = ("integers", INDICES) if indices else ("numbers", DECIMAL)
     for k, line in enumerate(text.split(b"\n")):
         for word in line.split():
-            if not (INTEGER if integers else DECIMAL).fullmatch(word):
+            if not pattern.fullmatch(word):
                 return lines.error(k, f"found {word.decode('utf-8', errors='replace')!r:.40}; allowed: {allowed}")
     return InputError(f"{lines.where}: a line cannot be read as {allowed}")

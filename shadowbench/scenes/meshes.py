@@ -19,28 +19,29 @@ from shadowbench.scenes.geometry import (
     with_area,
 )
 from shadowbench.scenes.gltf import read_gltf
+from shadowbench.scenes.looks import Look
 from shadowbench.scenes.model import Mesh, Scene
-from shadowbench.scenes.normals import Singles
-from shadowbench.scenes.obj_off_stl import read_obj, read_off, read_stl
+from shadowbench.scenes.obj import read_obj
+from shadowbench.scenes.off_stl import read_off, read_stl
 from shadowbench.scenes.ply import read_ply
-from shadowbench.scenes.polygons import Integers, Polygons, triangulated
+from shadowbench.scenes.polygons import Polygons, triangulated
 from shadowbench.scenes.usd import USD_SUFFIXES, read_usd
 from shadowbench.scenes.vectors import Floats
 from shadowbench.strict import short
 
 READERS: dict[str, Callable[[bytes, str], Polygons]] = {
-    ".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off,
+    ".ply": read_ply, ".stl": read_stl, ".off": read_off,
 }  # fmt: skip
 GLTF_SUFFIXES = (".glb", ".gltf")
-MESH_SUFFIXES = (*GLTF_SUFFIXES, *READERS, *USD_SUFFIXES)
+MESH_SUFFIXES = (*GLTF_SUFFIXES, ".obj", *READERS, *USD_SUFFIXES)
 
 
 def read_meshes(path: Path, where: str | None = None, chosen: Chosen = BY_DEFAULT) -> Scene:
     """The meshes of a glTF, OBJ, PLY, STL, OFF or USD file, with the cameras and lights of a glTF or USD file.
 
-    where: the beginning of each error message, by default the file's name; chosen: what is taken of
-    a glTF. Raises InputError for a file that is missing, unreadable, empty, truncated, of an unknown format, without
-    triangles, or with invalid coordinates or indices.
+    where: the beginning of each error message, by default the file's name; chosen: what is taken of it. Raises
+    InputError for a file that is missing, unreadable, empty, truncated, of an unknown format, without triangles, or
+    with invalid coordinates or indices.
     """
     where = where or path.name
     suffix = path.suffix.lower()
@@ -51,13 +52,15 @@ def read_meshes(path: Path, where: str | None = None, chosen: Chosen = BY_DEFAUL
             raise InputError(f"{where}: {'is not a file' if path.exists() else 'no such file'}")
         if path.stat().st_size == 0:
             raise InputError(f"{where}: the file is empty")
-        if suffix not in GLTF_SUFFIXES and chosen != BY_DEFAULT:
+        if suffix not in GLTF_SUFFIXES and chosen._replace(coordinates=False) != BY_DEFAULT:
             raise InputError(f"{where}: time, clip and variant are for glTF files, which may have them")
         with np.errstate(all="ignore"):
             if suffix in USD_SUFFIXES:
                 contents = read_usd(path, where)
+            elif suffix in GLTF_SUFFIXES:
+                contents = read_gltf(path, where, chosen)
             else:
-                contents = _polygonal(path, where) if suffix in READERS else read_gltf(path, where, chosen)
+                contents = _polygonal(path, where, chosen.coordinates)
             return _assembled(contents, path.stem, where)
     except InputError:
         raise
@@ -65,27 +68,26 @@ def read_meshes(path: Path, where: str | None = None, chosen: Chosen = BY_DEFAUL
         raise InputError(f"{where}: cannot be read as {suffix}: {type(error).__name__}: {short(error)}") from error
 
 
-def _polygonal(path: Path, where: str) -> Contents:
+def _polygonal(path: Path, where: str, coordinates: bool) -> Contents:
     """The named objects of an OBJ, PLY, STL or OFF file, and notes on what was left out."""
-    polygons = READERS[path.suffix.lower()](path.read_bytes(), where)
+    suffix, data = path.suffix.lower(), path.read_bytes()
+    polygons = read_obj(data, where, path.parent, coordinates) if suffix == ".obj" else READERS[suffix](data, where)
     checked(polygons.vertices, where)
     corners, polygon, notes = triangulated(polygons, where)
     faces = polygons.corners[corners]
     owners = polygons.owners[polygon]
     order = np.argsort(owners, kind="stable")
     parts = np.split(order, np.searchsorted(owners[order], np.arange(1, len(polygons.names))))
-    instances = [
-        (_mesh(name or path.stem, welded(polygons.vertices, faces[part]), polygons.normals, corners[part]), np.eye(4))
-        for name, part in zip(polygons.names, parts, strict=True)
-        if len(part)
-    ]
+    looks = polygons.looks or [Look()] * len(polygons.names)
+    instances = []
+    for name, look, part in zip(polygons.names, looks, parts, strict=True):
+        if len(part):
+            triangles, own = welded(polygons.vertices, faces[part]), corners[part]
+            smooth = polygons.normals is not None and polygons.normals[own].any()
+            look = look._replace(coordinates=None if polygons.coordinates is None else polygons.coordinates[own])
+            normals = polygons.normals[own] if polygons.normals is not None and smooth else None
+            instances.append((Mesh(name or path.stem, *triangles, normals=normals, **look._asdict()), np.eye(4)))
     return Contents(instances, [], [], [*polygons.notes, *notes])
-
-
-def _mesh(name: str, triangles: Triangles, normals: Singles | None, corners: Integers) -> Mesh:
-    """The mesh of triangles with (F, 3) corners, of which (C, 3) normals are; flat if these are all zero."""
-    smooth = normals is not None and normals[corners].any()
-    return Mesh(name, *triangles, normals=normals[corners] if normals is not None and smooth else None)
 
 
 def _assembled(contents: Contents, name: str, where: str) -> Scene:

@@ -1,4 +1,4 @@
-"""PLY reader, text and binary: vertices with their normals, and faces; other properties are skipped.
+"""PLY reader, text and binary: vertices with normals and texture coordinates, and faces, without other properties.
 
 Not read by trimesh, because it assumes that all lists of a binary file are as long as the first, and triangulates
 polygons as fans.
@@ -28,6 +28,7 @@ Row = tuple[list[int], list[int], int]
 ORDERS: dict[str, Order] = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 INDICES = ("vertex_indices", "vertex_index")
 NORMAL = ("nx", "ny", "nz")
+COORDINATES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 END = re.compile(rb"end_header[ \t]*(\r\n|\n|\r)")
 LONGEST_HEADER = 65536
 
@@ -96,7 +97,13 @@ def _polygons(elements: list[Element], columns: dict[str, dict[str, Column]], no
     normals = None
     if all(axis in vertex and vertex[axis].counts is None for axis in NORMAL):
         normals = unit_normals(np.stack([vertex[axis].values for axis in NORMAL], axis=1, dtype=np.float64))[corners]
-    return Polygons(vertices, corners, counts, np.zeros(len(counts), dtype=np.int64), (None,), notes, normals)
+    coordinates = None
+    for pair in COORDINATES:
+        if all(name in vertex and vertex[name].counts is None for name in pair):
+            places = np.stack([vertex[pair[0]].values, 1.0 - vertex[pair[1]].values], axis=1, dtype=np.float64)
+            coordinates = np.nan_to_num(places, posinf=0.0, neginf=0.0).astype(np.float32)[corners]
+    owners = np.zeros(len(counts), dtype=np.int64)
+    return Polygons(vertices, corners, counts, owners, (None,), notes, normals, coordinates)
 
 
 def _header(text: str, where: str) -> tuple[Order, list[Element]]:

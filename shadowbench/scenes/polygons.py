@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import FLATTEST, MOST_TRIANGLES, in_slices
+from shadowbench.scenes.looks import Look
 from shadowbench.scenes.normals import Singles
 from shadowbench.scenes.vectors import Floats
 
@@ -35,7 +36,8 @@ class Polygons(NamedTuple):
     vertices: (V, 3) float64; corners: (C,) int64 vertex indices, polygon after polygon; counts: (P,) int64 number of
     corners of each polygon; owners: (P,) int64 index into `names` of each polygon's object; names: of the objects, None
     for one without a name; normals: (C, 3) float32 unit normals at the corners, zero at those without one, None if the
-    file has none.
+    file has none; coordinates: (C, 2) float32 texture coordinates of the corners, v downwards, None without; looks: of
+    the objects, empty if it has no materials.
     """
 
     vertices: Floats
@@ -45,6 +47,8 @@ class Polygons(NamedTuple):
     names: tuple[str | None, ...]
     notes: list[str]
     normals: Singles | None = None
+    coordinates: Singles | None = None
+    looks: tuple[Look, ...] = ()
 
 
 def gather(values: NDArray[Number], starts: Integers, counts: Integers) -> NDArray[Number]:

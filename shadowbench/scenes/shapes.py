@@ -9,9 +9,10 @@ from collections.abc import Callable
 from functools import cache
 from inspect import signature
 from itertools import product
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, create_model
 
 from shadowbench.errors import InputError, alternatives
@@ -31,10 +32,19 @@ Sectors = Annotated[int, Field(ge=8, le=512, strict=True)]
 Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
 
 
-def plane() -> Triangles:
-    """A unit square of two triangles."""
+class Mapped(NamedTuple):
+    """Triangles with (F, 3, 2) float32 texture coordinates."""
+
+    vertices: Floats
+    faces: Faces
+    coordinates: NDArray[np.float32]
+
+
+def plane() -> Mapped:
+    """A unit square of two triangles; an image on it has its upper edge at −z."""
     corners = np.array([[-0.5, 0.0, 0.5], [0.5, 0.0, 0.5], [0.5, 0.0, -0.5], [-0.5, 0.0, -0.5]])
-    return Triangles(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
+    faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+    return Mapped(corners, faces, (corners[:, [0, 2]] + 0.5).astype(np.float32)[faces])
 
 
 def box() -> Triangles:
@@ -221,7 +231,10 @@ def _bump(y: Floats, center: float, width: float) -> Floats:
 
 
 _ALL = (plane, box, sphere, torus, cylinder, cone, capsule, stairs, terrain, leaves, statue, foliage, walker)
-SHAPES: dict[str, Callable[..., Triangles | Cards]] = {shape.__name__: shape for shape in _ALL}
+SHAPES: dict[str, Callable[..., Triangles | Mapped | Cards]] = {shape.__name__: shape for shape in _ALL}
+
+WITH_COORDINATES = ("plane", "foliage")
+"""Shapes with texture coordinates, which reach from 0 to 1."""
 
 
 def shape_table(name: str, base: type[Model], where: str) -> type[Model]:

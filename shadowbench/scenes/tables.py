@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -150,6 +150,8 @@ class MeshTable(Strict):
     """A `[[mesh]]` table, without the parameters of its shape.
 
     time, clip, variant: what is taken of a glTF, as of `Chosen`. smooth: whether a shape has smooth normals.
+    mask: an image in the scene's folder that cuts the mesh out where its alpha is below `cutoff`; mask_filter: whether
+    texels are mixed or the nearest is taken.
     repeat: `count` copies including the original, each translated by `step` from the previous one, in one or two
     directions.
     """
@@ -167,6 +169,9 @@ class MeshTable(Strict):
     clip: Text | None = None
     variant: Text | None = None
     smooth: Flag = False
+    mask: Text | None = None
+    cutoff: Number = Field(0.5, gt=0.0, le=1.0)
+    mask_filter: Literal["linear", "nearest"] = "linear"
     color: Color | None = None
     casts: Flag = True
     receives: Flag = True
@@ -180,6 +185,8 @@ class MeshTable(Strict):
             raise ValueError("time, clip and variant are for a file, which may have them")
         if self.shape is None and self.smooth:
             raise ValueError("smooth is for a shape; a file has normals of its own, or is flat")
+        if self.mask is None and self.model_fields_set & {"cutoff", "mask_filter"}:
+            raise ValueError("cutoff and mask_filter are for a mask")
         return self
 
 

@@ -21,7 +21,7 @@ from shadowbench.scenes.tables import MOST_NAMED, camera_from_table, light_from_
 from shadowbench.scenes.vectors import vec3
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-LONGEST = 60.0
+LONGEST = 20.0
 """Time limit for reading a file, in seconds."""
 
 

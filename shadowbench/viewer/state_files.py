@@ -105,7 +105,6 @@ def save_state(state: ViewerState, file: Path) -> None:
     if state.coordinates != "relative":
         raise InputError(f"{file}: the scene is drawn in absolute coordinates, which no scene file can say")
     check_outputs(".toml", file)
-    own = state.origin.file if state.origin else None
     viewer = {name: getattr(state, name) for name in SHOWN}
     viewer |= {"colors": dict(state.colors), "shading": asdict(state.shading)}
     camera = asdict(state.camera) | {"fov_y": math.degrees(state.camera.fov_y)}
@@ -116,7 +115,7 @@ def save_state(state: ViewerState, file: Path) -> None:
         "viewer": {"techniques": [spec.text for spec in state.specs], **viewer},
         "camera": {name: value for name, value in camera.items() if value is not None},
         "light": {name: light[name] for name in LIGHT_TABLES[state.light.kind].model_fields},
-        "mesh": _moved_tables(own, file) if own and own.suffix.lower() == ".toml" else _written_meshes(state, file),
+        "mesh": _mesh_tables(state, file),
     }
     with replace_file(file) as temporary:
         temporary.write_text(toml_of(document), encoding="utf-8")
@@ -162,24 +161,45 @@ def _study_of_scene(state: ViewerState, file: Path) -> dict[str, Any]:
     return {"scenes": [origin.source if is_builtin else os.path.relpath(origin.source, file.parent)], **asked}
 
 
-def _moved_tables(scene: Path, file: Path) -> list[dict[str, Any]]:
-    """A scene file's mesh tables for a file in another folder."""
-    moved = []
-    for table in read_document(scene).mesh:
-        mesh = table.get("file")
-        if isinstance(mesh, str) and (scene.parent / mesh).is_file():
-            path = os.path.relpath((scene.parent / mesh).resolve(), file.parent.resolve())
+def _mesh_tables(state: ViewerState, file: Path) -> list[dict[str, Any]]:
+    """The tables of a scene's meshes for a file: as its own file has them, or written as PLY files beside it.
+
+    A mesh file in the folder is named, and one whose meshes are cut out, which no PLY says, must be there.
+    """
+    own, meshes = state.origin.file if state.origin else None, state.scene.meshes
+    if own is not None and own.suffix.lower() == ".toml":
+        return [_moved(table, own.parent, file) for table in read_document(own).mesh]
+    is_cut_out = any(mesh.cutout for mesh in meshes)
+    if own is None and is_cut_out:
+        raise InputError(f"{file}: the scene's meshes are cut out, which only a file of their own can say; it has none")
+    is_inside = own is not None and own.resolve().is_relative_to(file.parent.resolve())
+    if own is None or not (is_cut_out or (is_inside and any(mesh.texture for mesh in meshes))):
+        return _written_meshes(meshes, file)
+    assert state.origin is not None
+    options = state.origin.options
+    chosen = {name: value for name in ("time", "clip", "variant") if (value := getattr(options, name)) is not None}
+    turned = {"rotate": [-90.0, 0.0, 0.0]} if options.up == "z" else {}
+    ground = [] if state.scene.ground is None else _written_meshes([state.scene.ground[0]], file)
+    return [_moved({"file": own.name, **chosen, **turned}, own.parent, file), *ground]
+
+
+def _moved(table: dict[str, Any], folder: Path, file: Path) -> dict[str, Any]:
+    """A mesh table of a scene file in a folder for a file that may be in another. Raises InputError."""
+    moved = dict(table)
+    for key in ("file", "mask"):
+        named = table.get(key)
+        if isinstance(named, str) and (folder / named).is_file():
+            path = os.path.relpath((folder / named).resolve(), file.parent.resolve())
             if path.startswith(".."):
-                raise InputError(f"{file}: meshes must be in its folder, where {mesh} is not; allowed: {scene.parent}")
-            table = {**table, "file": Path(path).as_posix()}
-        moved.append(dict(table))
+                raise InputError(f"{file}: meshes must be in its folder, where {named} is not; allowed: {folder}")
+            moved[key] = Path(path).as_posix()
     return moved
 
 
-def _written_meshes(state: ViewerState, file: Path) -> list[dict[str, Any]]:
-    """The tables of a scene's meshes, written as PLY files beside a file."""
+def _written_meshes(shown: Sequence[Mesh], file: Path) -> list[dict[str, Any]]:
+    """The tables of meshes, written as PLY files beside a file."""
     tables = []
-    for number, (values, group) in enumerate(groupby(state.scene.meshes, key=attrgetter(*_ATTRIBUTES)), start=1):
+    for number, (values, group) in enumerate(groupby(shown, key=attrgetter(*_ATTRIBUTES)), start=1):
         meshes = list(group)
         ply = file.with_name(f"{file.stem}-{number}.ply")
         with replace_file(ply) as temporary:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from shadowbench.errors import InputError
 from shadowbench.gl.picture import Shading
@@ -18,7 +19,7 @@ from shadowbench.strict import read_toml
 from shadowbench.studies.study import read_study
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.state import Origin, ViewerState
-from shadowbench.viewer.state_files import adopted, append_to_study, ply_of, read_state, save_state
+from shadowbench.viewer.state_files import adopted, append_to_study, ply_of, read_state, save_state, toml_of
 
 KNOWN = techniques()
 
@@ -95,6 +96,48 @@ def test_meshes_of_a_scenes_file_are_found_from_the_state(tmp_path: Path) -> Non
     (tmp_path / "beside").mkdir()
     with pytest.raises(InputError, match=r"meshes must be in its folder, where mine\.ply is not; allowed: "):
         save_state(state, tmp_path / "beside" / "state.toml")
+
+
+def test_masks_of_a_scenes_file_are_found_from_the_state(tmp_path: Path) -> None:
+    (tmp_path / "scenes").mkdir()
+    Image.fromarray(np.array([[0, 255]], np.uint8)).save(tmp_path / "scenes" / "leaf.png")
+    table = {"shape": "plane", "mask": "leaf.png", "cutoff": 0.25, "mask_filter": "nearest"}
+    (tmp_path / "scenes" / "mine.toml").write_text(toml_of({"mesh": [table]}))
+    save_state(shown(str(tmp_path / "scenes" / "mine.toml")), tmp_path / "state.toml")
+    assert read_toml(tmp_path / "state.toml", "")["mesh"] == [{**table, "mask": "scenes/leaf.png"}]
+    cutout = load_scene(tmp_path / "state.toml").meshes[0].cutout
+    assert cutout is not None and cutout.cutoff == 0.25
+
+
+def test_a_mesh_file_that_is_cut_out_or_textured_is_named_by_the_state(tmp_path: Path) -> None:
+    Image.fromarray(np.array([[0, 255]], np.uint8)).save(tmp_path / "leaf.png")
+    faces = "v 0 0 0\nv 1 0 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n"
+    obj = tmp_path / "leaf.obj"
+    obj.write_text("mtllib leaf.mtl\n" + faces)
+    for material, kind in (("map_d", "cutout"), ("map_Kd", "texture")):
+        (tmp_path / "leaf.mtl").write_text(f"newmtl a\n{material} leaf.png\n")
+        options = SceneOptions(up="z")
+        scene = load_scene(obj, up="z")
+        assert scene.ground is not None and getattr(scene.meshes[0], kind) is not None
+        state = replace(shown(str(obj)), scene=scene, origin=Origin(str(obj), options))
+        save_state(state, tmp_path / "state.toml")
+        kept = load_scene(tmp_path / "state.toml")
+        assert adopted(state, tmp_path / "state.toml"), "which compares the triangles"
+        assert getattr(kept.meshes[0], kind) is not None
+        assert np.array_equal(kept.meshes[0].coordinates, scene.meshes[0].coordinates)
+        (tmp_path / "beside").mkdir(exist_ok=True)
+        if kind == "cutout":
+            with pytest.raises(InputError, match=r"meshes must be in its folder, where leaf\.obj is not"):
+                save_state(state, tmp_path / "beside" / "state.toml")
+        else:
+            save_state(state, tmp_path / "beside" / "state.toml")
+
+
+def test_cut_out_meshes_that_no_file_has_are_not_saved_as_opaque_ones(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text('[[mesh]]\nshape = "foliage"\ncount = 3\n')
+    with pytest.raises(InputError, match="meshes are cut out, which only a file of their own can say"):
+        save_state(replace(shown(str(file)), origin=None), tmp_path / "state.toml")
 
 
 @pytest.mark.parametrize(

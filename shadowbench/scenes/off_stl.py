@@ -1,116 +1,24 @@
-"""OBJ, OFF and STL readers: vertices and faces, of OBJ and STL by object, of OBJ with normals.
+"""OFF and STL readers: vertices and faces, of STL by solid.
 
-Materials and groups do not split meshes. Not read by trimesh, which searches a text STL for keywords also in names of
-solids, and truncates damaged files.
+Not read by trimesh, which searches a text STL for keywords also in names of solids, and truncates damaged files.
 """
 
 import re
-from collections import Counter
 
 import numpy as np
 
-from shadowbench.errors import InputError, printable
+from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import check_indices
-from shadowbench.scenes.lines import Lines, Rows, lines_of, numbers, with_newlines, without_comments
-from shadowbench.scenes.normals import Singles, unit_normals
+from shadowbench.scenes.lines import lines_of, numbers, with_newlines, without_comments
 from shadowbench.scenes.polygons import Integers, Polygons, gather
 from shadowbench.scenes.tables import MOST_COPIES
 from shadowbench.scenes.vectors import Floats
 
-NO_SHAPE = {"vp", "g", "s", "mg", "mtllib", "usemtl", "o"}
-"""Statements that do not affect the shape, or are handled elsewhere, besides v, vn, vt and f."""
 KIND = re.compile(rb"\s*(?:ST)?C?N?OFF(?=\s)")
 COUNTS = re.compile(r"(\d{1,18})\s+(\d{1,18})(\s+\d+)?\s*")
 HEADER, TRIANGLE = 84, 50  # bytes
 KEYWORDS = ("solid", "endsolid", "facet", "endfacet", "outer", "endloop", "vertex")
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-
-
-def read_obj(data: bytes, where: str) -> Polygons:
-    """The faces of an OBJ file. Raises InputError for invalid numbers and vertex indices.
-
-    A vertex's weight and colour are not read; a note says so.
-    """
-    raw = with_newlines(data)
-    # Joining continued lines keeps byte offsets; the last line may end with a backslash.
-    lines = lines_of(without_comments(raw).replace(b"\\\n", b"  ") + b"\n", where, raw)
-    is_a = {keyword: lines.begin_with(keyword) for keyword in ("v", "f", "o", "vn", "vt")}
-    vertex_lines, face_lines = lines.select(is_a["v"], skip=1), lines.select(is_a["f"], skip=1)
-    vertices = numbers(vertex_lines)
-    vertex_lines.check(vertices.counts >= 3, vertices.counts, 3)
-    corners, counts = _corners(face_lines, vertex_lines)
-    owners, names = _objects(lines.select(is_a["o"], skip=1), face_lines)
-    others = lines.select(~(is_a["v"] | is_a["f"] | is_a["vn"] | is_a["vt"]))
-    notes = [f"{where}: {note}" for note in (_more_numbers(vertices), _left_out(others)) if note]
-    normals = _normals(face_lines, lines.select(is_a["vn"], skip=2), counts)
-    return Polygons(vertices.vectors, corners, counts, owners, names, notes, normals)
-
-
-def _more_numbers(vertices: Rows) -> str:
-    """A note on numbers of vertices after x y z, which are left out; empty without.
-
-    A fourth is the weight of a rational curve, not of a polygon: as in Blender and tinyobjloader, no coordinate is
-    divided by it.
-    """
-    more = vertices.counts > 3
-    more[more] = (vertices.counts[more] > 4) | (vertices.values[vertices.starts[more] + 3] != 1)
-    found = int(np.count_nonzero(more))
-    return f"weights or colours of {found} vertices left out: the first three numbers are x y z" if found else ""
-
-
-def _corners(faces: Lines, vertices: Lines) -> tuple[Integers, Integers]:
-    """(C,) zero-based vertex indices of all faces, and (P,) the number of each face's corners."""
-    rows = numbers(faces, integers=True, dropped=rb"/(?<=\d/)[^ \t\v\f\n]*")
-    return _counted_from_0(rows, faces, vertices, "vertex"), rows.counts
-
-
-def _normals(faces: Lines, normals: Lines, counts: Integers) -> Singles | None:
-    """(C, 3) unit normals of the corners, zero in faces of which not every corner has one; None without any."""
-    letters = np.frombuffer(faces.text, dtype=np.uint8)
-    slashes = np.concatenate([[0], np.cumsum(letters == ord("/"))])
-    smooth = slashes[faces.ends] - slashes[faces.starts] == 2 * counts
-    if not smooth.any() or not len(normals.starts):
-        return None
-    own = faces.select(smooth)
-    rows = numbers(own, integers=True, dropped=rb"[^ \t\v\f\n]*/(?=[-+\d])")
-    given = numbers(normals)
-    normals.check(given.counts >= 3, given.counts, 3)
-    found = np.zeros((int(counts.sum()), 3), dtype=np.float32)
-    found[np.repeat(smooth, counts)] = unit_normals(given.vectors)[_counted_from_0(rows, own, normals, "normal")]
-    return found
-
-
-def _counted_from_0(rows: Rows, faces: Lines, things: Lines, what: str) -> Integers:
-    """The indices of lines of faces, counted from 0. Raises InputError for one that is none of the things."""
-    indices = rows.values.astype(np.int64)
-    before = np.repeat(np.searchsorted(things.starts, faces.starts), rows.counts)
-    found = np.where(indices > 0, indices - 1, indices + before)
-    wrong = (indices == 0) | (found < 0) | (found >= len(things.starts))
-    if wrong.any():
-        k = int(wrong.argmax())
-        count = f"the file has {len(things.starts)}, {before[k]} before this line"
-        line = int(np.searchsorted(rows.starts, k, side="right")) - 1
-        raise faces.error(line, f"a face uses {what} {indices[k]}; an OBJ counts from 1 or -1, {count}")
-    return found
-
-
-def _objects(objects: Lines, faces: Lines) -> tuple[Integers, tuple[str | None, ...]]:
-    """(P,) index of each face's object, and the distinct object names; statements with the same name are one object."""
-    if len(objects.starts) > MOST_COPIES:
-        raise InputError(f"{objects.where}: {len(objects.starts)} objects; allowed are at most {MOST_COPIES}")
-    named = objects._replace(text=objects.file)  # a name may have a number sign
-    names = [None, *(named.line(k).strip() or None for k in range(len(objects.starts)))]
-    number = {name: k for k, name in enumerate(dict.fromkeys(names))}
-    owners = np.array([number[name] for name in names])
-    return owners[np.searchsorted(objects.starts, faces.starts)], tuple(number)
-
-
-def _left_out(others: Lines) -> str:
-    """A note with the numbers of unsupported statements, such as curves or damaged lines; empty without."""
-    words = (printable(others.line(k).split(None, 1)[0]) for k in range(len(others.starts)))
-    found = Counter(word for word in words if word.lower() not in NO_SHAPE)
-    counts = ", ".join(f"{count} {word:.20}" for word, count in found.most_common(5)) + ", ..." * (len(found) > 5)
-    return f"{found.total()} statement(s) left out that make no face: {counts}" if found else ""
 
 
 def read_off(data: bytes, where: str) -> Polygons:

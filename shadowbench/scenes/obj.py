@@ -1,0 +1,180 @@
+"""OBJ reader: vertices, faces, normals and texture coordinates, by object and by what its materials look like.
+
+Groups do not split meshes. Not read by trimesh, which truncates damaged files.
+"""
+
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from shadowbench.errors import InputError, printable
+from shadowbench.scenes.lines import Lines, Rows, lines_of, numbers, with_newlines, without_comments
+from shadowbench.scenes.looks import Look
+from shadowbench.scenes.mtl import MaterialFiles
+from shadowbench.scenes.normals import Singles, unit_normals
+from shadowbench.scenes.polygons import Integers, Polygons
+from shadowbench.scenes.tables import MOST_COPIES
+
+NO_SHAPE = {"vp", "g", "s", "mg", "mtllib", "usemtl", "o"}
+"""Statements that do not affect the shape, or are handled elsewhere, besides v, vn, vt and f."""
+
+
+def read_obj(data: bytes, where: str, folder: Path, coordinates: bool = False) -> Polygons:
+    """The faces of an OBJ file, of which those are left out whose material is opaque nowhere.
+
+    folder: where its MTL files and their images are; coordinates: whether texture coordinates are read even if no
+    material needs them. Raises InputError for invalid numbers and indices. A vertex's weight and colour are not read; a
+    note says so.
+    """
+    raw = with_newlines(data)
+    # Joining continued lines keeps byte offsets; the last line may end with a backslash.
+    lines = lines_of(without_comments(raw).replace(b"\\\n", b"  ") + b"\n", where, raw)
+    is_a = {keyword: lines.begin_with(keyword) for keyword in ("v", "f", "o", "vn", "vt")}
+    vertex_lines, face_lines = lines.select(is_a["v"], skip=1), lines.select(is_a["f"], skip=1)
+    vertices = numbers(vertex_lines)
+    vertex_lines.check(vertices.counts >= 3, vertices.counts, 3)
+    faces = _Faces(face_lines, numbers(face_lines, indices=True))
+    corners = faces.references(0, vertex_lines, "vertex")[1]
+    others = lines.select(~(is_a["v"] | is_a["f"] | is_a["vn"] | is_a["vt"]))
+    parts, notes = _parts(lines.select(is_a["o"], skip=1), others, face_lines, folder)
+    notes = [*(f"{where}: {note}" for note in (_more_numbers(vertices), _left_out(others)) if note), *notes]
+    normals = _normals(faces, lines.select(is_a["vn"], skip=2))
+    needed = coordinates or any(look is not None and (look.cutout or look.texture) for look in parts.looks)
+    places = _coordinates(faces, lines.select(is_a["vt"], skip=2)) if needed else None
+    seen = np.array([look is not None for look in parts.looks])[parts.owners]
+    counts, owners = faces.counts[seen], parts.owners[seen]
+    if not seen.all():
+        at_corners = np.repeat(seen, faces.counts)
+        corners = corners[at_corners]
+        normals, places = (None if each is None else each[at_corners] for each in (normals, places))
+        notes.append(f"{where}: {len(seen) - len(counts)} face(s) left out whose material is opaque nowhere")
+    looks = tuple(look or Look() for look in parts.looks)
+    return Polygons(vertices.vectors, corners, counts, owners, parts.names, notes, normals, places, looks)
+
+
+def _more_numbers(vertices: Rows) -> str:
+    """A note on numbers of vertices after x y z, which are left out; empty without.
+
+    A fourth is the weight of a rational curve, not of a polygon: as in Blender and tinyobjloader, no coordinate is
+    divided by it.
+    """
+    more = vertices.counts > 3
+    more[more] = (vertices.counts[more] > 4) | (vertices.values[vertices.starts[more] + 3] != 1)
+    found = int(np.count_nonzero(more))
+    return f"weights or colours of {found} vertices left out: the first three numbers are x y z" if found else ""
+
+
+class _Faces:
+    """The lines of faces and their indices. counts: (P,) number of each face's corners."""
+
+    def __init__(self, lines: Lines, rows: Rows) -> None:
+        assert rows.columns is not None
+        self._lines, self._values, self._columns = lines, rows.values, rows.columns
+        self._line = np.repeat(np.arange(len(rows.counts)), rows.counts)
+        self._corner = np.cumsum(rows.columns == 0) - 1
+        self.counts = np.bincount(self._line[rows.columns == 0], minlength=len(rows.counts))
+
+    def references(self, column: int, things: Lines, what: str) -> tuple[Integers, Integers]:
+        """(N,) corners with an index in a column, and (N,) the thing that each means. Raises InputError."""
+        chosen = self._columns == column
+        indices, line = self._values[chosen], self._line[chosen]
+        before = np.searchsorted(things.starts, self._lines.starts)[line]
+        found = np.where(indices > 0, indices - 1, indices + before)
+        wrong = (indices == 0) | (found < 0) | (found >= len(things.starts))
+        if wrong.any():
+            k = int(wrong.argmax())
+            count = f"the file has {len(things.starts)}, {before[k]} before this line"
+            message = f"a face uses {what} {indices[k]}; an OBJ counts from 1 or -1, {count}"
+            raise self._lines.error(int(line[k]), message)
+        return self._corner[chosen], found
+
+
+def _normals(faces: _Faces, lines: Lines) -> Singles | None:
+    """(C, 3) unit normals of the corners, zero in faces of which not every corner has one; None without any."""
+    if not len(lines.starts):
+        return None
+    corners, numbers_of = faces.references(2, lines, "normal")
+    given = numbers(lines)
+    lines.check(given.counts >= 3, given.counts, 3)
+    found = np.zeros((int(faces.counts.sum()), 3), dtype=np.float32)
+    found[corners] = unit_normals(given.vectors)[numbers_of]
+    has_one = np.zeros(len(found), dtype=bool)
+    has_one[corners] = True
+    of_face = np.repeat(np.arange(len(faces.counts)), faces.counts)
+    found[np.isin(of_face, of_face[~has_one])] = 0.0
+    return found if found.any() else None
+
+
+def _coordinates(faces: _Faces, lines: Lines) -> Singles | None:
+    """(C, 2) texture coordinates of the corners with v downwards, zero at those without; None without any."""
+    corners, numbers_of = faces.references(1, lines, "texture coordinate")
+    if not len(corners):
+        return None
+    given = numbers(lines)
+    lines.check(given.counts >= 2, given.counts, 2)
+    places = given.values[given.starts[:, None] + np.arange(2)] * [1.0, -1.0] + [0.0, 1.0]  # v upwards in an OBJ
+    found = np.zeros((int(faces.counts.sum()), 2), dtype=np.float32)
+    found[corners] = np.nan_to_num(places, posinf=0.0, neginf=0.0)[numbers_of]
+    return found
+
+
+class _Parts(NamedTuple):
+    """What faces belong to: (P,) the number of each one's object and look; names and looks, None if opaque nowhere."""
+
+    owners: Integers
+    names: tuple[str | None, ...]
+    looks: tuple[Look | None, ...]
+
+
+def _parts(objects: Lines, others: Lines, faces: Lines, folder: Path) -> tuple[_Parts, list[str]]:
+    """The parts of an OBJ: its objects, split where materials look different; and notes on those."""
+    owners, names = _objects(objects, faces)
+    named = others._replace(text=others.file)  # a name may have a number sign
+    libraries, uses = (named.select(others.begin_with(word), skip=len(word)) for word in ("mtllib", "usemtl"))
+    files = MaterialFiles(_values(libraries), folder, others.where)
+    materials = ["", *_values(uses)]
+    looks = {name: files.look(name) for name in dict.fromkeys(materials)}
+    kinds = {id(look): look for look in looks.values()}  # materials that look alike are one, of the first one's name
+    titles = {id(look): name for name, look in reversed(looks.items())}
+    number = {kind: k for k, kind in enumerate(kinds)}
+    statement = np.searchsorted(uses.starts, faces.starts)
+    pairs = owners * len(kinds) + np.array([number[id(looks[name])] for name in materials])[statement]
+    found, parts = np.unique(pairs, return_inverse=True)
+    if len(found) > MOST_COPIES:
+        raise InputError(f"{faces.where}: {len(found)} objects by material; allowed are at most {MOST_COPIES}")
+    if not len(found):
+        return _Parts(parts, (None,), (Look(),)), files.notes
+    keys = list(kinds)
+    objects_of, kinds_of = found // len(kinds), [keys[k] for k in (found % len(kinds)).tolist()]
+    several = np.bincount(objects_of, minlength=len(names)) > 1
+    called = tuple(
+        " ".join(filter(None, (names[k], titles[kind]))) or None if several[k] else names[k]
+        for k, kind in zip(objects_of.tolist(), kinds_of, strict=True)
+    )
+    return _Parts(parts, called, tuple(kinds[kind] for kind in kinds_of)), files.notes
+
+
+def _values(statements: Lines) -> list[str]:
+    """What follows the keyword in each line."""
+    return [statements.line(k).strip() for k in range(len(statements.starts))]
+
+
+def _objects(objects: Lines, faces: Lines) -> tuple[Integers, tuple[str | None, ...]]:
+    """(P,) index of each face's object, and the distinct object names; statements with the same name are one object."""
+    if len(objects.starts) > MOST_COPIES:
+        raise InputError(f"{objects.where}: {len(objects.starts)} objects; allowed are at most {MOST_COPIES}")
+    # A name may have a number sign.
+    names = [None, *(name or None for name in _values(objects._replace(text=objects.file)))]
+    number = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    owners = np.array([number[name] for name in names])
+    return owners[np.searchsorted(objects.starts, faces.starts)], tuple(number)
+
+
+def _left_out(others: Lines) -> str:
+    """A note with the numbers of unsupported statements, such as curves or damaged lines; empty without."""
+    words = (printable(others.line(k).split(None, 1)[0]) for k in range(len(others.starts)))
+    found = Counter(word for word in words if word.lower() not in NO_SHAPE)
+    counts = ", ".join(f"{count} {word:.20}" for word, count in found.most_common(5)) + ", ..." * (len(found) > 5)
+    return f"{found.total()} statement(s) left out that make no face: {counts}" if found else ""

@@ -1,0 +1,106 @@
+"""A scene file's `mask`, which cuts meshes out."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Mesh, view_of
+from shadowbench.truths.trace import trace
+from tests.scenes.conftest import refused
+
+ALPHA = np.array([[0, 51, 102, 153], [255, 0, 0, 255]], dtype=np.uint8)
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 3 0\nvt 0 3\nf 1/1 2/2 3/3\n"
+
+
+@pytest.fixture
+def masked(tmp_path: Path, scene_file):
+    """Writes a scene file of one mesh with a mask."""
+
+    def write(table: str, alpha: np.ndarray = ALPHA, keys: str = 'mask = "leaf.png"') -> Path:
+        Image.fromarray(np.dstack([np.zeros((*alpha.shape, 3), np.uint8), alpha])).save(tmp_path / "leaf.png")
+        (tmp_path / "a.obj").write_text(OBJ)
+        (tmp_path / "bare.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        (tmp_path / "text.txt").write_text("no image")
+        return scene_file(f"[[mesh]]\n{table}\n{keys}\n")
+
+    return write
+
+
+def only(path: Path, **options: Any) -> Mesh:
+    (mesh,) = load_scene(path, **options).meshes
+    return mesh
+
+
+@pytest.mark.parametrize(
+    ("table", "wrap"),
+    [('shape = "plane"', "clamp"), ('shape = "foliage"\ncount = 2', "clamp"), ('file = "a.obj"', "repeat")],
+)
+def test_a_mask_cuts_shapes_and_files_out_that_have_coordinates(masked, table: str, wrap: str) -> None:
+    cutout = only(masked(table)).cutout
+    assert cutout is not None and np.array_equal(cutout.alpha, ALPHA)
+    assert (cutout.cutoff, cutout.nearest, cutout.wrap) == (0.5, False, (wrap, wrap))
+    cutout = only(masked(table, keys='mask = "leaf.png"\ncutoff = 0.25\nmask_filter = "nearest"')).cutout
+    assert cutout is not None and (cutout.cutoff, cutout.nearest) == (0.25, True)
+
+
+def test_an_image_on_an_upright_plane_is_upright(masked) -> None:
+    mesh = only(masked('shape = "plane"\nrotate = [90, 0, 0]'))
+    assert mesh.coordinates is not None
+    corners = zip(mesh.vertices[mesh.faces].reshape(-1, 3), mesh.coordinates.reshape(-1, 2), strict=True)
+    assert {(x, y): tuple(place) for (x, y, _), place in corners} == {
+        (-0.5, -0.5): (0, 1), (0.5, -0.5): (1, 1), (0.5, 0.5): (1, 0), (-0.5, 0.5): (0, 0),
+    }  # fmt: skip
+
+
+def test_tables_with_one_mask_share_it(masked, tmp_path: Path) -> None:
+    path = masked('shape = "plane"')
+    path.write_text(path.read_text() + '[[mesh]]\nshape = "plane"\nmask = "leaf.png"\ntranslate = [0, 1, 0]\n')
+    first, second = load_scene(path).meshes
+    assert first.cutout is second.cutout
+
+
+def test_a_mask_cuts_a_shadow_where_it_cuts_the_surface(masked) -> None:
+    half = np.zeros((4, 4), np.uint8)
+    half[:, :2] = 255  # the half towards −x is there
+    path = masked('shape = "plane"\ntranslate = [0, 1, 0]', half)
+    light = '[light]\nkind = "directional"\ndirection = [1, -1, 0]\n'
+    head = f"[camera]\nposition = [0, 8, 0.01]\ntarget = [0, 0, 0]\n{light}"
+    path.write_text(head + path.read_text() + '[[mesh]]\nshape = "plane"\nscale = 4\n')
+    scene = load_scene(path)
+    truth = trace(view_of(scene, scene.cameras[0], scene.lights[0], 128), pixel_samples=1)
+    row = 64
+    leaf = np.flatnonzero((truth.triangle[row] >= 0) & (truth.triangle[row] < 2))
+    shadow = np.flatnonzero(truth.visibility[row] == 0)
+
+    def column(x: float, y: float) -> float:
+        return 64 + 64 * x / ((8 - y) * np.tan(np.radians(18)))
+
+    assert [leaf[0], leaf[-1] + 1] == pytest.approx([column(-0.5, 1), column(0, 1)], abs=1)
+    assert [shadow[0], shadow[-1] + 1] == pytest.approx([column(0.5, 0), column(1, 0)], abs=1)
+
+
+@pytest.mark.parametrize(
+    ("table", "keys", "words"),
+    [
+        ('shape = "box"', 'mask = "leaf.png"', ["mask", "'box' has no texture coordinates", "plane, foliage"]),
+        ('file = "bare.obj"', 'mask = "leaf.png"', ["mask", "'bare' has no texture coordinates"]),
+        ('shape = "plane"', 'mask = "none.png"', ["mask", "'none.png' is not a file in"]),
+        ('shape = "plane"', 'mask = "../leaf.png"', ["mask", "'../leaf.png'"]),
+        ('shape = "plane"', 'mask = "text.txt"', ["mask", "'text.txt'", "not an image"]),
+        ('shape = "plane"', 'mask = ""', ["mask"]),
+        ('shape = "plane"', 'mask = "leaf.png"\ncutoff = 0', ["cutoff", "0"]),
+        ('shape = "plane"', 'mask = "leaf.png"\ncutoff = 1.5', ["cutoff", "1.5"]),
+        ('shape = "plane"', 'mask = "leaf.png"\nmask_filter = "cubic"', ["mask_filter", "linear", "nearest"]),
+        ('shape = "plane"', "cutoff = 0.3", ["cutoff and mask_filter are for a mask"]),
+    ],
+)
+def test_a_bad_mask_is_one_line(masked, table: str, keys: str, words: list[str]) -> None:
+    refused(masked(table, keys=keys), "[[mesh]] 1", *words)
+
+
+def test_a_mask_that_leaves_nothing_is_refused(masked) -> None:
+    refused(masked('shape = "plane"', np.full((2, 2), 60, np.uint8)), "mask", "below the cutoff 0.5 everywhere")
