@@ -9,10 +9,11 @@ struct Receiver {
     vec3 to_light;   // unit vector
     float distance;  // to the light; 1 for a directional light
     float cosine;    // N·L
-    bool facing;     // a visible surface that receives shadows and faces the light
+    bool receives;   // a visible surface that receives shadows
+    bool facing;     // one that faces the light
+    vec2 at;         // texture coordinates of the pixel's centre
 };
 
-// at: texture coordinates of the pixel's centre.
 Receiver receiver_of(vec2 at) {
     Receiver r;
     vec4 position = textureLod(surface_position, at, 0.0);  // Mesa's software renderer takes twice as long to texelFetch
@@ -23,7 +24,9 @@ Receiver receiver_of(vec2 at) {
     r.distance = length(to_light);
     r.to_light = to_light / r.distance;
     r.cosine = dot(r.normal, r.to_light);
-    r.facing = position.w * normal.w > 0.5 && r.cosine > 0.0;
+    r.receives = position.w * normal.w > 0.5;
+    r.facing = r.receives && r.cosine > 0.0;
+    r.at = at;
     return r;
 }
 

@@ -14,7 +14,7 @@ DRAW = 1
 """Raised when Python code changes a mask, count of work, fact or number of bytes; shaders and plug-ins are hashed."""
 TRACE = 1
 """Raised when any array of a truth changes."""
-SCORE = 1
+SCORE = 2
 """Raised when a metric or another number about a given mask and truth changes, or is added."""
 
 ENGINES = 1

@@ -11,7 +11,7 @@ import pytest
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
-from shadowbench.plugin.base import Frame, Phase, Stage, Technique
+from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.registry import shader_folder, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
@@ -32,7 +32,8 @@ class Built:
 
     def draw(self, shot, phase: int = 0) -> np.ndarray:
         """Visibility of a view of the same scene as float32, row 0 at the top."""
-        texture = self.technique.draw(Frame(shot.view, Phase(phase), self.frames, shot.surface, self.clock))
+        surface = surface_of(self.technique, shot.surface)
+        texture = self.technique.draw(Frame(shot.view, Phase(phase), self.frames, surface, self.clock))
         self.frames += 1
         self.stage.device.check(f"drawing {self.technique.name}")
         return download(texture)[..., 0].astype(np.float32)

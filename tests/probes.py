@@ -179,6 +179,7 @@ def _disc_truth(visibility: np.ndarray) -> Truth:
     """A truth by formulas alone, on the plane of a scene."""
     distance, scene, rows = _distance(), load_scene("cube-on-plane"), np.mgrid[:SCORED, :SCORED][0]
     sampled = (visibility > 0) & (visibility < 1)
+    cosine = (0.5 + rows / (3 * SCORED)).astype(np.float32)
     return Truth(
         visibility=visibility.astype(np.float32),
         standard_error=np.where(sampled, np.float32(0.003), np.float32(0)),
@@ -188,9 +189,11 @@ def _disc_truth(visibility: np.ndarray) -> Truth:
         area=(visibility if sampled.any() else np.clip(distance + 0.5, 0, 1)).astype(np.float32),
         blocker=np.where(visibility < 1, 0.003 * (1 + rows), np.inf).astype(np.float32),
         triangle=np.zeros(distance.shape, np.int32),
-        cosine=(0.5 + rows / (3 * SCORED)).astype(np.float32),
+        cosine=cosine,
         diagonal=10.0,
         view=view_of(scene, scene.cameras[0], scene.lights[0], SCORED),
+        shading_cosine=cosine,
+        facet_shadow=None if sampled.any() else np.abs(distance + 4) < 3,
     )
 
 

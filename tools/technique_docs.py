@@ -51,7 +51,7 @@ source code; `shadowbench list techniques` prints the same. A spec is a techniqu
 
 Pictures have {size}² pixels, at default parameters. The numbers below them were measured on the machine that drew them.
 A technique breaks along an axis if a full `shadowbench stress`, on small scenes of its own, found an IoU below 0.95,
-acne or leak above 1%, or flips of more than 1% of the receivers at true edges.
+acne, leak or terminator above 1%, or flips of more than 1% of the receivers at true edges.
 [results/ranges.csv](../../results/ranges.csv) has all ranges.
 """
 

@@ -1,5 +1,6 @@
 #include "triangle.glsl"
 #include "cutout/fragment.glsl"
+#include "gbuffer/smooth.glsl"
 in vec3 world;
 in float view_depth;
 uniform sampler2D normals;  // by triangle; w = 1 for triangles that receive shadows
@@ -16,6 +17,7 @@ void main() {
     surface_position = vec4(world, 1.0);
     surface_normal = vec4(dot(normal.xyz, eye - world) < 0.0 ? -normal.xyz : normal.xyz, normal.w);
     surface_triangle = triangle_here();
+    write_smooth_surface(surface_triangle, world, surface_normal);
     // Linear, because hyperbolic depth cannot resolve distant surfaces of a deep scene.
     gl_FragDepth = view_depth / far;
 }

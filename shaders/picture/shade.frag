@@ -1,6 +1,6 @@
 // Blinn-Phong (Blinn 1977) with the visibility that a technique computed, over hemisphere ambient light, which is never
 // shadowed: a shadow takes the sky's tint, and shapes inside it stay readable.
-#include "receiver.glsl"
+#include "shading_normal.glsl"
 #include "triangle.glsl"
 uniform isampler2D surface_triangle;
 uniform sampler2D colors;  // by triangle
@@ -35,10 +35,12 @@ void main() {
     albedo *= texture_at(triangle, r.position, r.position - eye, r.normal);
 #endif
     vec3 to_eye = normalize(eye - r.position);
-    float lit = r.cosine > 0.0 && dot(-r.to_light, normalize(cone_axis)) >= cos_half_angle ? texelFetch(visibility, pixel, 0).r : 0.0;
-    float highlight = specular * pow(max(dot(r.normal, normalize(r.to_light + to_eye)), 0.0), shininess);
+    vec3 normal = shading_normal(r);
+    float cosine = dot(normal, r.to_light);
+    float lit = cosine > 0.0 && dot(-r.to_light, normalize(cone_axis)) >= cos_half_angle ? texelFetch(visibility, pixel, 0).r : 0.0;
+    float highlight = specular * pow(max(dot(normal, normalize(r.to_light + to_eye)), 0.0), shininess);
     // Two walls look alike to a hemisphere: a little more light from one side tells them apart.
-    vec3 around = ambient * mix(ground, sky, 0.5 + 0.5 * r.normal.y) * (1.0 + dot(r.normal, vec3(0.25, 0.0, -0.25)));
-    vec3 direct = lit * light_color * (diffuse * albedo * max(r.cosine, 0.0) + highlight);
+    vec3 around = ambient * mix(ground, sky, 0.5 + 0.5 * normal.y) * (1.0 + dot(normal, vec3(0.25, 0.0, -0.25)));
+    vec3 direct = lit * light_color * (diffuse * albedo * max(cosine, 0.0) + highlight);
     color = vec4(srgb(clamp(albedo * around + direct, 0.0, 1.0)), 1.0);
 }

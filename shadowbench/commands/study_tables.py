@@ -16,7 +16,18 @@ if TYPE_CHECKING:
 
 _COSTS = ("frame_ms", "ratio", "gpu_bytes")  # memory: five cascades need more than one map of their size
 _PENUMBRA = ("bias_pen", "bleed", "false_dark", "noise", "banding", "width", "hardening")
-_OF_HARD = ("error", "iou_soft", "ssim", "edge_px", "acne", "leak", "contact", "flips", *_COSTS)  # as they are shown
+_OF_HARD = (
+    "error",
+    "iou_soft",
+    "ssim",
+    "edge_px",
+    "acne",
+    "leak",
+    "contact",
+    "terminator",
+    "flips",
+    *_COSTS,
+)  # as they are shown
 _OF_SOFT = ("error", "rmse_pen", "iou", "ssim", *_PENUMBRA, "flips", *_COSTS)
 _HEADINGS = {  # of others it is the name
     "iou": "1 − IoU",
@@ -29,7 +40,7 @@ _HEADINGS = {  # of others it is the name
 }
 _WIDE = 110  # characters; a narrower terminal gets the columns that matter most
 _NARROW = ("error", "rmse_pen", "iou", "ssim", "frame_ms", "ratio")
-_OPTIONAL = ("bleed", "false_dark", "width", "hardening", "flips", *_COSTS)  # shown where a row has them
+_OPTIONAL = ("terminator", "bleed", "false_dark", "width", "hardening", "flips", *_COSTS)  # shown where a row has them
 
 
 def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:

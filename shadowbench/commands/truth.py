@@ -37,8 +37,13 @@ def truth(scene: options.Scene, asked: TruthOptions, quiet: options.Quiet = Fals
       triangle        index of the visible triangle, -1 for none
       cosine          N·L at the visible point
       diagonal        one number: diagonal of casters and receivers in metres
+      shading_cosine  N·L by the smooth normal, where a surface has one
+      facet_shadow    whether a smooth surface's own triangles shadow it there
       depth           distance of the visible point along the camera's axis
       about           names, camera and light of the view, as JSON text
+
+    Scenes of flat surfaces lack the last two before depth; facet_shadow is
+    also absent under a light with a size.
 
     `shadowbench score` takes the file in place of the scene.
     """
@@ -52,7 +57,7 @@ def truth(scene: options.Scene, asked: TruthOptions, quiet: options.Quiet = Fals
         found = cached_truth(chosen, asked.pixel_samples)
     write_stored_truth(asked.output, found, chosen)
     if not quiet:
-        receivers, shadowed = int(found.receivers.sum()), int((found.visibility < 0.5).sum())
+        receivers, shadowed = int(found.receivers.sum()), int((found.receivers & (found.visibility < 0.5)).sum())
         undecided = int((found.receivers & found.undecided).sum())
         pixels = f"{receivers} of {found.receivers.size} pixels show a receiver"
         console.print_line(f"{asked.output}: {pixels}, {shadowed} in shadow, {undecided} undecided{_penumbra(found)}")

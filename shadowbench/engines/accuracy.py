@@ -180,7 +180,7 @@ def accuracy_of(external: ExternalMask, against: View | TruthOfView) -> Accuracy
         )
     if external.measurable is not None:
         unmeasured = int(np.count_nonzero(truth.receivers & ~truth.undecided & ~external.measurable))
-        truth = replace(truth, receivers=truth.receivers & external.measurable)
+        truth = replace(truth, receivers=truth.receivers & external.measurable, facet_shadow=None)
     prepared = against.prepared(truth)
     if unmeasured and not prepared.pixels:
         raise InputError(

@@ -10,7 +10,7 @@ AXES: dict[str, Axis] = {
         *(views.distance, views.distance_absolute, views.scale, views.depth_format, views.map_size, views.view_size),
         *(casters.thickness, casters.gap, lights.lamp_distance, lights.light_size, views.volume_wall),
         *(casters.defects, casters.overlap, casters.layers, casters.triangles, cutouts.leaf_size, cutouts.cards),
-        *(views.camera_step, views.light_step),
+        *(casters.smoothness, views.camera_step, views.light_step),
     )
 }
 """All axes by name, in the order of tables."""

@@ -1,5 +1,7 @@
 """Axes of the casters: thickness, gap to the receiver, overlap, number of triangles, defects of meshes."""
 
+import math
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -7,6 +9,7 @@ import numpy as np
 from shadowbench.extremes.model import TEXEL, Axis, Setting, base_meshes, ground, light_at, mesh, view_of_meshes
 from shadowbench.scenes.geometry import Triangles, without_zero_area
 from shadowbench.scenes.model import LightKind, Mesh
+from shadowbench.scenes.normals import mean_normals
 from shadowbench.scenes.vectors import Floats
 
 _PLATE = 1.2
@@ -115,6 +118,24 @@ def triangles(count: float, kind: LightKind) -> Setting:
         sections = _SECTIONS[int(count) // copies]
         casters = [mesh("torus", 1.1, (-0.8 + 1.6 * k, 0.6, 0.5 - k), sections=sections) for k in range(copies)]
     return Setting((view_of_meshes([ground(), *casters], light_at(kind, 65.0)),))
+
+
+@partial(
+    Axis,
+    name="smoothness",
+    about="triangles of a sphere with smooth normals: dark facets along the terminator where there are few",
+    unit="triangles",
+    values=(20, 80, 320, 1280, 5120, 20480),
+    default=1280,
+    quick=(20, 80, 1280),
+    invariant="a smooth surface shadows itself only where its smooth normal faces away from the light",
+)
+def smoothness(triangles: float, kind: LightKind) -> Setting:
+    """A sphere above the ground, lit from the side."""
+    level = round(math.log(triangles / 20, 4))
+    ball = mesh("sphere", 1.2, (0.0, 0.8, 0.0), subdivisions=level)
+    smooth = replace(ball, normals=mean_normals(Triangles(ball.vertices, ball.faces)))
+    return Setting((view_of_meshes([ground(), smooth], light_at(kind, 25.0)),))
 
 
 @partial(

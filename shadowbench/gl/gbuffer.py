@@ -1,7 +1,7 @@
 """The G-buffer: positions, normals and triangle indices of the visible surfaces, input of every resolve pass."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,8 @@ class GBuffer:
 
     position: RGBA32F, local xyz, w = 1 where a surface is visible. normal: RGBA32F, geometric, towards the camera,
     w = 1 for triangles that receive shadows. triangle: R32I, index of the triangle, −1 for none. depth: view depth
-    divided by that of the far plane.
+    divided by that of the far plane. smooth: in place of position and normal, those of the smooth surface that a
+    triangle stands for (`gbuffer/smooth.glsl`); None if all are flat.
     """
 
     position: moderngl.Texture
@@ -31,11 +32,19 @@ class GBuffer:
     depth: moderngl.Texture
     target: moderngl.Framebuffer
     device: Device
+    smooth: tuple[moderngl.Texture, moderngl.Texture] | None = None
+
+    @property
+    def lifted(self) -> "GBuffer":
+        """The smooth surfaces in place of the triangles."""
+        return self if self.smooth is None else replace(self, position=self.smooth[0], normal=self.smooth[1])
 
     @property
     def inputs(self) -> dict[str, tuple[moderngl.Texture, Sampling]]:
-        """Inputs of `receiver.glsl`, and `surface_depth`, the depth."""
+        """Inputs of `receiver.glsl` and `shading_normal.glsl`, and `surface_depth`, the depth."""
         textures = {"position": self.position, "normal": self.normal, "depth": self.depth}
+        if self.smooth is not None:
+            textures["shading_normal"] = self.smooth[1]
         return {f"surface_{name}": (texture, Sampling()) for name, texture in textures.items()}
 
     def triangles(self) -> NDArray[np.int32]:
@@ -44,7 +53,8 @@ class GBuffer:
 
     def release(self) -> None:
         """Free the textures."""
-        self.device.free((self.target, self.position, self.normal, self.triangle, self.depth))
+        textures = self.position, self.normal, self.triangle, self.depth, *(self.smooth or ())
+        self.device.free((self.target, *textures))
 
 
 def download(texture: moderngl.Texture, dtype: str = "f4") -> NDArray[np.generic]:
@@ -79,9 +89,10 @@ class GBufferPass:
 
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
         self.device, self.geometry = device, geometry
-        self.program = self._link(TRIANGLE_DEFINES)
+        defines = {**TRIANGLE_DEFINES, **geometry.smooth_defines}
+        self.program = self._link(defines)
         if geometry.cutouts:
-            self.program.cut = self._link(TRIANGLE_DEFINES | CUTOUTS)
+            self.program.cut = self._link(defines | CUTOUTS)
         self.drawable = geometry.all_faces(self.program)
 
     def _link(self, defines: Mapping[str, str]) -> Program:
@@ -94,14 +105,18 @@ class GBufferPass:
         position, normal = (context.texture(size, 4, dtype="f4") for _ in range(2))
         triangle = context.texture(size, 1, dtype="i4")
         depth = context.depth_texture(size)
-        target = context.framebuffer([position, normal, triangle], depth)
+        smooth = None
+        if self.geometry.smooth:
+            smooth = context.texture(size, 4, dtype="f4"), context.texture(size, 4, dtype="f4")
+        target = context.framebuffer([position, normal, triangle, *(smooth or ())], depth)
         target.clear(depth=1.0)
         triangle.write(np.full(size, -1, dtype=np.int32).tobytes())  # moderngl's clear writes floats
         far = view.near_far[1]
         self.program.set(world_to_clip=view_projection(view), eye=view.camera.position, far=far)
-        self.drawable.draw(target, {"normals": (self.geometry.normals, Sampling())}, State(depth_test="<"))
+        textures = {"normals": (self.geometry.normals, Sampling()), **self.geometry.smooth}
+        self.drawable.draw(target, textures, State(depth_test="<"))
         self.device.check("the G-buffer")
-        return GBuffer(position, normal, triangle, depth, target, self.device)
+        return GBuffer(position, normal, triangle, depth, target, self.device, smooth)
 
     def release(self) -> None:
         """Free the programs and their vertex arrays."""

@@ -1,5 +1,6 @@
 """A scene's triangles on the device: vertices and indices, corners of cut-out triangles, and per-triangle textures."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
@@ -19,6 +20,8 @@ TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(TRIANGLE_ROW), "CUTOUT_ROW": str(_CUTOUT
 """Defines of `triangle.glsl` and `cutout.glsl`."""
 CUTOUTS = {"CUTOUTS": "1"}
 """Define with which shaders cut out."""
+SMOOTH = {"SMOOTH": "1"}
+"""Define with which shaders know the smooth surface, in scenes that have one."""
 _CORNER = np.dtype([("position", "f4", 3), ("cutout_place", "f4", 3), ("cutout_face", "i4", 2)])
 
 
@@ -47,7 +50,8 @@ class DeviceGeometry:
     Techniques draw `casters`, the G-buffer draws `all_faces`: a program with `cut` draws the cut-out triangles by that,
     any other draws them whole. `normals` and `colors` are textures addressed by triangle (`texel_of` in
     `triangle.glsl`); w of a normal is 1 for triangles that receive shadows. cutouts: textures of `cutout.glsl`; empty
-    if nothing is cut out; geometry: what was uploaded.
+    if nothing is cut out; smooth: those of `gbuffer/smooth.glsl`; empty if all surfaces are flat. geometry: what was
+    uploaded.
     """
 
     def __init__(self, device: Device, geometry: Geometry) -> None:
@@ -67,7 +71,18 @@ class DeviceGeometry:
             context.texture((TRIANGLE_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
             for texels in (_rgba(geometry.normals, geometry.receives), _rgba(geometry.colors, 1.0))
         )
+        self.smooth: Textures = {}
         self._textures = [*textures.values(), self.normals, self.colors]
+        if geometry.corner_normals is not None:
+            texels = triangle_texels(_smooth_corners(geometry))
+            corners = context.texture((6 * TRIANGLE_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
+            self.smooth = {"corners": (corners, Sampling())}
+            self._textures.append(corners)
+
+    @property
+    def smooth_defines(self) -> Mapping[str, str]:
+        """SMOOTH if a surface is smooth."""
+        return SMOOTH if self.smooth else {}
 
     def _upload(self, geometry: Geometry, faces: Faces, opaque: Faces, cutouts: CutoutFaces | None) -> _Triangles:
         """Triangles, those of them that are opaque, and those that are cut out."""
@@ -117,6 +132,14 @@ class DeviceGeometry:
     def release(self) -> None:
         """Free the buffers and textures."""
         self._device.free((*self._buffers, *self._textures))
+
+
+def _smooth_corners(geometry: Geometry) -> NDArray[np.float32]:
+    """(F, 6, 4) position and normal of each corner of the triangles."""
+    corners = np.zeros((len(geometry.faces), 3, 2, 4), dtype=np.float32)
+    corners[:, :, 0, :3] = geometry.vertices[geometry.faces]
+    corners[:, :, 1, :3] = geometry.shading_normals
+    return corners.reshape(-1, 6, 4)
 
 
 def _corners(positions: NDArray[np.float64], cutouts: CutoutFaces) -> NDArray[np.void]:

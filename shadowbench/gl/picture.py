@@ -48,7 +48,7 @@ class PicturePass:
         self._shade, self._antialias = (self._fullscreen(name) for name in ("shade", "antialias"))
 
     def _fullscreen(self, fragment: str) -> Drawable:
-        defines = {**TRIANGLE_DEFINES, **({"TEXTURED": "1"} if self._textured else {})}
+        defines = {**TRIANGLE_DEFINES, **self._geometry.smooth_defines, **({"TEXTURED": "1"} if self._textured else {})}
         vertex, text = compose("fullscreen.vert", SHADERS), compose(f"picture/{fragment}.frag", SHADERS, defines)
         program = link(self._device, vertex, text)
         return Drawable(program, self._device.context.vertex_array(program.linked, []), count=3)

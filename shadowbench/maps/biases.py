@@ -184,6 +184,22 @@ class NormalOffset(Bias):
         "factor by the angle θ between normal and light: sin θ; versine: 1 − cos θ; across: that, less the part of the"
         " offset that is along the light; none: 1",
     )
+    normal: Literal["geometric", "shading"] = param(
+        "geometric", "normal of the triangle, or that of the smooth surface, as which it is shaded"
+    )
+
+
+class Terminator(Bias):
+    """No bias of a depth: shadows are received on the smooth surface that a triangle stands for (Hanika 2021).
+
+    The receiver is moved above the tangent planes at the triangle's corners, and its normal is the one that it is
+    shaded by, so that the triangles around it do not shadow it. Flat surfaces stay as they are. To be added to a bias
+    against acne: `terminator+texel`.
+    """
+
+    name = "terminator"
+    maps = ALL_MAPS
+    lifts = True
 
 
 class ReceiverPlane(Bias):

@@ -197,8 +197,10 @@ class Campaign:
         except (Unsupported, CellFailed) as reason:
             return row | {"status": status_of(reason)}, None
         truth, prepared = self._truth(0), self._prepared()
-        if first.measurable is not None and (truth.receivers & ~first.measurable).any():
-            truth = replace(truth, receivers=truth.receivers & first.measurable)
+        told, smooth = first.measurable, truth.facet_shadow is not None
+        if told is not None and (smooth or (truth.receivers & ~told).any()):
+            # Its pictures do not tell what triangles receive that face away from the light.
+            truth = replace(truth, receivers=truth.receivers & told, facet_shadow=None)
             prepared = prepare_truth(truth)
         try:
             scores = mask_record(first.visibility, truth, prepared, triangle)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from shadowbench.files import png_of
 from shadowbench.gl.device import Device
-from shadowbench.gl.gbuffer import GBufferPass, download
+from shadowbench.gl.facets import FacetPass
+from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.picture import PicturePass
@@ -126,6 +127,7 @@ class LoadedScene:
         self.geometry = DeviceGeometry(device, self.scene.geometry)
         self.surface_pass = GBufferPass(device, self.geometry)
         self.picture_pass = PicturePass(device, self.geometry)
+        self.facet_pass = FacetPass(device) if self.geometry.smooth else None
 
     def matches(self, scene: Scene, coordinates: Coordinates) -> bool:
         """Whether it is a scene in these coordinates."""
@@ -134,6 +136,14 @@ class LoadedScene:
     def to_drawing_coordinates(self, view: View) -> View:
         """A view of this scene converted from file coordinates (near and far planes known) to drawing coordinates."""
         return View(self.scene, self.placement.camera(view.camera), self.placement.light(view.light), view.size)
+
+    def darken_facets(self, spec: str, technique: Technique, texture: object, surface: GBuffer, view: View) -> None:
+        """Make what a technique drew 0 where triangles hide from the light what the smooth surface shows it.
+
+        surface: with the triangles. Not if the technique lifts its receivers. Raises as `checked_texture` does.
+        """
+        if self.facet_pass is not None and not technique.lifts(technique.params):
+            self.facet_pass.draw(checked_texture(spec, texture, view.size), surface, view)
 
     def build(self, spec: Spec, size: int, room: int = sys.maxsize) -> tuple[Technique, Stage]:
         """A technique built for images of size × size pixels. Raises any exception of the technique.
@@ -154,5 +164,7 @@ class LoadedScene:
     def release(self) -> None:
         """Free GPU memory."""
         self.picture_pass.release()
+        if self.facet_pass is not None:
+            self.facet_pass.release()
         self.surface_pass.release()
         self.geometry.release()

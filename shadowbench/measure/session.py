@@ -27,7 +27,7 @@ from shadowbench.measure.rendering import (
     visibility_of,
 )
 from shadowbench.measure.rows import renderer_of
-from shadowbench.plugin.base import Frame, Phase, Stage, Technique
+from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.plugin.stage import ShaderText
@@ -179,9 +179,10 @@ class Session:
         texture = technique.draw(frame)
         self.device.reset()
         self.device.check(f"drawing {request.spec}")
+        open_view.loaded.darken_facets(request.spec, technique, texture, open_view.surface, view)
         visibility = visibility_of(request.spec, texture, view.size)
         tint = technique.tint() if tinted else None
-        picture = open_view.loaded.picture_pass.draw(frame.surface, view, texture, tint)
+        picture = open_view.loaded.picture_pass.draw(open_view.surface, view, texture, tint)
         depths = technique.map_image() if with_map else None
         facts = finite_facts(request.spec, technique.facts())
         # Frame index 0 again: the work belongs to the frame that was scored, without history of earlier frames.
@@ -253,6 +254,6 @@ class Session:
         if reason is not None:
             raise Unsupported(reason)
         technique, stage = open_view.loaded.build(spec, open_view.view.size, request.room)
-        frame = Frame(open_view.view, Phase(request.phase), 0, open_view.surface, self.clock)
+        frame = Frame(open_view.view, Phase(request.phase), 0, surface_of(technique, open_view.surface), self.clock)
         self.device.context.finish()
         return _BuiltCell(technique, stage, frame, (time.perf_counter() - start) * 1e3)

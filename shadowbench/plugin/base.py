@@ -42,7 +42,7 @@ from shadowbench.gl.clock import Changes, Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer
 from shadowbench.gl.library import moderngl
-from shadowbench.plugin.params import TechniqueParams, param
+from shadowbench.plugin.params import TechniqueParams, components_of, param
 from shadowbench.plugin.stage import Stage
 from shadowbench.scenes.model import Camera, Light, LightKind, View
 
@@ -126,6 +126,11 @@ class Entry:
     variants: Sequence[str] = ("",)
 
 
+def surface_of(technique: "Technique", surface: GBuffer) -> GBuffer:
+    """What a technique receives shadows on: the triangles, or the smooth surfaces that they stand for."""
+    return surface.lifted if technique.lifts(technique.params) else surface
+
+
 class Subject(ABC):
     """What a spec names and a study measures: a technique of ours, or another engine. Its docstring documents it."""
 
@@ -151,6 +156,11 @@ class Subject(ABC):
     def extra_work(cls, params: TechniqueParams) -> str | None:
         """Why these parameters are excluded where specs are ranked by counts of work; None if they are not."""
         return None
+
+    @classmethod
+    def lifts(cls, params: TechniqueParams) -> bool:
+        """Whether shadows are received on the smooth surface, not on its triangles."""
+        return any(component.lifts for component in components_of(params))
 
     @classmethod
     def draws_on_cpu(cls, params: TechniqueParams) -> bool:

@@ -69,6 +69,7 @@ class Component(Strict):
     name: ClassVar[str]
     shader: ClassVar[str] = ""  # file that fills the include slot of the parameter, or its text of several lines
     table: ClassVar[dict[str, type[Self]]]
+    lifts: ClassVar[bool] = False  # whether shadows are received on the smooth surface, not on its triangles
     of_number: ClassVar[str] = ""  # of a family, the member that a number alone suggests
 
     @classmethod

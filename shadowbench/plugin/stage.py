@@ -84,7 +84,8 @@ class Stage:
         names, slots, uniforms = _shader_values(params, self.placement)
         plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
         roots = [*self._roots[:-1], *plugins, self._roots[-1]]
-        names = {"LAYERS": "1"} | TRIANGLE_DEFINES | names | {name: str(value) for name, value in defines.items()}
+        own = {name: str(value) for name, value in defines.items()}
+        names = {"LAYERS": "1", **TRIANGLE_DEFINES, **self._geometry.smooth_defines, **names, **own}
         slots = {"projection": "perspective", **slots, **includes}
         uniforms |= {"metre": self.placement.length(1.0), "subpixel": 2.0**-self.device.subpixel_bits}
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})

@@ -23,7 +23,7 @@ from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits, fault_lines, median_text
 from shadowbench.results.configurations import Configuration, Section
 from shadowbench.results.ranges import value_text
-from shadowbench.scores.difference import difference_over, weight
+from shadowbench.scores.difference import difference_over, weight, with_facets
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS, is_soft
 
@@ -162,17 +162,23 @@ def _cell(folder: Path, row: Record, about: dict[str, Any], shaded: bool, place:
 
 
 def difference(
-    mask: NDArray[np.float32], truth: NDArray[np.float32], undecided: NDArray[np.bool_] | None, soft: bool = False
+    mask: NDArray[np.float32],
+    truth: NDArray[np.float32],
+    undecided: NDArray[np.bool_] | None,
+    soft: bool = False,
+    facets: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.uint8]:
     """The difference picture of a mask: false shadow orange, false light blue, over the truth in pale grey.
 
-    mask, truth: (N, N) visibility in [0, 1]; undecided: (N, N), pixels that stay grey. The opacity of the colour is
-    the size of the error, of soft shadows its root. Returns (N, N, 3) uint8 sRGB.
+    mask, truth: (N, N) visibility in [0, 1]; undecided: (N, N), pixels that stay grey; facets: (N, N), pixels that the
+    truth has in the shadow of a smooth surface's own triangles, purple where the mask is dark. The opacity of the
+    colour is the size of the error, of soft shadows its root. Returns (N, N, 3) uint8 sRGB.
     """
     signed = np.rint(weight(mask - truth, soft) * _STEPS) / _STEPS
     if undecided is not None:
         signed[undecided] = 0
-    return difference_over(np.rint(198 + 50 * np.rint(truth * 4) / 4), signed)
+    picture = difference_over(np.rint(198 + 50 * np.rint(truth * 4) / 4), signed)
+    return picture if facets is None else with_facets(picture, facets, mask)
 
 
 def read_view(file: Path, size: int) -> NDArray[np.float32]:

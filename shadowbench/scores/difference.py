@@ -1,4 +1,4 @@
-"""Difference pictures: false shadow in one colour, false light in another, over a grey image; their legend."""
+"""Difference pictures: false shadow, false light and dark facets, each in a colour, over a grey image; their legend."""
 
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from shadowbench.files import replace_file
 from shadowbench.scores.comparison import Comparison
 
 FALSE_SHADOW, FALSE_LIGHT = (213, 94, 0), (0, 114, 178)  # Okabe & Ito 2008: vermillion and blue
+FACETS = (204, 121, 167)  # reddish purple
 _LIT, _SHADOW, _UNSCORED = 235, 150, 255
 _TICKS = (-1.0, -0.25, -0.04, 0.0, 0.04, 0.25, 1.0)  # every third where there is little room
 _ROOM = 180  # pixels of width
@@ -28,6 +29,15 @@ def difference_over(grey: NDArray[np.floating], signed: NDArray[np.floating]) ->
     return mixed
 
 
+def with_facets(
+    picture: NDArray[np.uint8], facets: NDArray[np.bool_], visibility: NDArray[np.floating]
+) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 sRGB: the picture blended towards FACETS at some pixels, (H, W), by a mask's darkness."""
+    strength = np.where(facets, 1 - visibility, 0)[..., np.newaxis]
+    mixed: NDArray[np.uint8] = np.rint(picture * (1 - strength) + np.array(FACETS) * strength).astype(np.uint8)
+    return mixed
+
+
 def weight(error: NDArray[np.floating], soft: bool) -> NDArray[np.floating]:
     """Signed blend weight of errors of visibility in [-1, 1]: of soft shadows the root, as their errors are small."""
     return np.sign(error) * np.sqrt(np.abs(error)) if soft else error
@@ -37,12 +47,14 @@ def difference_picture(comparison: Comparison) -> NDArray[np.uint8]:
     """(H, N, 3) uint8 sRGB: the truth in greys, blended towards orange where the mask is darker, blue where lighter.
 
     The blend weight is the difference of visibility; pixels that are not scored are white. Of soft shadows the weight
-    is the root of the difference, and the picture has a legend below it, so that H > N.
+    is the root of the difference, and the picture has a legend below it, so that H > N. Where smooth surfaces are in
+    the shadow of their own triangles, the mask's darkness is purple, whether or not it is that of the truth.
     """
     prepared = comparison.truth
     grey = np.where(prepared.valid, _SHADOW + (_LIT - _SHADOW) * prepared.visibility, _UNSCORED)
     error = np.where(prepared.valid, comparison.signed_error, 0)
     picture = difference_over(grey, weight(error, prepared.soft))
+    picture = with_facets(picture, prepared.facet_shadow, comparison.visibility)
     return with_legend(picture) if prepared.soft else picture
 
 

@@ -112,6 +112,17 @@ def contact(comparison: Comparison) -> float | None:
     return share(comparison.lit, comparison.truth.contact)
 
 
+@metric("lower", "hard")
+def terminator(comparison: Comparison) -> float | None:
+    """Of the light on smooth surfaces, by N·L of their smooth normals, the share that shadows of their own triangles
+    take: dark facets along the terminator. The truth has them too. None without smooth surfaces.
+    """
+    # The facets are those that are lit once rays start on the smooth surface, Hanika 2021.
+    truth = comparison.truth
+    images = comparison.visibility, truth.shading_cosine
+    return ratio(total_of(lambda mask, cosine: (1 - mask) * cosine, truth.facet_shadow, *images), truth.smooth_light)
+
+
 @metric("lower", "hard", tolerance=0.05, label="edge", targets=(1.0, 0.5, 0.25))
 def edge_px(comparison: Comparison) -> float | None:
     """Mean distance in pixels between the edges of mask and truth, averaged over both directions; the image's diagonal

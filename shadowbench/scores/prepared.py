@@ -20,6 +20,7 @@ PENUMBRA = (0.02, 0.98)  # visibility in a penumbra, exclusive
 PENUMBRA_MARGIN_PX = 2
 UMBRA, FULL_LIGHT = 0.01, 0.99  # visibility below which a pixel is in the umbra, above which in full light
 RESOLVED_STEP = 2.0  # standard errors above which a step of the truth is one
+SMOOTH = ("shading_cosine", "facet_shadow")
 KERNEL_PX = 8  # how far a filter may reach into umbra and full light
 
 
@@ -32,7 +33,8 @@ class PreparedTruth(ThresholdedMask):
     def __init__(self, arrays: Mapping[str, Any], positions: Callable[[], NDArray[np.float64]] | None = None) -> None:
         """The truth of (H, W) arrays by name; others than these are ignored.
 
-        visibility, standard_error, receivers, undecided, area, blocker, cosine, diagonal: as of a `Truth`. positions:
+        visibility, standard_error, receivers, undecided, area, blocker, cosine, diagonal, and where there are smooth
+        surfaces shading_cosine and facet_shadow: as of a `Truth`. positions:
         returns (H, W, 3) points of the surfaces in metres, finite everywhere; called once, for a truth with penumbrae;
         None if unknown, so that no width of a penumbra is. Visibility and area are quantised, so that a stored mask of
         the truth has no error. Raises ValueError for arrays of different shapes and values out of range.
@@ -45,7 +47,11 @@ class PreparedTruth(ThresholdedMask):
         )
         self.diagonal = float(arrays["diagonal"])
         self._positions = positions
-        for name in ("area", "blocker", "cosine", "standard_error", "undecided", "valid"):
+        none = dict.fromkeys(SMOOTH, np.zeros(self.shape))
+        smooth = arrays if "facet_shadow" in arrays else none
+        self.shading_cosine: Single = np.ascontiguousarray(smooth["shading_cosine"], np.float32)
+        self.facet_shadow: Mask = np.asarray(smooth["facet_shadow"], np.bool_) & ~self.undecided
+        for name in (*("area", "blocker", "cosine", "standard_error", "undecided", "valid"), *SMOOTH):
             found = getattr(self, name).shape
             if found != self.shape:
                 raise ValueError(f"{name} has shape {found}, visibility {self.shape}; allowed: the same")
@@ -98,6 +104,11 @@ class PreparedTruth(ThresholdedMask):
     def contact(self) -> Mask:
         """Shadowed pixels whose occluder is closer than 2% of the scene's diagonal."""
         return self.shadow & (self.blocker < CONTACT_DISTANCE * self.diagonal)
+
+    @cached_property
+    def smooth_light(self) -> float:
+        """Sum of N·L by smooth normals over the pixels that are lit, or that only the surface's own facets shadow."""
+        return total(self.shading_cosine, self.lit | self.facet_shadow)
 
     @cached_property
     def cosine_sum(self) -> float:

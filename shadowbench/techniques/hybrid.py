@@ -66,6 +66,7 @@ class Hybrid(Technique):
         fit: Fit = param(ViewFit(), "part of the scene that the map covers")
         rest: Literal["trace", "embree"] = param("trace", "traces the other pixels: in a shader, or on the CPU")
         offset: float = param(1e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
+        terminator: bool = param(False, "shadows are received on the smooth surface, as with the bias of that name")
 
         @model_validator(mode="after")
         def _covers_the_scene(self) -> Self:
@@ -78,6 +79,11 @@ class Hybrid(Technique):
     @classmethod
     def draws_on_cpu(cls, params: TechniqueParams) -> bool:
         return True
+
+    @classmethod
+    def lifts(cls, params: TechniqueParams) -> bool:
+        assert isinstance(params, cls.Params)
+        return params.terminator
 
     @classmethod
     def extra_work(cls, params: TechniqueParams) -> str | None:

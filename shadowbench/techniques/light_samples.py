@@ -74,6 +74,11 @@ class LightSamples(Technique):
         return params.of.drawn_here.declines(params.of.params, hard, device)
 
     @classmethod
+    def lifts(cls, params: TechniqueParams) -> bool:
+        assert isinstance(params, cls.Params)
+        return params.of.technique.lifts(params.of.params)
+
+    @classmethod
     def draws_on_cpu(cls, params: TechniqueParams) -> bool:
         assert isinstance(params, cls.Params)
         return params.of.technique.draws_on_cpu(params.of.params)

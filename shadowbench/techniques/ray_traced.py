@@ -98,6 +98,9 @@ class RayTraced(Technique):
     class Params(TechniqueParams):
         offset: float = param(1e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
         samples: int = param(1, "points of the light for each pixel; 1 is its centre: hard shadows", ge=1, le=1 << 12)
+        terminator: bool = param(
+            False, "rays start on the smooth surface, not on its triangles: see the bias of that name"
+        )
         where: Literal["cpu", "gpu"] = param("cpu", "Embree, or a tree of the casters that a shader walks")
 
         @model_validator(mode="after")
@@ -107,6 +110,11 @@ class RayTraced(Technique):
             return self
 
     params: Params
+
+    @classmethod
+    def lifts(cls, params: TechniqueParams) -> bool:
+        assert isinstance(params, cls.Params)
+        return params.terminator
 
     @classmethod
     def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:

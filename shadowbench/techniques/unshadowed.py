@@ -2,7 +2,7 @@
 
 from shadowbench.gl.library import moderngl
 from shadowbench.maps.resolve import ResolvePass
-from shadowbench.plugin.base import Entry, Frame, Stage, Technique
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams
 
 
 class Unshadowed(Technique):
@@ -13,6 +13,10 @@ class Unshadowed(Technique):
         exact=True,
         never_recommended="draws no shadows: enough only where there are none",
     )
+
+    @classmethod
+    def lifts(cls, params: TechniqueParams) -> bool:
+        return True
 
     def build(self, stage: Stage) -> None:
         self.resolve = ResolvePass(stage, "unshadowed/resolve.frag")

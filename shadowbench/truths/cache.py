@@ -23,9 +23,14 @@ _RANGES: dict[str, tuple[type[np.generic], float, float]] = {
     **dict.fromkeys(("receivers", "undecided"), (np.bool_, 0, 1)),
     "blocker": (np.float32, 0, np.inf),
     "cosine": (np.float32, 0, 1 + 1e-6),  # the vectors are rounded
+    "shading_cosine": (np.float32, 0, 1),
+    "facet_shadow": (np.bool_, 0, 1),
     "diagonal": (np.float64, np.finfo(np.float64).tiny, np.finfo(np.float64).max),
 }
 """Type, lowest and highest value of each array of a truth except `triangle`, whose range depends on the scene."""
+
+_OF_SMOOTH = {"shading_cosine", "facet_shadow"}
+"""Arrays that only truths of smooth surfaces have."""
 
 _log = logging.getLogger(__name__)
 
@@ -96,8 +101,9 @@ def read_arrays(file: Path) -> dict[str, Any]:
 def truth_of(arrays: dict[str, Any], size: int, triangles: int) -> Truth | None:
     """The truth of these arrays; None unless names, types, shapes and ranges are those of a view of some triangles."""
     ranges = {**_RANGES, "triangle": (np.int32, -1, triangles - 1)}
-    if arrays.keys() != ranges.keys():
+    if (absent := ranges.keys() ^ arrays.keys()) and not absent <= _OF_SMOOTH:
         return None
+    ranges = {name: ranges[name] for name in arrays}
     for name, (kind, low, high) in ranges.items():
         array, shape = arrays[name], () if name == "diagonal" else (size, size)
         if array.dtype != kind or array.shape != shape or not ((array >= low) & (array <= high)).all():  # NaN neither

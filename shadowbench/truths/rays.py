@@ -81,6 +81,7 @@ class ViewRays:
         self._all = Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
         all_cast = len(geometry.caster_faces) == len(geometry.faces)
         self._casters = self._all if all_cast else Tracer(geometry.vertices, *casters)
+        self._numbers = np.append(np.flatnonzero(geometry.casts), -1)  # the last entry is that of index −1, a miss
 
         camera = view.camera
         right, up, back = camera.basis()[:, :, None]
@@ -156,12 +157,9 @@ class ViewRays:
         point = self.points(directions.take(rays, axis=1), triangle)
         if self.directional:
             return Receivers(rays, triangle, point, self._light, INFINITE, self._cosines.take(triangle))
-        to_light, distance = self._toward_light(point)
+        to_light, distance = self.toward_light(point)
         cosine = dot(self.normals(triangle), to_light)
-        facing = cosine > 0
-        if self._cos_half_angle > -1:
-            facing &= -dot(to_light, self._axis) >= self._cos_half_angle
-        chosen = np.flatnonzero(facing)
+        chosen = np.flatnonzero((cosine > 0) & self.in_cone(to_light))
         found = Receivers(rays, triangle, point, to_light, distance, cosine)
         return found._replace(**{name: values.take(chosen, axis=-1) for name, values in found._asdict().items()})
 
@@ -176,11 +174,8 @@ class ViewRays:
     def normal_offset_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """Shadow rays offset by δ along N."""
         origins = receivers.point + self.normals(receivers.triangle) * delta
-        offset = np.zeros(len(receivers.rays))
-        if self.directional:
-            return ShadowRays(origins, self._light, offset, INFINITE)
-        to_light, distance = self._toward_light(origins)
-        return ShadowRays(origins, to_light, offset, distance)
+        to_light, distance = self.toward_light(origins)
+        return ShadowRays(origins, to_light, np.zeros(len(receivers.rays)), distance)
 
     def occluded(self, rays: ShadowRays) -> Mask:
         """(N,) whether a caster blocks each ray."""
@@ -208,7 +203,20 @@ class ViewRays:
         distance = self._casters.hits(rays.origins.T, rays.directions.T, rays.reach).distance
         return rays.offset + distance.astype(np.float64)
 
-    def _toward_light(self, points: Floats) -> tuple[Floats, Floats]:
+    def nearest_casters(self, receivers: Receivers, delta: float) -> Indices:
+        """(R,) triangle of the nearest caster along L from each receiver, −1 if none."""
+        rays = self.shadow_rays(receivers, delta)
+        return self._numbers[self._casters.hits(rays.origins.T, rays.directions.T, rays.reach).triangle]
+
+    def in_cone(self, to_light: Floats) -> Mask:
+        """(N,) whether points in (3, N) directions towards the light are in its cone, before its panel."""
+        inside: Mask = -dot(to_light, self._axis) >= self._cos_half_angle
+        return inside if self._cos_half_angle > -1 else np.ones_like(inside)
+
+    def toward_light(self, points: Floats) -> tuple[Floats, Floats | float]:
+        """Unit vectors (3, N) from points to the light, (3, 1) to a directional one, and (N,) distances or a number."""
+        if self.directional:
+            return self._light, INFINITE
         to_light = self._light - points
         distance = np.sqrt(dot(to_light, to_light))
         to_light /= np.maximum(distance, np.finfo(float).tiny)

@@ -14,6 +14,7 @@ from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.embree import over_slices, rows_a_slice
 from shadowbench.truths.hard import hard_shadows
 from shadowbench.truths.rays import Indices, Mask, ViewRays
+from shadowbench.truths.terminator import terminator
 
 Single = NDArray[np.float32]
 
@@ -26,13 +27,17 @@ STANDARD_ERROR = 1 / 255
 class Truth:
     """Ray-traced shadows of a view. All arrays are (size, size), row 0 at the top.
 
-    visibility: share of the light that is seen, 1 lit, 0 in shadow, 1 outside receivers. standard_error: of visibility,
+    visibility: share of the light that is seen, 1 lit, 0 in shadow, 1 outside receivers, but 0 where a triangle faces
+    away from a light that its smooth normal faces. standard_error: of visibility,
     0 where it is not sampled (see `soft`). irradiance: as visibility, with the light's points weighted by N·ω.
     receivers: the hit faces both camera and the light's centre. undecided: visibility changes within the rasteriser's
     subpixel grid or with the shadow ray's offset (see `hard`, `soft`). area: visibility averaged over the pixel's
     samples that hit receivers. blocker: metres along L to the nearest occluder, inf if none. triangle: index in the
     scene's geometry, −1 for a miss. cosine: N·L, 0 where there is no receiver. diagonal: of the bounding box of casters
-    and visible receivers, in metres. L points to the light's centre. view: that was traced, None if unknown.
+    and visible receivers, in metres. L points to the light's centre. view: that was traced, None if unknown. Where a
+    surface is smooth (see `terminator`), shading_cosine: Nₛ·L by its smooth normal, where above 0 and it receives, else
+    0; facet_shadow: its own triangles take that light; None in scenes of flat surfaces, facet_shadow also under a light
+    with a size.
     """
 
     visibility: Single
@@ -46,6 +51,8 @@ class Truth:
     cosine: Single
     diagonal: float
     view: View | None = None
+    shading_cosine: Single | None = None
+    facet_shadow: Mask | None = None
 
     @property
     def sampled(self) -> bool:
@@ -69,8 +76,9 @@ class Truth:
         return png_of(np.round(self.visibility * 255).astype(np.uint8))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """All fields but the view as arrays by name, as stored in `truth.npz`."""
-        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self) if field.name != "view"}
+        """All fields but the view, and those that are None, as arrays by name, as stored in `truth.npz`."""
+        found = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "view"}
+        return {name: np.asarray(value) for name, value in found.items() if value is not None}
 
 
 def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_ERROR) -> Truth:
@@ -96,6 +104,14 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
 
         arrays = hard_shadows(rays, NearCasters(placed.scene.geometry), triangle, delta, pixel_samples)
     arrays["undecided"] |= edge_on
+    if placed.scene.geometry.corner_normals is not None:
+        shadowed, receivers = arrays["visibility"] < 0.5, arrays["receivers"]
+        smooth = terminator(placed.scene, rays, triangle, shadowed, receivers, delta)
+        for name in ("visibility", "irradiance", "area"):
+            arrays[name][~receivers & (smooth["shading_cosine"] > 0)] = 0
+        if view.light.soft:
+            del smooth["facet_shadow"]
+        arrays |= smooth
     arrays["blocker"] = (arrays["blocker"] / placement.scale).astype(np.float32)
     arrays["triangle"] = triangle.astype(np.int32)
     shape = (view.size, view.size)

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import moderngl
 import numpy as np
@@ -13,7 +13,7 @@ from shadowbench.errors import message
 from shadowbench.gl.clock import Clock, PassTimes, with_cost, work_of
 from shadowbench.gl.device import Device
 from shadowbench.measure.rendering import LoadedScene, checked_texture, declared_work, finite_facts, visibility_of
-from shadowbench.plugin.base import Frame, Phase, Stage, Technique
+from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
 from shadowbench.viewer.state import Colors, ViewerState, recolored
@@ -99,7 +99,7 @@ class Drawing:
         try:
             # Index 0 always: each image is the one that is scored, without history of earlier frames.
             frame = Frame(view, Phase(state.phase), 0, surface, self.clock)
-            masks = tuple(self._mask(spec, one, frame) for spec, one in zip(state.specs, built, strict=True))
+            masks = tuple(self._mask(loaded, spec, one, frame) for spec, one in zip(state.specs, built, strict=True))
             white = np.ones((size, size), dtype=np.float32)
             lit = self.device.context.texture((size, size), 1, white.tobytes(), dtype="f4")
         except BaseException:
@@ -136,7 +136,8 @@ class Drawing:
         self.tell(mask.spec.text)
         facts = finite_facts(mask.spec.text, technique.facts())
         self.device.reset()
-        work = work_of(self.device, lambda: technique.draw(drawn.frame))
+        frame = replace(drawn.frame, surface=surface_of(technique, drawn.frame.surface))
+        work = work_of(self.device, lambda: technique.draw(frame))
         return with_cost(work | declared_work(technique, drawn.size**2, facts))
 
     def paint(self, state: ViewerState) -> None:
@@ -164,7 +165,7 @@ class Drawing:
             return told(error)
         return self._built[key][0] if reason is None else f"unsupported: {reason}"
 
-    def _mask(self, spec: Spec, technique: Technique | str, frame: Frame) -> Mask:
+    def _mask(self, loaded: LoadedScene, spec: Spec, technique: Technique | str, frame: Frame) -> Mask:
         if isinstance(technique, str):
             return Mask(spec, failure=technique)
         self._recover()
@@ -172,9 +173,11 @@ class Drawing:
         try:
             visibility: list[moderngl.Texture] = []
             on_cpu = technique.draws_on_cpu(spec.params)
-            passes = self.clock.passes(lambda: visibility.append(technique.draw(frame)), on_cpu)
+            own = replace(frame, surface=surface_of(technique, frame.surface))
+            passes = self.clock.passes(lambda: visibility.append(technique.draw(own)), on_cpu)
             self.device.reset()
             self.device.check(f"drawing {spec.text}")
+            loaded.darken_facets(spec.text, technique, visibility[0], frame.surface, frame.view)
             return Mask(spec, technique, checked_texture(spec.text, visibility[0], frame.view.size), passes)
         except RAISED as error:
             return Mask(spec, failure=told(error))

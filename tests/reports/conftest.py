@@ -70,7 +70,7 @@ class Cell:
         }  # fmt: skip
         if self.status == "ok":
             values = dict.fromkeys(METRICS, 0.5) | {"iou": None if self.error is None else 1 - self.error}
-            values |= {"rmse": self.rmse_pen and self.rmse_pen / 4, "rmse_pen": self.rmse_pen}
+            values |= {"rmse": self.rmse_pen and self.rmse_pen / 4, "rmse_pen": self.rmse_pen, "terminator": None}
             if self.rmse_pen is not None:
                 score |= {"truth_error": TRUTH_ERROR, "truth_error_pen": 4 * TRUTH_ERROR, "penumbra": 9}
             values["edge_px"] = 100 * self.error if self.edge is None and self.error is not None else self.edge
@@ -173,7 +173,7 @@ class Point:
         }  # fmt: skip
         if self.status == "ok":
             hard = [name for name, metric in METRICS.items() if metric.kind != "soft"]
-            values = dict.fromkeys(METRICS) | dict.fromkeys(hard, 0.5)
+            values = dict.fromkeys(METRICS) | dict.fromkeys(hard, 0.5) | {"terminator": None}
             row |= MEASURED | {"metrics": values | {"iou": self.iou, "acne": self.acne, "leak": self.leak}}
             row |= {} if self.flips is None else {"flips": self.flips}
         return row

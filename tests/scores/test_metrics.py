@@ -10,6 +10,7 @@ from shadowbench.scores import METRICS, score
 seeds = st.integers(0, 2**32 - 1)
 SIZE = 40
 OF_PENUMBRAE = {"rmse_pen", "bias_pen", "noise", "banding", "width", "hardening", "hardening_intercept"}
+NONE = OF_PENUMBRAE | {"terminator"}  # of flat surfaces and hard shadows
 """Metrics that a truth without a penumbra leaves undefined."""
 
 
@@ -50,7 +51,7 @@ def test_in_a_view_of_few_pixels_every_metric_is_a_number_or_none(size, soft, tr
 def test_every_metric_has_a_row_that_explains_it():
     assert list(METRICS) == [
         *("iou", "iou_soft", "boundary_iou", "ssim", "ssim_edge", "mae", "mae_area", "mae_lit"),
-        *("acne", "acne_soft", "leak", "contact", "edge_px", "edge_p95"),
+        *("acne", "acne_soft", "leak", "contact", "terminator", "edge_px", "edge_p95"),
         *("rmse", "rmse_pen", "bias_pen", "bleed", "false_dark", "noise", "banding"),
         *("width", "hardening", "hardening_intercept"),
     ]
@@ -103,7 +104,7 @@ def test_the_truth_itself_gets_the_best_value_of_every_metric(truth, disc):
     scores = score(disc(30), truth(disc(30), blocker=np.zeros((128, 128))))
     for name, metric in METRICS.items():
         best = 1 if metric.better == "higher" else 0
-        assert scores[name] == (None if name in OF_PENUMBRAE else best), name
+        assert scores[name] == (None if name in NONE else best), name
 
 
 @given(seeds)
@@ -116,7 +117,7 @@ def test_no_mask_is_better_than_the_truth(truth, seed):
             assert metric.worse(best[name], scores[name]) >= -1e-9, name
 
 
-@pytest.mark.parametrize("name", [name for name in METRICS if name not in OF_PENUMBRAE])
+@pytest.mark.parametrize("name", [name for name in METRICS if name not in NONE])
 def test_a_worse_mask_never_scores_better(truth, half_plane, name):
     """The shadow retreats from its occluder, and acne of the same area spreads over the lit side."""
     prepared = truth(half_plane(64), blocker=np.where(half_plane(64) < 0.5, 0.1, np.inf))
@@ -279,12 +280,12 @@ OF_SHADOWS = {"iou", "iou_soft", "boundary_iou", "ssim_edge", "leak", "contact",
 
 
 def test_without_a_shadow_in_either_mask_there_is_no_overlap(truth):
-    assert nulls(score(np.ones((32, 32)), truth(np.ones((32, 32))))) == OF_SHADOWS | OF_PENUMBRAE
+    assert nulls(score(np.ones((32, 32)), truth(np.ones((32, 32))))) == OF_SHADOWS | NONE
 
 
 def test_shadow_in_a_lit_view_scores_zero_instead_of_none(truth, disc):
     scores = score(disc(20), truth(np.ones((128, 128))))
-    assert nulls(scores) == {"ssim_edge", "leak", "contact", "bleed"} | OF_PENUMBRAE
+    assert nulls(scores) == {"ssim_edge", "leak", "contact", "bleed"} | NONE
     assert scores["iou"] == scores["boundary_iou"] == 0
     assert scores["edge_px"] == math.hypot(128, 128)
 
@@ -292,7 +293,7 @@ def test_shadow_in_a_lit_view_scores_zero_instead_of_none(truth, disc):
 def test_without_light_there_is_no_acne_and_no_edge(truth):
     scores = score(np.zeros((32, 32)), truth(np.zeros((32, 32))))
     none = {"boundary_iou", "ssim_edge", "acne", "acne_soft", "contact", "edge_px", "edge_p95", "false_dark"}
-    assert nulls(scores) == none | OF_PENUMBRAE
+    assert nulls(scores) == none | NONE
     assert scores["iou"] == 1
 
 
@@ -319,3 +320,14 @@ def test_nan_is_refused_even_where_it_is_not_scored(truth):
     """NaN indicates a broken shader at any pixel."""
     with pytest.raises(ValueError, match="NaN or infinite in 1"):
         score([[1, np.nan]], truth([[1, 1]], receivers=np.array([[True, False]])))
+
+
+def test_dark_facets_count_by_the_light_that_they_take(truth):
+    facets, cosine = np.zeros((32, 32), bool), np.full((32, 32), 0.5)
+    facets[:8] = True
+    cosine[:8] = 0.25
+    exact = np.where(facets, 0.0, 1.0)
+    prepared = truth(exact, facet_shadow=facets, shading_cosine=cosine, receivers=~facets)
+    assert score(exact, prepared)["terminator"] == pytest.approx(8 * 0.25 / (8 * 0.25 + 24 * 0.5))
+    assert score(np.where(facets, 0.5, 1.0), prepared)["terminator"] == pytest.approx(4 * 0.25 / 14, rel=1e-4)
+    assert score(np.ones((32, 32)), prepared)["terminator"] == 0

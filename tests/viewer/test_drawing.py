@@ -83,6 +83,8 @@ def mask_of(drawing: Drawing, state: ViewerState, size: int = SIZE) -> np.ndarra
         ("room-with-lamp", "cube-map:size=64"),
         ("inside-volume", "shadow-volume"),
         ("spot-lamp", "hybrid:size=64"),
+        ("docs/gallery/terminator.toml", "shadow-map:size=128"),
+        ("docs/gallery/terminator.toml", "shadow-map:size=128,bias=terminator+texel"),
     ],
 )
 def test_the_mask_is_that_of_render_also_after_motion(

@@ -1,0 +1,1 @@
+ShadowCoord with_bias_normal(ShadowCoord p) { return p; }

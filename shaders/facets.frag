@@ -1,0 +1,10 @@
+// Darkens what the triangles hide from the light although the smooth surface faces it: pixels of no receiver, where
+// techniques leave 1.
+#include "shading_normal.glsl"
+out float visibility;
+
+void main() {
+    Receiver r = receiver_here();
+    if (!r.receives || r.facing || dot(shading_normal(r), r.to_light) <= 0.0) discard;
+    visibility = 0.0;
+}
