@@ -24,9 +24,10 @@ MANY = int(os.environ.get("FUZZ", "2000"))
 
 @pytest.fixture(scope="session")
 def watch() -> Watch:
-    """With what is imported on first use, which reads files of its own."""
+    """With what is imported and compiled on first use, for lights with and without a size, with files of its own."""
     watch = Watch()  # a hook stays for the life of the process
-    judged(Case("scene", "a.toml", {"a.toml": b'[[mesh]]\nshape = "box"\n'}), watch)
+    for light in ("", '[light]\nkind = "point"\nposition = [0, 5, 0]\nradius = 0.1\n'):
+        judged(Case("scene", "a.toml", {"a.toml": f'{light}[[mesh]]\nshape = "box"\n'.encode()}), watch)
     return watch
 
 
