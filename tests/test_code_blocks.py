@@ -141,6 +141,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (folder / name).symlink_to(ROOT / name)
     for name in ("my-model", "armadillo", "post"):
         write_model(folder / f"{name}.obj")
+    Image.fromarray(np.array([[0, 255]], np.uint8)).save(folder / "leaf.png")
     (folder / "study.toml").write_text('scenes = ["stairs"]\n[[technique]]\nspec = "unshadowed"\n', encoding="utf-8")
     write_screenshots(folder / "shots")
     monkeypatch.chdir(folder)
@@ -191,7 +192,7 @@ def test_toml_is_a_scene_or_a_study_or_registers_a_technique(block: Block, desk:
     if "technique" in table:
         assert read_study(file, techniques()).specs
     elif "mesh" in table:
-        assert load(file).name == table["name"]
+        assert load(file).name == table.get("name", "shown")
     else:
         assert list(table["project"]["entry-points"]) == [GROUP]
 

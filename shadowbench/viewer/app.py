@@ -46,7 +46,7 @@ def modified(origin: Origin | None, plugins: Sequence[Path]) -> Mapping[Path, in
 
 
 def scene_files(origin: Origin | None) -> list[Path]:
-    """A scene's file and the meshes that it names; of a file that cannot be read only that."""
+    """A scene's file and the meshes and masks that it names; of a file that cannot be read only that."""
     if origin is None:
         return []
     tables = []
@@ -54,7 +54,7 @@ def scene_files(origin: Origin | None) -> list[Path]:
         with suppress(InputError):
             tables = read_document(origin.file).mesh
     folders = [folder for folder in (origin.file.parent, origin.options.assets) if folder]
-    names = [str(table["file"]) for table in tables if isinstance(table.get("file"), str)]
+    names = [table[key] for table in tables for key in ("file", "mask") if isinstance(table.get(key), str)]
     return [origin.file, *(folder / name for folder in folders for name in names)]
 
 
