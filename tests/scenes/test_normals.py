@@ -78,6 +78,14 @@ def test_a_sphere_of_a_file_is_smooth(tmp_path: Path, kind: str, encoding: str) 
         assert np.dot(unit_normals(np.array(place)), normal) > 0.999
 
 
+def test_normals_are_read_from_compressed_files(tmp_path: Path) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    options = {"include_normals": True, "extension_draco": True}
+    (tmp_path / "ball.glb").write_bytes(trimesh.exchange.gltf.export_glb(trimesh.Scene(ball), **options))
+    for place, normal in corners_of(tmp_path / "ball.glb").items():
+        assert np.dot(unit_normals(np.array(place)), normal) > 0.999
+
+
 @pytest.mark.parametrize("matrix", [np.diag([1, 2, 3.0]), np.diag([-1, 1, 1.0]), np.diag([1, 0, 1.0])])
 def test_normals_stay_perpendicular_to_their_surface(matrix: NDArray[np.float64]) -> None:
     """Of a plane along the diagonals, under scaling, mirroring and flattening."""
