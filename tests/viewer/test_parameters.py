@@ -32,6 +32,8 @@ SCENES = (
     "deep-street",
     "inside-volume",
     "spot-lamp, flagged",
+    "tree",
+    str(Path(__file__).parents[2] / "docs" / "gallery" / "terminator.toml"),  # smooth
 )
 LARGEST = 4096  # texels of a map: larger ones only take longer
 
@@ -48,6 +50,8 @@ UNCHANGED = {
     "shadow-volume:faces": "silhouettes bound the same volume as all triangles",
     "shadow-volume:counter": "stencil and colour count alike",
     "shadow-volume:cull": "as cascades:cull",
+    "shadow-volume:cutouts": "draws what is unsupported without it, where there is no mask to compare with",
+    "soft-volume:cutouts": "as shadow-volume:cutouts",
 }
 """Why a parameter changes no mask: it changes the way to it, and its cost."""
 
