@@ -16,18 +16,8 @@ if TYPE_CHECKING:
 
 _COSTS = ("frame_ms", "ratio", "gpu_bytes")  # memory: five cascades need more than one map of their size
 _PENUMBRA = ("bias_pen", "bleed", "false_dark", "noise", "banding", "width", "hardening")
-_OF_HARD = (
-    "error",
-    "iou_soft",
-    "ssim",
-    "edge_px",
-    "acne",
-    "leak",
-    "contact",
-    "terminator",
-    "flips",
-    *_COSTS,
-)  # as they are shown
+# As they are shown.
+_OF_HARD = ("error", "iou_soft", "ssim", "edge_px", "acne", "leak", "contact", "terminator", "flips", *_COSTS)
 _OF_SOFT = ("error", "rmse_pen", "iou", "ssim", *_PENUMBRA, "flips", *_COSTS)
 _HEADINGS = {  # of others it is the name
     "iou": "1 − IoU",

@@ -2,9 +2,11 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from shadowbench.scenes.model import Camera, Light, Mesh
 from shadowbench.scenes.tables import LONGEST_NAME, name_from
-from shadowbench.scenes.vectors import Floats
+from shadowbench.scenes.vectors import Floats, Vec3, vec3
 
 
 class Chosen(NamedTuple):
@@ -30,6 +32,14 @@ class Contents(NamedTuple):
     cameras: list[Camera]
     lights: list[Light]
     notes: list[str]
+
+
+def target_of(position: Floats, forward: Floats) -> Vec3:
+    """A point that a camera at a position looks at along a unit vector.
+
+    Its distance scales with the position's coordinates, so that rounding keeps the direction.
+    """
+    return vec3(position + forward * max(1.0, float(np.linalg.norm(position))))
 
 
 def unique_name(name: str | None, default: str, taken: set[str]) -> str:

@@ -41,6 +41,14 @@ class Cutout:
         least = 255.0 * self.cutoff / self.factor
         return float(round(least)) if abs(least - round(least)) < 1e-4 else least
 
+    def is_whole(self, least: float = 1.0) -> bool:
+        """Whether every texel is opaque, with vertex alphas of at least `least`."""
+        return int(self.alpha.min()) * least >= self.least
+
+    def is_clear(self, most: float = 1.0) -> bool:
+        """Whether no texel is opaque, with vertex alphas of at most `most`."""
+        return int(self.alpha.max()) * most < self.least
+
     def opaque(
         self, coordinates: NDArray[np.floating], vertex_alpha: NDArray[np.floating] | float = 1.0
     ) -> NDArray[np.bool_]:

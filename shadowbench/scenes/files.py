@@ -206,7 +206,7 @@ class _Files:
             total = alpha.size + sum(other.alpha.size for other in self._cutouts.values())
             if total > MOST_MASKED:
                 raise InputError(f"{where}: {total} texels of masks by now; a scene file may have {MOST_MASKED}")
-            if int(alpha.max()) < cutout.least:
+            if cutout.is_clear():
                 found = f"below the cutoff {table.cutoff:g} everywhere, so that nothing is left"
                 raise InputError(f"{where}: {mask!r:.60} is {found}")
             self._cutouts[key] = cutout

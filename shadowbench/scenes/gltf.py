@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.contents import BY_DEFAULT, Chosen, Contents, unique_name
+from shadowbench.scenes.contents import BY_DEFAULT, Chosen, Contents, target_of, unique_name
 from shadowbench.scenes.geometry import Triangles, triangles_of
 from shadowbench.scenes.gltf_accessors import Data
 from shadowbench.scenes.gltf_animation import pose_at
@@ -127,9 +127,7 @@ def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera
             raise InputError(f"{where}: camera: perspective: {found}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
         name = unique_name(node.data.name or data.name, "camera", {camera.name for camera in cameras})
-        # The distance of the target scales with the position's coordinates, so that rounding keeps the direction.
-        up = vec3(unit(node.matrix[:3, 1]))
-        target = vec3(position + forward * max(1.0, float(np.linalg.norm(position))))
+        up, target = vec3(unit(node.matrix[:3, 1])), target_of(position, forward)
         cameras.append(Camera(name, vec3(position), target, data.yfov, up, data.znear, data.zfar))
     left_out = f"{where}: {orthographic} orthographic camera(s) left out: cameras here are perspective"
     return cameras, [left_out] if orthographic else []

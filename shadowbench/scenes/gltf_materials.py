@@ -50,15 +50,15 @@ class Materials:
         """
         number = primitive.primitive.material
         material = self._data.layout.materials[number] if number is not None else Material()
-        cutout, alpha = self._cutout(number, material), self._alpha(primitive)
+        cutout, (alpha, tints) = self._cutout(number, material), self._of_vertices(primitive)
         if cutout is not None:
             least, most = (
                 (1.0, 1.0) if alpha is None else (float(alpha.min(initial=1.0)), float(alpha.max(initial=0.0)))
             )
-            if int(cutout.alpha.max()) * most < cutout.least:
+            if cutout.is_clear(most):
                 self._left_out += 1
                 return None
-            if int(cutout.alpha.min()) * least >= cutout.least:
+            if cutout.is_whole(least):
                 cutout = None
         texture = self._texture(material)
         needed = self._all_coordinates or (material.texture is not None and bool(cutout or texture))
@@ -66,7 +66,7 @@ class Materials:
         texture = None if coordinates is None else texture
         color = material.color or (GREY if texture is None else WHITE)
         color = vec3(np.clip(color[:3], 0.0, 1.0))
-        return Look(color, cutout, texture, coordinates, None if cutout is None else alpha, self._tints(primitive))
+        return Look(color, cutout, texture, coordinates, None if cutout is None else alpha, tints)
 
     @property
     def notes(self) -> list[str]:
@@ -150,18 +150,13 @@ class Materials:
         return self._contents[number]
 
     @staticmethod
-    def _alpha(primitive: TrianglePrimitive) -> NDArray[np.float32] | None:
-        """(F, 3) vertex alphas; None if the vertices have no colour, or one without alpha."""
+    def _of_vertices(primitive: TrianglePrimitive) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
+        """(F, 3) vertex alphas, None without any; (F, 3) mean colours of the vertices, None if they have no colour."""
         colors = primitive.floats("COLOR_0", "VEC3", "VEC4")
-        if colors is None or colors.shape[1] < 4:
-            return None
-        return primitive.by_corner(np.clip(colors[:, 3], 0.0, 1.0))
-
-    @staticmethod
-    def _tints(primitive: TrianglePrimitive) -> NDArray[np.float32] | None:
-        """(F, 3) mean colours of the vertices; None without any."""
-        colors = primitive.floats("COLOR_0", "VEC3", "VEC4")
-        return None if colors is None else primitive.by_corner(np.clip(colors[:, :3], 0.0, 1.0)).mean(axis=1)
+        if colors is None:
+            return None, None
+        found = primitive.by_corner(np.clip(colors, 0.0, 1.0))
+        return found[..., 3] if colors.shape[1] == 4 else None, found[..., :3].mean(axis=1)
 
     @staticmethod
     def _coordinates(primitive: TrianglePrimitive, info: TextureInfo | None) -> NDArray[np.float32] | None:

@@ -66,10 +66,10 @@ class MaterialFiles:
             texels = self._mask(alpha.file, colored=colors is not None and colors.file == alpha.file)
         wrap: Wrap = "repeat" if alpha is None else alpha.wrap
         cutout = Cutout(texels, min(max(dissolve[0], 0.0), 1.0), BLEND_CUTOFF, wrap=(wrap, wrap))
-        opaque = int(texels.min()) >= cutout.least
+        opaque = cutout.is_whole()
         if not opaque:
             self._cut.add(name)
-        if int(texels.max()) < cutout.least:
+        if cutout.is_clear():
             return None
         color = _numbers(fields.get("kd"), 3)
         texture = None if colors is None else self._texture(colors, opaque)

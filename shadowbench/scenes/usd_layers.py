@@ -1,11 +1,11 @@
 """The files that a USD file is composed of: all of them in its own folder."""
 
-import os
 import re
 from pathlib import Path
 from typing import Any
 
 from shadowbench.errors import InputError
+from shadowbench.files import file_below
 
 MOST_LAYERS = 1000
 """Limit on the files that a USD file is composed of."""
@@ -31,14 +31,7 @@ def check_layers(path: str) -> None:
         for asset in filter(None, layer.GetCompositionAssetDependencies()):
             target = layer.ComputeAbsolutePath(asset)
             outer = Ar.SplitPackageRelativePathOuter(target)[0] if Ar.IsPackageRelativePath(target) else target
-            try:
-                file = Path(os.path.realpath(folder / outer))
-                inside, there = file.is_relative_to(folder), file.is_file()
-            except (OSError, ValueError):  # a null byte, a name too long
-                inside, there = True, False
-            if not inside or not there:
-                wrong = "is not a file in" if inside else "leads outside"
-                raise InputError(f"asset {asset!r:.60} {wrong} its folder; allowed are files in it")
+            file_below(outer, folder, f"asset {asset!r:.60}", "its folder")
             waiting.append(target)
 
 

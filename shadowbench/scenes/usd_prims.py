@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pxr import UsdGeom, UsdLux, UsdShade
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.contents import target_of
 from shadowbench.scenes.geometry import check_indices
 from shadowbench.scenes.model import GREY, WIDEST_CONE
 from shadowbench.scenes.shapes import SHAPES
@@ -116,12 +117,10 @@ def camera_of(prim: Any, matrix: Floats, time: Any) -> tuple[list[Table], list[s
     found = camera.GetCamera(time)
     unit_length = float(np.linalg.norm(matrix[:3, 2]))
     position, forward = matrix[:3, 3], _axis(-matrix[:3, 2], prim)
-    # The distance of the target scales with the position's coordinates, so that rounding keeps the direction.
-    target = position + forward * max(1.0, float(np.linalg.norm(position)))
     table = {
         "name": prim.GetName(),
         "position": position.tolist(),
-        "target": target.tolist(),
+        "target": list(target_of(position, forward)),
         "up": _axis(matrix[:3, 1], prim).tolist(),
         "fov_y": float(found.GetFieldOfView(found.FOVVertical)),
         "near": found.clippingRange.min * unit_length,

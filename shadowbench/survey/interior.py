@@ -26,9 +26,7 @@ SUNNY = 0.02
 """Least share of the points inside that the assumed sun must reach to be kept."""
 MOST = 0.5
 """Least share of the places of an interior, seen from above, where one stands inside; 0.67 to 0.87 in rooms."""
-_OFF_WALLS = (
-    0.02  # least distance from walls, as a share of the scene's size; in an engine's cavities few points have it
-)
+_OFF_WALLS = 0.02  # least distance from walls, as a share of the scene's size; few places in an engine have it
 _PLACES, _FEW_PLACES, _LEVELS = 1600, 256, 8  # from which floors are sought: seen from above, and levels of each
 _AROUND, _ABOVE = 72, 56  # directions of rays: horizontal, and of the upper half of the sphere
 _ROOM = 0.005  # least distance of walls from the camera, as a share of the scene's size

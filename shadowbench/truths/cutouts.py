@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.compiled import compiled
-from shadowbench.geometry.tree import LEAF, Tree
+from shadowbench.geometry.tree import Tree
 from shadowbench.scenes.cutouts import CutoutFaces
 from shadowbench.scenes.vectors import Floats
-from shadowbench.truths.segments import hit, inverse_of, reaches
+from shadowbench.truths.segments import hit, inverse_of, next_leaf
 
 CLEAR, OPAQUE, OPEN = range(3)
 ROUNDING = 2.0**-22  # of a texture coordinate, as a share, and of what is mixed in float32
@@ -166,6 +166,15 @@ def decide(cut, index, second, third, away):  # type: ignore[no-untyped-def]
     return CLEAR if (high + mixing) * (alpha + spread) < cut.least[number] else OPEN
 
 
+@compiled(error_model="numpy")
+def decide_at(cut, face, sides):  # type: ignore[no-untyped-def]
+    """As `decide`, exactly, where a line meets a face; OPAQUE if that is not cut out. sides: of `segments.hit`."""
+    if len(cut.of) == 0 or cut.of[face] < 0:
+        return OPAQUE
+    whole = sides[0] + sides[1] + sides[2]
+    return decide(cut, cut.of[face], sides[1] / whole, sides[2] / whole, 0.0)
+
+
 def resolve(
     tree: Tree, vertices: Floats, faces: NDArray[np.int32], cut: CutoutArrays, origins: Floats, directions: Floats,
     reach: Floats, any_hit: bool,
@@ -193,22 +202,16 @@ def _resolve(  # type: ignore[no-untyped-def]
             point[k], way[k] = origins[k, i], directions[k, i]
             inverse[k] = inverse_of(way[k])
         node, found, doubtful = np.int64(0), np.int32(-1), np.inf
-        while node < len(words) and not (any_hit and found >= 0):
-            link = np.int64(words[node, 3])
-            reached = reaches(words[node], low, step, point, inverse, distance[i])
-            node = node + 1 if reached or link >= LEAF else link
-            if not reached or link < LEAF:
-                continue
-            first = (link - LEAF) >> 3
-            for place in range(first, first + (link & 7)):
+        while not (any_hit and found >= 0):
+            node, first, count = next_leaf(words, node, low, step, point, inverse, distance[i])
+            if count == 0:
+                break
+            for place in range(first, first + count):
                 face = order[place]
                 t = hit(vertices, faces[face], point, way, corners, through, sides)
                 if not 0.0 < t < distance[i]:
                     continue
-                answer = OPAQUE
-                if cut.of[face] >= 0:
-                    whole = sides[0] + sides[1] + sides[2]
-                    answer = decide(cut, cut.of[face], sides[1] / whole, sides[2] / whole, 0.0)
+                answer = decide_at(cut, face, sides)
                 if answer == OPAQUE:
                     found, distance[i] = face, t
                 elif answer == OPEN:

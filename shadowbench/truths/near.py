@@ -9,12 +9,12 @@ from threading import Lock
 import numpy as np
 
 from shadowbench.compiled import compiled
-from shadowbench.geometry.tree import LEAF, Tree, build_tree
+from shadowbench.geometry.tree import Tree, build_tree
 from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.vectors import Floats
-from shadowbench.truths.cutouts import OPAQUE, cutout_arrays, decide
+from shadowbench.truths.cutouts import OPAQUE, CutoutArrays, cutout_arrays, decide_at
 from shadowbench.truths.rays import Mask, Receivers
-from shadowbench.truths.segments import dot, hit, inverse_of, reaches, same_sign
+from shadowbench.truths.segments import dot, hit, inverse_of, next_leaf, same_sign
 
 AT_SURFACE = 1e-9  # local length along L below which a hit is rounding, on a triangle in the receiver's own plane
 FLAT = 1e-14  # local height above the receiver's plane below which a triangle counts as lying in it
@@ -26,8 +26,7 @@ class NearCasters:
 
     def __init__(self, geometry: Geometry) -> None:
         self._geometry, self._building = geometry, Lock()
-        self._tree: Tree | None = None
-        self._cut = cutout_arrays(geometry.cutouts, geometry.vertices, geometry.faces)
+        self._search: tuple[Tree, CutoutArrays] | None = None
 
     def nearest_blockers(self, receivers: Receivers, height: float, eye: Floats) -> tuple[Floats, Mask]:
         """(N,) distance along L to the nearest caster within `height` above each receiver, inf if none; (N,) covered.
@@ -40,13 +39,17 @@ class NearCasters:
         if not count:
             return distance, covered
         with self._building:  # by the first thread that needs it: few views have grazing light
-            tree = self._tree = self._tree or build_tree(geometry.vertices, geometry.caster_faces)
+            self._search = self._search or (
+                build_tree(geometry.vertices, geometry.caster_faces),
+                cutout_arrays(geometry.cutouts, geometry.vertices, geometry.faces),
+            )
+            tree, cut = self._search
         casters = geometry.vertices, geometry.faces, geometry.normals, np.flatnonzero(geometry.casts)[tree.order]
         length = np.minimum(height / receivers.cosine, receivers.distance)
         vectors = (receivers.point, np.broadcast_to(receivers.to_light, (3, count)), eye[:, 0])
         points, to_light, start = map(np.ascontiguousarray, vectors)  # of one type, for which it is compiled
         segments = points, to_light, length, receivers.triangle, start
-        _find_nearest(tree.words, tree.low, tree.step, *casters, self._cut, *segments, distance, covered)
+        _find_nearest(tree.words, tree.low, tree.step, *casters, cut, *segments, distance, covered)
         return distance, covered & np.isinf(distance)
 
 
@@ -62,24 +65,19 @@ def _find_nearest(  # type: ignore[no-untyped-def]
             point[k], way[k] = points[k, i], to_light[k, i]
             inverse[k] = inverse_of(way[k])
         node = np.int64(0)
-        while node < len(words):
-            link = np.int64(words[node, 3])
-            reached = reaches(words[node], low, step, point, inverse, length[i])
-            node = node + 1 if reached or link >= LEAF else link
-            if not reached or link < LEAF:
-                continue
-            first = (link - LEAF) >> 3
-            for place in range(first, first + (link & 7)):
+        while True:
+            node, first, count = next_leaf(words, node, low, step, point, inverse, length[i])
+            if count == 0:
+                break
+            for place in range(first, first + count):
                 caster = casters[place]
                 if caster == own[i]:
                     continue
                 t = hit(vertices, faces[caster], point, way, corners, through, sides)
                 if not AT_SURFACE < t < length[i]:
                     continue
-                if len(cut.of) and cut.of[caster] >= 0:
-                    whole = sides[0] + sides[1] + sides[2]
-                    if decide(cut, cut.of[caster], sides[1] / whole, sides[2] / whole, 0.0) != OPAQUE:
-                        continue
+                if decide_at(cut, caster, sides) != OPAQUE:
+                    continue
                 if _rises(vertices, faces[caster], normals[own[i]], way, vertices[faces[own[i], 0]]):
                     if _covers(through, point - eye, normals[caster], corners[0]):
                         covered[i] = True

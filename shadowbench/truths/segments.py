@@ -3,6 +3,7 @@
 import numpy as np
 
 from shadowbench.compiled import compiled
+from shadowbench.geometry.tree import LEAF
 
 LEAST = 1e-30  # of a direction's part along an axis, which is divided by
 
@@ -39,6 +40,21 @@ def reaches(word, low, step, point, inverse, length):  # type: ignore[no-untyped
         enter = max(enter, min(lowest * inverse[k], highest * inverse[k]))
         leave = min(leave, max(lowest * inverse[k], highest * inverse[k]))
     return enter <= leave
+
+
+@compiled()
+def next_leaf(words, node, low, step, point, inverse, length):  # type: ignore[no-untyped-def]
+    """Walks a tree's nodes from one on to the next leaf whose box a segment meets.
+
+    Returns the node after that leaf, the first of its triangles in the tree's order, and their number, 0 at the end.
+    """
+    while node < len(words):
+        link = np.int64(words[node, 3])
+        reached = reaches(words[node], low, step, point, inverse, length)
+        node = node + 1 if reached or link >= LEAF else link
+        if reached and link >= LEAF:
+            return node, (link - LEAF) >> 3, link & 7
+    return node, np.int64(0), np.int64(0)
 
 
 @compiled()
