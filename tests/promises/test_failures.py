@@ -62,9 +62,10 @@ class Survived:
             PIDS=folder / "pids", GATE=folder / "gate", PYTHONIOENCODING="ascii",
         )  # fmt: skip
         run.until(lambda: len(records(self.out)) == 3)
+        alive = marked("PIDS", folder / "pids")
+        # Asked afterwards: a worker that starts meanwhile is of the family, and waits at the gate.
         family = {process.pid for process in (*run.family(), run.process)}
-        left = [process for process in marked("PIDS", folder / "pids") if process.pid not in family]
-        self.all_ended = gone(left)
+        self.all_ended = gone([process for process in alive if process.pid not in family])
         (folder / "gate").touch()
         self.code, self.printed, self.err = run.end()
         self.lines = by_spec(self.out)
