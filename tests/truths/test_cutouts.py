@@ -1,7 +1,6 @@
 """The truth of cut-out surfaces: against all hits in float64, and against the same surfaces made of triangles."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,24 +12,6 @@ from shadowbench.truths import packets
 from shadowbench.truths.embree import INFINITE, Tracer
 from shadowbench.truths.trace import trace
 from tests.cards import CAMERA, GROUND, alpha_of, cards, made_of_triangles
-
-
-@pytest.mark.parametrize("kind", ["leaf", "noise"])
-def test_texels_are_the_triangles_that_they_cover(kind: str, light: Light) -> None:
-    leaves = cards(40, Cutout(alpha_of(kind), nearest=True, wrap=("mirror", "clamp")))
-    cut, exact = (
-        trace(view_of(Scene("leaves", (GROUND, mesh), (CAMERA,), (light,)), CAMERA, light, 160), pixel_samples=1)
-        for mesh in (leaves, made_of_triangles(leaves))
-    )
-    decided = ~(cut.undecided | exact.undecided)
-    receivers = decided & cut.receivers
-    assert (receivers & (cut.visibility == 0)).sum() > 300
-    assert np.array_equal(cut.receivers[decided], exact.receivers[decided])
-    assert np.array_equal(cut.visibility[receivers], exact.visibility[receivers])
-    opaque = trace(
-        view_of(Scene("cards", (GROUND, replace(leaves, cutout=None)), (CAMERA,), (light,)), CAMERA, light, 160), 1
-    )
-    assert (opaque.visibility[receivers] != cut.visibility[receivers]).mean() > 0.02
 
 
 @pytest.mark.parametrize(
