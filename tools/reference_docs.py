@@ -12,7 +12,7 @@ import typer
 from pages import compare
 
 from shadowbench.commands import app
-from shadowbench.commands.listing import catalogue
+from shadowbench.studies.catalogue import catalogue
 
 REFERENCE = Path(__file__).resolve().parent.parent / "docs" / "reference"
 METRICS = """\

@@ -141,7 +141,7 @@ def _write_figures(folder: Path, scenes: Scenes, swept: Sequence[Stability], for
     captions = []
     for name, chart in figures(scenes, swept):
         heading = chart["title"]
-        _write_chart(folder / f"{_file_stem(name)}.{form}", chart if form == "png" else chart | {"title": None})
+        write_chart(folder / f"{_file_stem(name)}.{form}", chart if form == "png" else chart | {"title": None})
         captions.append((f"{_file_stem(name)}.{form}", ". ".join([chart["description"], *heading["subtitle"]]) + "."))
     for name, strip in _strips(scenes, pictures):
         file = f"{_file_stem(name)}.png"
@@ -156,7 +156,8 @@ def _file_stem(name: str) -> str:
     return re.sub(r"[^\w.-]+", "_", name).strip("_")
 
 
-def _write_chart(file: Path, chart: Chart) -> None:
+def write_chart(file: Path, chart: Chart) -> None:
+    """Write a Vega-Lite chart as .svg or .pdf, else as PNG."""
     import vl_convert  # not on every platform
 
     with replace_file(file) as temporary:
