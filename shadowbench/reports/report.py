@@ -54,11 +54,18 @@ def report_target(output: Path | None, form: str, split: bool = False) -> Path:
 
 
 def write_report(
-    runs: Sequence[Run], scenes: Scenes, sweeps: Sequence[Sweep], target: Path, form: str, split: bool = False
+    runs: Sequence[Run],
+    scenes: Scenes,
+    sweeps: Sequence[Sweep],
+    target: Path,
+    form: str,
+    split: bool = False,
+    nav: str = "",
 ) -> int:
     """Write a report on runs and sweeps in one of FORMATS; returns the number of charts for png, else 0.
 
-    scenes: `sections` of the runs; split: write the data of an HTML page into a folder beside it. Raises InputError.
+    scenes: `sections` of the runs; split: write the data of an HTML page into a folder beside it; nav: HTML of links
+    to the other pages of a site that the page is one of. Raises InputError.
     """
     swept = [analyse(sweep) for sweep in sweeps]
     if form == "png":
@@ -67,9 +74,9 @@ def write_report(
         beside = _files_beside(target)
         data: AbstractContextManager[Place] = _data_files(beside) if split else nullcontext(lambda _, value: value)
         with data as place:
-            text = html_report(runs, scenes, swept, place, beside.name if split else None)
+            text = html_report(runs, scenes, swept, place, beside.name if split else None, nav)
     else:
-        text = _all_cells(runs, swept) if form == "csv" else markdown_report(runs, scenes, swept)
+        text = all_cells(runs, swept).to_csv(index=False) if form == "csv" else markdown_report(runs, scenes, swept)
     with replace_file(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return 0
@@ -104,8 +111,8 @@ def _data_files(folder: Path) -> Iterator[Place]:
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def _all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> str:
-    """The cells of all folders as CSV: columns `run`, `processor`, `software`, then those of `table.csv`.
+def all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> pd.DataFrame:
+    """The cells of all folders: columns `run`, `processor`, `software`, then those of `table.csv`.
 
     Cells of a sweep also have `range`, the operating range along their axis.
     """
@@ -120,7 +127,7 @@ def _all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> str:
     ]
     first = ["run", "processor", "software"]
     columns = dict.fromkeys([*first, *(name for frame in frames for name in frame)])
-    return pd.concat(frames)[list(columns)].to_csv(index=False)
+    return pd.concat(frames)[list(columns)]
 
 
 def _write_figures(folder: Path, scenes: Scenes, swept: Sequence[Stability]) -> int:
