@@ -128,10 +128,11 @@ def _pictured(folder: Path) -> list[str]:
 def _keep_truth(folder: Path, target: Path, row: Record) -> None:
     """Keep the images of a row's view that are not kept yet: of an engine's the truth, which its page shows."""
     view = ".".join(str(row[part]) for part in ("scene", "view", "light", "view_size"))
-    ends = {".png": _grey, ".undecided.png": _grey, ".lit.png": _color, ".ambient.png": _color}
+    grey = dict.fromkeys((".png", ".undecided.png", ".facets.png"), _grey)
+    ends = grey | {".lit.png": _color, ".ambient.png": _color}
     for end, keep in list(ends.items())[: 1 if "engine" in row else None]:
         before, after = folder / "truth" / f"{view}{end}", target / "truth" / f"{view}{end}"
-        if not after.exists():
+        if before.exists() and not after.exists():
             after.parent.mkdir(exist_ok=True)
             keep(before, after, row)
 

@@ -12,8 +12,8 @@ import typer
 from pages import compare
 
 from shadowbench.commands import app
-from shadowbench.commands.listing import catalogue
 from shadowbench.results.columns import FIXED
+from shadowbench.studies.catalogue import catalogue
 
 REFERENCE = Path(__file__).resolve().parent.parent / "docs" / "reference"
 METRICS = """\

@@ -114,8 +114,8 @@ def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str
 
     cells: what the page says of each that has a picture, with its scene and key, its command (that shows it in the
     window), its mask, whether the truth is soft, and a picture, which is used if the view has no shading images; views:
-    by view, images of the truth, the undecided pixels, and the view without shadow (lit) and in full shadow (ambient),
-    None for missing files; notes: on missing files.
+    by view, images of the truth, the undecided pixels, those darkened by facets, and the view without shadow (lit) and
+    in full shadow (ambient), None for missing files; notes: on missing files.
 
     Raises InputError for a file that is not a valid mask or picture.
     """
@@ -149,6 +149,7 @@ def _view(folder: Path, row: Record, place: Place) -> dict[str, Any]:
     return {
         "truth": _image(folder / f"{name}.png", size, place),
         "undecided": _image(folder / f"{name}.undecided.png", size, place),
+        "facets": _image(folder / f"{name}.facets.png", size, place),
         "lit": _image(folder / f"{name}.lit.png", None, place),
         "ambient": _image(folder / f"{name}.ambient.png", None, place),
     }
@@ -194,6 +195,12 @@ def read_view(file: Path, size: int) -> NDArray[np.float32]:
         found = " × ".join(map(str, reversed(visibility.shape)))
         raise InputError(f"{file}: found {found} pixels; allowed: {size} × {size}, the view's size")
     return visibility
+
+
+def read_facets(truth: Path, size: int) -> NDArray[np.bool_] | None:
+    """(size, size), the pixels that facets darken, from the file beside a truth's; None without it."""
+    file = truth.with_suffix(".facets.png")
+    return read_view(file, size) >= 0.5 if file.exists() else None
 
 
 def _image(file: Path, size: int | None, place: Place) -> Any:

@@ -16,7 +16,7 @@ from shadowbench.plugin.registry import engines
 from shadowbench.reports import verdict, words
 from shadowbench.reports.charts import front_chart
 from shadowbench.reports.engines_page import write_engines_page
-from shadowbench.reports.gallery import difference, read_view
+from shadowbench.reports.gallery import difference, read_facets, read_view
 from shadowbench.reports.html import PAGE, environment
 from shadowbench.reports.report import write_report
 from shadowbench.reports.site_data import write_data
@@ -115,7 +115,8 @@ def _picture(folder: Path, row: SiteRow) -> SiteRow | None:
         read_view(file, score["view_size"])
         for file in (row.mask, truth / f"{view}.png", truth / f"{view}.undecided.png")
     )
-    image = Image.fromarray(difference(mask, right, undecided > 0, row.ranked_by.name == "rmse"))
+    facets = read_facets(truth / f"{view}.png", score["view_size"])
+    image = Image.fromarray(difference(mask, right, undecided > 0, row.ranked_by.name == "rmse", facets))
     image.resize((_SIDE, _SIDE), Image.Resampling.BOX).save(folder / f"{score['key']}.webp", quality=70)
     return row
 

@@ -1,5 +1,6 @@
 """Rows as a site shows them: what each scored, what made it, and how to measure it again."""
 
+import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from shadowbench.results.engine_settings import label_of, names_of
 from shadowbench.results.folder import Run
 from shadowbench.scores.metric import Metric
 from shadowbench.scores.metrics import is_soft, ranking
+from shadowbench.studies.repro import bibtex
 
 MAP_SIZE = 1024
 """Of the settings that the first page compares."""
@@ -80,12 +82,20 @@ class SiteRow:
 
     @property
     def repeat(self) -> str:
-        """The commands that measure it again."""
+        """The commands that measure it again, from the root of the repository if it is published."""
         row = self.score
         size = ["--map-size", str(row["map_size"])] if row["map_size"] else []
         view = ["--view-size", str(row["view_size"]), "--rounds", "0"]
         command = shlex.join(["shadowbench", "run", row["scene"], "-t", row["spec"], *size, *view])
-        return f"shadowbench engines install {row['technique']}\n{command}" if self.is_engine else command
+        install = f"shadowbench engines install {row['technique']}\n" if self.is_engine else ""
+        folder = shlex.quote(os.path.relpath(self.run.folder))
+        study = f"# or as a study with this row as its baseline:\nshadowbench repro {row['key']} --of {folder}"
+        return f"{install}{command}\n{study}"
+
+    @property
+    def citation(self) -> str:
+        """Its BibTeX entry; nothing without a score."""
+        return bibtex(self.run, self.score) if self.error is not None else ""
 
     @property
     def mask(self) -> Path | None:

@@ -31,6 +31,31 @@ def cells_frames(results: Sequence[Result], lines: int = _CHUNK) -> Iterator[pd.
         yield _frame(results[start : start + lines], columns, start)
 
 
+def over_phases(cells: pd.DataFrame) -> pd.DataFrame:
+    """The cells with `phases`, their number, in place of `phase`: numbers are medians, texts those that all share.
+
+    A status is that of the first phase that is not `ok`, and its numbers are those of the others.
+    """
+    same = ["scene", "view", "light", "spec", "full_spec", "map_size", "view_size", "coordinates", "renderer"]
+    grouped = cells.groupby(same, sort=False, dropna=False)
+    numbers = {name for name in cells if pd.api.types.is_numeric_dtype(cells[name])} - {*same, "phase"}
+
+    def shared(values: pd.Series) -> Any:
+        return values.iloc[0] if values.nunique(dropna=False) == 1 else None
+
+    def worst(statuses: pd.Series) -> Any:
+        return next((status for status in statuses if status != "ok"), "ok")
+
+    rules = {
+        name: "median" if name in numbers else worst if name == "status" else shared
+        for name in cells
+        if name not in (*same, "phase")
+    }
+    found = grouped.agg(rules).reset_index()
+    found["phases"] = grouped["phase"].nunique().to_numpy()
+    return found[["phases" if name == "phase" else name for name in cells]]
+
+
 def write_table(file: Path, frames: Iterable[pd.DataFrame]) -> None:
     """Write frames of the same columns as one CSV, one after the other; missing values are empty fields."""
     with replace_file(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:

@@ -151,7 +151,7 @@ def decide(cut, index, second, third, away):  # type: ignore[no-untyped-def]
     corners, vertex, number, first = cut.coordinates[index], cut.alpha[index], cut.number[index], 1.0 - second - third
     x = (first * corners[0, 0] + second * corners[1, 0] + third * corners[2, 0]) * cut.table[number, 1]
     y = (first * corners[0, 1] + second * corners[1, 1] + third * corners[2, 1]) * cut.table[number, 2]
-    alpha = first * vertex[0] + second * vertex[1] + third * vertex[2]
+    alpha = vertex[0] + second * (vertex[1] - vertex[0]) + third * (vertex[2] - vertex[0])  # if equal, exactly they
     dx = away * cut.stretch[index, 0] + ROUNDING * (1.0 + abs(x))
     dy = away * cut.stretch[index, 1] + ROUNDING * (1.0 + abs(y))
     if max(dx, dy) > 0.5:

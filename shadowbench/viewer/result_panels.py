@@ -10,7 +10,7 @@ from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.technique_panel import tooltip
 
-HARD = ("iou", "acne", "leak", "contact", "edge_px", "ssim")
+HARD = ("iou", "acne", "leak", "contact", "terminator", "edge_px", "ssim")
 SOFT = ("rmse", "rmse_pen", "bleed", "false_dark", "width", "hardening", "noise")
 UNITS = {"edge_px": " (px)"}
 BETTER = imgui.ImVec4(0.55, 0.9, 0.55, 1.0)  # colour of the better of two scores

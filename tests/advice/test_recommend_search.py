@@ -327,6 +327,13 @@ def test_the_needed_bits_leave_one_depth_format(street: Needs) -> None:
         assert len(left) + sum(one.specs for one in excluded) == len(space)
 
 
+def test_a_technique_that_is_not_ranked_by_work_is_left_out_with_the_command_that_measures_it(street: Needs) -> None:
+    left, excluded = prune(full_space(KNOWN, "directional", 16384), street, 0.9, by_work=True)
+    assert not any(spec.technique.name == "hybrid" for spec in left)
+    (why,) = [one.why for one in excluded if one.what == "hybrid"]
+    assert why.endswith("counts of work do not see; `shadowbench run -t hybrid` scores it")
+
+
 def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street: Needs) -> None:
     space = full_space(KNOWN, "directional", 16384)
 
@@ -415,6 +422,7 @@ def test_a_rounded_value_is_on_its_own_side_of_the_target(value: float) -> None:
     ("target", "value", "shown"),
     [
         (Target("iou", 0.99), 0.9863548, "0.9863"),
+        (Target("iou", 0.99), 0.9592, "0.9592"),  # 0.9592000000000001 to 16 digits
         (Target("iou", 0.99), 0.9999875, "0.9999"),
         (Target("iou", 0.9999), 0.9999875, "0.99998"),
         (Target("iou", 0.99), 1.0, "1"),

@@ -126,6 +126,10 @@ def write_picture(file: Path) -> None:
     Image.fromarray(np.full((SIDE, SIDE, 3), color_of(file.name)).astype(np.uint8)).save(file)
 
 
+FACETS = np.zeros((SIDE, SIDE), dtype=np.float32)
+FACETS[20:24, 8:24] = 1  # in the shadow's lower rows, which all masks have
+
+
 def write_pictures(folder: Path, records: Sequence[dict[str, Any]]) -> None:
     """Write a square shadow as the truth, and masks that lack its upper rows in proportion to their error."""
     truth = np.ones((SIDE, SIDE), dtype=np.float32)
@@ -137,6 +141,7 @@ def write_pictures(folder: Path, records: Sequence[dict[str, Any]]) -> None:
             stem = ".".join(str(record[name]) for name in ("scene", "view", "light", "view_size"))
             write_mask(folder / "truth" / f"{stem}.png", truth)
             write_mask(folder / "truth" / f"{stem}.undecided.png", np.zeros_like(truth))
+            write_mask(folder / "truth" / f"{stem}.facets.png", FACETS)
             for file in (f"truth/{stem}.lit.png", f"truth/{stem}.ambient.png", f"pictures/{record['key']}.png"):
                 write_picture(folder / file)
             mask = truth.copy()

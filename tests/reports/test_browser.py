@@ -11,7 +11,7 @@ from playwright.sync_api import Locator, Page
 from shadowbench.reports.report import write_report
 from shadowbench.results.configurations import sections
 from shadowbench.results.folder import read_folders
-from shadowbench.scores.difference import FALSE_LIGHT
+from shadowbench.scores.difference import FACETS, FALSE_LIGHT
 from tests.reports.browsing import visiting
 from tests.reports.conftest import CELLS, POINTS, Cell, run_file, write_folder, write_sweep
 
@@ -276,6 +276,9 @@ def test_any_two_can_be_wiped_as_shaded_as_mask_or_as_difference(page) -> None:
     right.select_option(label="truth (ray traced)")
     settled(page)
     assert FALSE_LIGHT not in pixels(b), "the truth has no error"
+    # Dark facets are purple in every mask that is dark there, the truth's too, and the legend says so.
+    assert pixels(a).count(FACETS) == pixels(b).count(FACETS) == 4 * 16 and FACETS not in difference[0]
+    assert box.get_by_text("dark facets of smooth surfaces").is_visible()
 
 
 def test_zoom_and_pan_are_those_of_both_sides(page) -> None:

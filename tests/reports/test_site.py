@@ -76,7 +76,7 @@ def test_every_row_has_one_address_with_its_spec_scores_and_origin(pages: Mappin
 def test_a_row_says_how_it_is_measured_again(pages: Mapping[str, str]) -> None:
     row = row_of(pages["scenes/stairs.html"], CELLS[4].key)
     again = "shadowbench run stairs -t shadow-map:bias=none --map-size 512 --view-size 32 --rounds 0"
-    assert f"<pre>{again}</pre>" in row
+    assert f"<pre>{again}\n" in row and f"shadowbench repro {CELLS[4].key} --of " in row and "@misc{" in row
     assert "<pre>shadowbench engines install three\n" in row_of(pages["scenes/stairs.html"], ROWS[0]["key"])
 
 

@@ -13,6 +13,7 @@ from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.survey.casters import casters_of
 from shadowbench.truths.trace import trace
 from tests.cards import CAMERA, GROUND, alpha_of, cards, made_of_triangles
+from tests.cut_out_scenes import SCENES
 
 SIZE = 160
 LIGHTS = {
@@ -63,6 +64,21 @@ def test_exact_techniques_draw_the_leaves_that_triangles_make(spec, light, exact
     assert (decided & (truth.visibility == 0)).sum() > 1000
     # Of a silhouette for both camera and light, planar-projection draws single pixels too much.
     assert (mask(spec, view) != truth.visibility)[decided].sum() <= (spec == "planar-projection")
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_traced_pixels_are_those_of_exact_triangles(name, light, studio, mask, tmp_path) -> None:
+    cut, exact = (
+        view_of(Scene(name, meshes, (CAMERA,), (light,)), CAMERA, light, SIZE)
+        for meshes in SCENES[name](light, tmp_path)
+    )
+    truth, ground = trace(exact, pixel_samples=1), len(cut.scene.meshes[0].faces)
+    decided, seen = truth.receivers & ~truth.undecided, studio.shot(cut).triangle
+    on_cards, same = truth.triangle >= ground, np.where(seen < ground, seen, ground) == truth.triangle.clip(max=ground)
+    assert (decided & ((seen >= ground) != on_cards)).sum() <= 1, "the rasteriser rounds places in a texture too"
+    assert (decided & (truth.visibility == 0)).sum() > 30
+    for spec in ("ray-traced:where=gpu", "hybrid:size=256"):
+        assert (mask(spec, cut) != truth.visibility)[decided & same].sum() == 0
 
 
 @pytest.mark.parametrize("spec", ["ray-traced", "ray-traced:where=gpu", "hybrid:size=128", "hybrid:rest=embree"])
