@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from shadowbench.errors import InputError
-from shadowbench.reports.gallery import difference, read_view, scored_cells
+from shadowbench.reports.gallery import difference, read_facets, read_view, scored_cells
 from shadowbench.reports.verdict import real_time
 from shadowbench.reports.words import median_text
 from shadowbench.results.configurations import Configuration, Section
@@ -49,12 +49,13 @@ def strip_of(section: Section, labels: Sequence[str] = ()) -> Strip | None:
     if not all(file.exists() for file in (truth_file, undecided_file, *(file for _, file in masks))):
         return None
     truth, undecided = read_view(truth_file, size), read_view(undecided_file, size) >= 0.5
+    facets = read_facets(truth_file, size)
     shown = [truth, *(read_view(file, size) for _, file in masks)]
     wrong = sum(np.abs(np.where(undecided, 0, mask - truth)) for mask in shown[1:])
     side = max(_LEAST, size // _ENLARGED)
     top, left = _worst_place(np.asarray(wrong), side)
     columns = [
-        _column(_shaded(truth_file, mask), difference(mask, truth, undecided, section.soft), top, left, side)
+        _column(_shaded(truth_file, mask), difference(mask, truth, undecided, section.soft, facets), top, left, side)
         for mask in shown
     ]
     gap = np.full((len(columns[0]), _GAP, 3), 255, dtype=np.uint8)
