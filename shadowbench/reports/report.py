@@ -65,11 +65,13 @@ def write_report(
     form: str,
     split: bool = False,
     pictures: Sequence[str] = (),
+    nav: str = "",
 ) -> int:
     """Write a report on runs and sweeps in one of FORMATS; returns the number of figures for FIGURES, else 0.
 
     scenes: `sections` of the runs; split: write the data of an HTML page into a folder beside it; pictures: labels of
-    configurations in strips of pictures (`strip_of`). Raises InputError.
+    configurations in strips of pictures (`strip_of`); nav: HTML of links to the other pages of a site that the page is
+    one of. Raises InputError.
     """
     swept = [analyse(sweep) for sweep in sweeps]
     if form in FIGURES:
@@ -78,9 +80,9 @@ def write_report(
         beside = _files_beside(target)
         data: AbstractContextManager[Place] = _data_files(beside) if split else nullcontext(lambda _, value: value)
         with data as place:
-            text = html_report(runs, scenes, swept, place, beside.name if split else None)
+            text = html_report(runs, scenes, swept, place, beside.name if split else None, nav)
     else:
-        texts = {"csv": lambda: _all_cells(runs, swept), "tex": lambda: latex_tables(scenes)}
+        texts = {"csv": lambda: all_cells(runs, swept).to_csv(index=False), "tex": lambda: latex_tables(scenes)}
         text = texts.get(form, lambda: markdown_report(runs, scenes, swept))()
     with replace_file(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -116,8 +118,8 @@ def _data_files(folder: Path) -> Iterator[Place]:
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def _all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> str:
-    """The cells of all folders as CSV: columns `run`, `processor`, `software`, then those of `table.csv`.
+def all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> pd.DataFrame:
+    """The cells of all folders: columns `run`, `processor`, `software`, then those of `table.csv`.
 
     Cells of a sweep also have `range`, the operating range along their axis.
     """
@@ -132,7 +134,7 @@ def _all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> str:
     ]
     first = ["run", "processor", "software"]
     columns = dict.fromkeys([*first, *(name for frame in frames for name in frame)])
-    return pd.concat(frames)[list(columns)].to_csv(index=False)
+    return pd.concat(frames)[list(columns)]
 
 
 def _write_figures(folder: Path, scenes: Scenes, swept: Sequence[Stability], form: str, pictures: Sequence[str]) -> int:

@@ -5,7 +5,7 @@ import hashlib
 import io
 import itertools
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -281,6 +281,15 @@ def stability_of(sweep_folder) -> Callable[..., Stability]:
         return analyse(sweep)
 
     return make
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless Chromium."""
+    from tests.reports.browsing import chromium  # playwright, of slow tests alone
+
+    with chromium() as opened:
+        yield opened
 
 
 def marks(chart: dict[str, Any]) -> list[dict[str, Any]]:
