@@ -12,7 +12,7 @@ from numba import carray, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from shadowbench.compiled import compiled
+from shadowbench.compiled import cached_if_possible, compiled
 from shadowbench.truths.cutouts import CLAMP, CLEAR, OPAQUE, OPEN, REPEAT, ROUNDING, CutoutArrays, decide
 
 RAY_ERROR = 2.0**-20  # of a hit's place across its ray, per local length of the ray and of coordinates, in float32
@@ -179,5 +179,6 @@ def _filter(arguments):  # type: ignore[no-untyped-def]
 def filter_address() -> int:
     """Address of the filter function, compiled by the first call in a process."""
     pointer: Any = types.CPointer
-    function: Any = numba.cfunc(types.void(pointer(types.intp)), cache=True, error_model="numpy")(_filter)
+    signature = types.void(pointer(types.intp))
+    function = cached_if_possible(lambda cache: numba.cfunc(signature, cache=cache, error_model="numpy")(_filter))
     return int(function.address)
