@@ -80,9 +80,9 @@ def status(viewer: Viewer) -> str:
     if not viewer.fresh:
         failed = viewer.judged and judge.failure
         return f"not scored: {judge.failure}" if failed else "tracing the truth of this view …"
-    specs = zip("AB", viewer.state.specs, strict=False)
-    without = [source for source, spec in specs if spec.full_text not in judge.scores]
-    return f"scored at {size}² against the full truth{''.join(f'; {one} has no mask' for one in without)}"
+    masks = zip("AB", viewer.state.specs, viewer.mask_failures(), strict=False)
+    without = [f"; {one} has no mask: {why}" for one, spec, why in masks if spec.full_text not in judge.scores]
+    return f"scored at {size}² against the full truth{''.join(without)}"
 
 
 def times_panel(viewer: Viewer) -> None:
