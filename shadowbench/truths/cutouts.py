@@ -6,21 +6,27 @@ in float64. Left open is what changes with the rounding of texture coordinates a
 techniques compute.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from shadowbench.compiled import compiled
 from shadowbench.geometry.tree import Tree
-from shadowbench.scenes.cutouts import CutoutFaces
+from shadowbench.scenes.cutouts import Cutout, CutoutFaces, Wrap
 from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.segments import hit, inverse_of, next_leaf
 
 CLEAR, OPAQUE, OPEN = range(3)
 ROUNDING = 2.0**-22  # of a texture coordinate, as a share, and of what is mixed in float32
-REPEAT, _MIRROR, _CLAMP = range(3)  # in `scenes.cutouts.WRAPS`
+_REPEAT, _MIRROR, _CLAMP = range(3)  # in `scenes.cutouts.WRAPS`
+_MODES: dict[Wrap, Literal["wrap", "reflect", "nearest"]] = {
+    "repeat": "wrap",
+    "mirror": "reflect",
+    "clamp": "nearest",
+}  # SciPy's names
 
 
 class CutoutArrays(NamedTuple):
@@ -32,7 +38,8 @@ class CutoutArrays(NamedTuple):
 
     For a first look in float32: places: (K, 6) float32 column of a triangle's first corner in texels, and its change to
     the second and the third, then the row's; counted from the first texel's corner, or for bilinear ones from its
-    centre; NaN where vertex alpha is not 1.
+    centre; NaN where vertex alpha is not 1. around: (N,) uint8 of each texel: OPAQUE or CLEAR if points are that are at
+    most a texel away from it, or for bilinear ones from the square between it and the texels right of and below it.
     """
 
     of: NDArray[np.int32]
@@ -41,6 +48,7 @@ class CutoutArrays(NamedTuple):
     number: NDArray[np.int32]
     stretch: NDArray[np.float32]
     texels: NDArray[np.uint8]
+    around: NDArray[np.uint8]
     table: NDArray[np.int32]
     least: Floats
     places: NDArray[np.float32]
@@ -52,6 +60,7 @@ NO_CUTOUTS = CutoutArrays(
     np.empty((0, 3), np.float32),
     np.empty(0, np.int32),
     np.empty((0, 3), np.float32),
+    np.empty(0, np.uint8),
     np.empty(0, np.uint8),
     np.empty((0, 6), np.int32),
     np.empty(0),
@@ -74,7 +83,19 @@ def cutout_arrays(cutouts: CutoutFaces | None, vertices: Floats, faces: NDArray[
     scaled[:, 1:] -= scaled[:, :1]
     places = scaled.transpose(0, 2, 1).reshape(-1, 6).astype(np.float32)
     coordinates, alpha = map(np.ascontiguousarray, (cutouts.coordinates, cutouts.alpha))
-    return CutoutArrays(of, coordinates, alpha, cutouts.number, stretch, texels, table, least, places)
+    around = np.concatenate([_around(cutout).ravel() for cutout in cutouts.cutouts])
+    return CutoutArrays(of, coordinates, alpha, cutouts.number, stretch, texels, around, table, least, places)
+
+
+def _around(cutout: Cutout) -> NDArray[np.uint8]:
+    """(H, W) see `CutoutArrays.around`."""
+    # Of a mirrored square, the other texels are left and above.
+    size, first = (3, 0) if cutout.nearest else (5, 0) if "mirror" in cutout.wrap else (4, -1)
+    modes = [_MODES[wrap] for wrap in cutout.wrap[::-1]]
+    low, high = (each(cutout.alpha, size, mode=modes, origin=first) for each in (minimum_filter, maximum_filter))
+    mixing = 0.0 if cutout.nearest else 255 * 4 * ROUNDING
+    found = np.where(low - mixing >= cutout.least, OPAQUE, np.where(high + mixing < cutout.least, CLEAR, OPEN))
+    return found.astype(np.uint8)
 
 
 def _gradients(corners: Floats, values: Floats) -> Floats:
@@ -90,7 +111,7 @@ def _gradients(corners: Floats, values: Floats) -> Floats:
 
 
 @numba.njit(inline="always")
-def _wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
+def wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
     """See `scenes.cutouts.wrapped`."""
     if wrap == _CLAMP:
         return min(max(index, 0), size - 1)
@@ -103,7 +124,7 @@ def _wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
 @compiled()
 def _texel(cut, number, column, row):  # type: ignore[no-untyped-def]
     table = cut.table[number]
-    x, y = _wrapped(np.int64(column), table[1], table[4]), _wrapped(np.int64(row), table[2], table[5])
+    x, y = wrapped(np.int64(column), table[1], table[4]), wrapped(np.int64(row), table[2], table[5])
     return np.float64(cut.texels[np.int64(table[0]) + np.int64(y) * table[1] + x])
 
 

@@ -12,7 +12,7 @@ from shadowbench.advice.recommend import Recommendation, find_cheapest, to_milli
 from shadowbench.advice.search import Search, Trial, extrapolate, point_of
 from shadowbench.advice.space import full_space, prune, specs_of, start_size, unavailable, untried_filters
 from shadowbench.advice.target import Target, least_error
-from shadowbench.advice.words import excluded_lines, obstacles, step_lines, target_notes
+from shadowbench.advice.words import excluded_lines, facet_notes, obstacles, step_lines, target_notes
 from shadowbench.maps.filters import Filter
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
@@ -247,6 +247,14 @@ def test_a_spec_without_a_comparable_edge_is_named_and_meets_no_target(found: Ca
     none = found(target, names, row, 256)
     assert none.choice is None
     assert obstacles(none)[0].endswith(": no edges to compare, and other shadows")
+
+
+def test_dark_facets_which_no_target_counts_are_told(found: Callable[..., Recommendation]) -> None:
+    for share, told in ((None, 0), (0.0025, 0), (0.54, 1)):
+        metrics = {"iou": 1.0, "edge_px": 0.0, "terminator": share}
+        best = found(Target("iou", 0.99), ["shadow-map"], lambda spec, metrics=metrics: texels_cost(spec, metrics), 256)
+        lines = facet_notes(best)
+        assert len(lines) == told and all("54% of the light on smooth surfaces" in line for line in lines)
 
 
 def test_small_maps_may_be_the_best_for_soft_shadows(found: Callable[..., Recommendation]) -> None:

@@ -1,14 +1,17 @@
 """The truth of cut-out surfaces: against all hits in float64, and against the same surfaces made of triangles."""
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
+from numba.core import caching
 
-from shadowbench.scenes.cutouts import Cutout, Wrap
+from shadowbench.scenes.cutouts import WRAPS, Cutout, Wrap
 from shadowbench.scenes.model import Light, Mesh, Scene, view_of
 from shadowbench.truths import packets
+from shadowbench.truths.cutout_filter import filter_address
 from shadowbench.truths.cutouts import OPAQUE, cutout_arrays, decide
 from shadowbench.truths.embree import INFINITE, Tracer
 from shadowbench.truths.trace import trace
@@ -61,6 +64,27 @@ def test_rays_decide_the_same_in_packets_of_any_width(
     assert np.array_equal(blocked[sure], others.triangle[sure] >= 0)
 
 
+@pytest.mark.parametrize("nearest", [True, False])
+@pytest.mark.parametrize("wrap", list(product(WRAPS, repeat=2)))
+def test_rays_pass_where_a_mask_of_plateaus_is_clear(nearest: bool, wrap: tuple[Wrap, Wrap]) -> None:
+    """Most hits are far from what differs; texture coordinates from −1.8 to 2.6."""
+    random = np.random.default_rng(9)
+    alpha = np.repeat(np.repeat(random.choice([0, 90, 160, 255], (5, 3)).astype(np.uint8), 7, axis=0), 9, axis=1)
+    cutout = Cutout(alpha, 1.0, 0.5, nearest, wrap)
+    corners = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0.0]])
+    places = (corners[:, :2] * 4.4 + 0.4).astype(np.float32)
+    mesh = Mesh("card", corners, GROUND.faces, cutout=cutout, coordinates=places[GROUND.faces])
+    geometry = Scene("card", (mesh,), (), ()).geometry
+    at = random.uniform(-0.49, 0.49, (20_000, 2))
+    tracer = Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
+    blocked, left_open = tracer.occlusion(
+        np.column_stack([at, np.ones(len(at))]), np.array([[0.0, 0.0, -1.0]]), INFINITE
+    )
+    assert left_open.mean() < 1e-3
+    assert 0.1 < blocked.mean() < 0.9
+    assert (blocked != cutout.opaque(at * 4.4 + 0.4))[~left_open].sum() == 0
+
+
 def test_a_cutoff_in_the_middle_of_a_plateau_leaves_it_open() -> None:
     """Mixed in float32, equal alphas are not exactly themselves; the nearest texel's is."""
     random = np.random.default_rng(4)
@@ -109,3 +133,9 @@ def test_vertex_alphas_that_are_equal_are_not_rounded_where_they_are_interpolate
         assert geometry.cutouts.opaque(np.zeros(2000, int), weights).all()
         cut = cutout_arrays(geometry.cutouts, geometry.vertices, geometry.faces)
         assert all(decide(cut, 0, second, third, 0.0) == OPAQUE for _, second, third in weights)
+
+
+def test_the_filter_is_compiled_where_nothing_can_be_cached(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(caching.CodeLibraryCacheImpl, "_locator_classes", [])
+    monkeypatch.setattr(caching.CompileResultCacheImpl, "_locator_classes", [])
+    assert filter_address.__wrapped__() != 0
