@@ -95,8 +95,8 @@ def _floor_area(meshes: Sequence[Mesh], y: float, thickness: float) -> float:
     """Area, projected on the xz plane, of the upward-facing triangles within `thickness` of the height `y`."""
     area = 0.0
     for mesh in meshes:
-        corners = mesh.vertices[mesh.faces]
-        low = corners[(np.abs(corners[:, :, 1] - y) <= thickness).all(axis=1)]
+        vertices = mesh.vertices
+        low = vertices[mesh.faces[(np.abs(vertices[:, 1] - y) <= thickness)[mesh.faces].all(axis=1)]]
         ab, ac = low[:, 1] - low[:, 0], low[:, 2] - low[:, 0]
         doubled = ab[:, 2] * ac[:, 0] - ab[:, 0] * ac[:, 2]  # the y of their cross product
         area += float(np.maximum(doubled, 0.0).sum()) / 2

@@ -108,7 +108,7 @@ def test_what_is_cut_away_leaves_no_dark_rim(painted) -> None:
 
 
 def test_triangles_without_a_texture_beside_one_keep_their_colour(painted) -> None:
-    small = replace(wall(None, color=(0.0, 0.0, 1.0)), vertices=wall(None).vertices * 0.5 + np.array([0, 0, 0.1]))
+    small = replace(wall(None, color=(0.0, 0.0, 1.0)), points=wall(None).vertices * 0.5 + np.array([0, 0, 0.1]))
     picture = painted(wall(Texture(encoded(np.full((2, 2, 3), 255, np.uint8)), "a")), small)
     assert picture[SIZE // 2, SIZE // 2].tolist() == [0, 0, 255]
     assert picture[4, 4].tolist() == [255, 255, 255]
@@ -130,7 +130,7 @@ def test_textures_are_decoded_for_pictures_only_and_within_limits(
     monkeypatch.setattr(textures, "read_square", lambda *given: (sides.append(given[2]), read(*given))[1])
     monkeypatch.setattr(textures, "MOST_TEXELS", 2 * 16 * 16)
     large = Texture(encoded(np.zeros((64, 64, 3), np.uint8)), "a")
-    meshes = wall(large), replace(wall(replace(large)), vertices=wall(None).vertices + np.array([2, 0, 0]))
+    meshes = wall(large), replace(wall(replace(large)), points=wall(None).vertices + np.array([2, 0, 0]))
     shot = studio.shot(looking(meshes, HEADLIGHT, SIZE))
     painter = PicturePass(device, shot.geometry)
     assert not sides, "not for the G-buffer"
