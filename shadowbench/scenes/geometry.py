@@ -146,6 +146,15 @@ class Geometry:
         """Whether any surface is."""
         return self.corner_normals is not None
 
+    def triangle_of_caster(self, casters: NDArray[np.integer]) -> NDArray[np.intp]:
+        """(N,) index of triangles, given those that a tracer of the casters found, −1 for none."""
+        triangles: NDArray[np.intp] = np.append(np.flatnonzero(self.casts), -1)[casters]
+        return triangles
+
+    def casters_near(self, point: Floats, reach: float) -> Iterator[Triangles]:
+        """The casters, in parts; parts may be missing that are farther from a point along an axis than `reach`."""
+        yield Triangles(self.vertices, self.caster_faces)
+
     def corners(self, triangles: NDArray[np.intp]) -> Floats:
         """(N, 3, 3) corners of (N,) triangles."""
         return self.vertices[self.faces[triangles]]
@@ -167,19 +176,13 @@ class Geometry:
         """(3, F) float64 normals of length twice the area, towards the side seen counter-clockwise."""
         crosses = np.empty((3, len(self.faces)))
         for part in in_slices(len(self.faces)):
-            a, b, c = (np.ascontiguousarray(self.vertices.take(self.faces[part, k], axis=0).T) for k in range(3))
-            b -= a
-            c -= a
-            for k in range(3):  # faster than np.cross
-                i, j = (k + 1) % 3, (k + 2) % 3
-                crosses[k, part] = b[i] * c[j] - b[j] * c[i]
+            crosses[:, part] = _crosses(*(self.vertices.take(self.faces[part, k], axis=0).T for k in range(3)))
         return crosses
 
     @cached_property
     def normals(self) -> Floats:
         """(F, 3) float64 unit normals, towards the side seen counter-clockwise; 0 for areas that round to 0."""
-        lengths = np.linalg.norm(self.crosses, axis=0)
-        return np.ascontiguousarray((self.crosses / np.where(lengths == 0.0, 1.0, lengths)).T)
+        return _units(self.crosses)
 
     @cached_property
     def shading_normals(self) -> NDArray[np.float32]:
@@ -228,6 +231,27 @@ class Geometry:
         if self.planar.any():  # used by planar-projection:receives=flagged
             digest.update(np.ascontiguousarray(self.planar).tobytes())
         return digest.hexdigest()
+
+
+def facet_normals(corners: Floats) -> Floats:
+    """(N, 3) float64 unit normals of triangles with (N, 3, 3) corners, as `Geometry.normals`."""
+    return _units(_crosses(*(corners[:, k].T for k in range(3))))
+
+
+def _crosses(a: Floats, b: Floats, c: Floats) -> Floats:
+    """(3, N) normals of length twice the area of triangles with (3, N) corners."""
+    a, b, c = (np.ascontiguousarray(corner) for corner in (a, b, c))
+    b, c, crosses = b - a, c - a, np.empty_like(a)
+    for k in range(3):  # faster than np.cross
+        i, j = (k + 1) % 3, (k + 2) % 3
+        crosses[k] = b[i] * c[j] - b[j] * c[i]
+    return crosses
+
+
+def _units(crosses: Floats) -> Floats:
+    """(N, 3) of (3, N) at unit length; 0 for 0."""
+    lengths = np.linalg.norm(crosses, axis=0)
+    return np.ascontiguousarray((crosses / np.where(lengths == 0.0, 1.0, lengths)).T)
 
 
 def in_slices(count: int, size: int = 1 << 15) -> Iterator[slice]:

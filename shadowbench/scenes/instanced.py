@@ -5,7 +5,7 @@ bit.
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NoReturn
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import TooLarge
-from shadowbench.scenes.geometry import Faces, Floats, Geometry, bounds_of, moved, used_by
+from shadowbench.scenes.geometry import Faces, Floats, Geometry, Triangles, bounds_of, moved, used_by
 from shadowbench.scenes.mesh import distinct, shared_key
 from shadowbench.scenes.normals import turned
 from shadowbench.scenes.textures import TexturedFaces
@@ -112,6 +112,18 @@ class InstancedGeometry(Geometry):
         """(N,) index of the mesh of triangles."""
         mesh: Indices = np.searchsorted(self.first, triangles, side="right") - 1
         return mesh
+
+    def triangle_of_caster(self, casters: NDArray[np.integer]) -> Indices:
+        """See `Geometry`."""
+        return casters.astype(np.intp)
+
+    def casters_near(self, point: Floats, reach: float) -> Iterator[Triangles]:
+        """See `Geometry`; nearest first."""
+        low, high = self.mesh_bounds.swapaxes(0, 1)
+        away = np.maximum(np.maximum(low - point, point - high), 0.0).max(axis=1)
+        for number in np.argsort(away, kind="stable"):
+            if self.mesh_casts[number] and away[number] <= reach:
+                yield Triangles(self.meshes[number].vertices, self.meshes[number].faces)
 
     def corners(self, triangles: Indices) -> Floats:
         """See `Geometry`."""
