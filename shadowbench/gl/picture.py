@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,9 +100,9 @@ class PicturePass:
             self._shade.program.set(forward=vec3(-back), pixel_right=vec3(right * pixel), pixel_up=vec3(up * pixel))
         shaded, smooth = (self._device.context.texture((view.size, view.size), 4, dtype="f1") for _ in range(2))
         targets = [self._device.context.framebuffer([texture]) for texture in (shaded, smooth)]
-        own: Textures = {}
+        own: dict[str, Any] = {}
         if self._textures and surface.shown is not None:
-            own = base_color_places(self._device, surface.by_triangle.geometry, self._textures)
+            own |= base_color_places(self._device, surface.by_triangle.geometry, self._textures)
         inputs = {
             **surface.inputs,
             "surface_triangle": (surface.triangle, Sampling()),

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from shadowbench.geometry.convex import box_planes, corners, view_planes
 from shadowbench.geometry.lights import LightView, light_space
 from shadowbench.gl.program import Ranges
+from shadowbench.scenes.geometry import Faces
 from shadowbench.scenes.instanced import InstancedGeometry
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.vectors import Floats
@@ -47,18 +48,20 @@ class CasterChunks:
         self.ends = np.append(first[1:], self.count)[: len(first)]
         self.boxes = np.zeros((0, 2, 3))
         if len(first):
-            self.boxes = _boxes(np.concatenate([self.vertices[self.faces], cut_corners]), first)
+            corners = np.concatenate([self.vertices[self.faces], cut_corners]).reshape(-1, 3)
+            self.boxes = _boxes(corners, 3 * first)
 
     def _of_instances(self, geometry: InstancedGeometry) -> None:
         """Chunks of more triangles, so that they are not too many; the arrays of all vertices and faces stay empty."""
         self.vertices, self.faces = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
         self.count, self.reordered, done = geometry.caster_count, False, 0
         size, boxes, ends = max(_CHUNK, self.count // _MOST_CHUNKS), [np.zeros((0, 2, 3))], []
-        for mesh in geometry.meshes:
+        vertices, starts = zip(*(_by_chunk(mesh.faces, size) for mesh in geometry.sources), strict=True)
+        for mesh, number in zip(geometry.meshes, geometry.source, strict=True):
             if mesh.casts:
-                first = np.arange(0, len(mesh.faces), size)
-                boxes.append(_boxes(mesh.vertices.astype(np.float32)[mesh.faces], first))
-                ends.append(done + np.append(first[1:], len(mesh.faces)))
+                used = mesh.vertices.astype(np.float32)[vertices[number]]
+                boxes.append(_boxes(used, starts[number]))
+                ends.append(done + np.append(np.arange(size, len(mesh.faces), size), len(mesh.faces)))
                 done += len(mesh.faces)
         self.boxes, self.ends = np.concatenate(boxes), np.concatenate([np.zeros(0, dtype=np.int64), *ends])
 
@@ -77,9 +80,16 @@ class CasterChunks:
         return 0 if ranges is None else self.count - sum(count for _, count in ranges) // 3
 
 
-def _boxes(corners: NDArray[np.float32], first: NDArray[np.int64]) -> Floats:
-    """(C, 2, 3) bounding boxes of chunks of triangles with (F, 3, 3) corners that begin at `first`."""
-    low, high = (each.reduceat(corners.reshape(-1, 3), 3 * first) for each in (np.minimum, np.maximum))
+def _by_chunk(faces: Faces, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(N,) the vertices of each chunk of `size` triangles, each once; (C,) the first of each chunk."""
+    chunk, count = np.arange(len(faces)) // size, int(faces.max(initial=0)) + 1
+    used = np.unique(chunk[:, np.newaxis] * count + faces)
+    return used % count, np.searchsorted(used, np.arange(chunk[-1] + 1) * count)
+
+
+def _boxes(points: NDArray[np.float32], first: NDArray[np.int64]) -> Floats:
+    """(C, 2, 3) bounding boxes of chunks of (N, 3) points that begin at `first`."""
+    low, high = (each.reduceat(points, first) for each in (np.minimum, np.maximum))
     return np.stack([low, high], axis=1).astype(np.float64)
 
 

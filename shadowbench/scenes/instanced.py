@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import TooLarge
-from shadowbench.scenes.geometry import Faces, Floats, Geometry, Triangles, bounds_of, moved, used_by
+from shadowbench.scenes.geometry import Faces, Floats, Geometry, Triangles, bounds_of, moved
 from shadowbench.scenes.mesh import distinct, shared_key
 from shadowbench.scenes.normals import turned
 from shadowbench.scenes.textures import TexturedFaces
@@ -96,7 +96,7 @@ class InstancedGeometry(Geometry):
     @cached_property
     def mesh_bounds(self) -> Floats:
         """(M, 2, 3) lowest and highest corner of each mesh."""
-        return np.array([bounds_of(used_by(mesh.faces, mesh.vertices)) for mesh in self.meshes])
+        return np.array([mesh.bounds for mesh in self.meshes])
 
     @cached_property
     def bounds(self) -> Floats:

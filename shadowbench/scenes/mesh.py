@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.cutouts import Cutout
-from shadowbench.scenes.geometry import mirrors, moved
+from shadowbench.scenes.geometry import bounds_of, mirrors, moved, used_by
 from shadowbench.scenes.normals import turned
 from shadowbench.scenes.placement import Placement
 from shadowbench.scenes.textures import Texture
@@ -66,6 +66,21 @@ class Mesh:
             vertices = moved(vertices, matrix)
         return vertices if self.placement is None else self.placement.points(vertices)
 
+    @cached_property
+    def moved_bounds(self) -> Floats:
+        """(2, 3) lowest and highest vertex in use, before placement."""
+        return bounds_of(used_by(self.faces, replace(self, placement=None).vertices))
+
+    @property
+    def bounds(self) -> Floats:
+        """(2, 3) lowest and highest vertex in use; as rounding keeps order, these are placed to the same bits."""
+        return self.moved_bounds if self.placement is None else self.placement.points(self.moved_bounds)
+
+    def with_bounds(self, bounds: Floats) -> "Mesh":
+        """The same mesh, which knows its `moved_bounds`: of many instances, these take seconds."""
+        self.__dict__["moved_bounds"] = bounds
+        return self
+
     def with_vertices(self, vertices: Floats) -> "Mesh":
         """The mesh with other vertices, in place of an instance's too."""
         normals = self.normals
@@ -76,7 +91,7 @@ class Mesh:
     def placed(self, placement: Placement) -> "Mesh":
         """The mesh in local coordinates."""
         if self.moves:
-            return replace(self, placement=placement)
+            return replace(self, placement=placement).with_bounds(self.moved_bounds)
         return replace(self, points=placement.points(self.points))
 
     def reshaped(

@@ -13,10 +13,12 @@ from shadowbench.scenes.geometry import (
     MOST_DRAWN,
     MOST_TRIANGLES,
     Triangles,
+    bounds_of,
     checked,
     heights,
     mirrors,
     transformed,
+    used_by,
     with_area,
 )
 from shadowbench.scenes.mesh import CORNERS, Mesh, shared_key
@@ -96,7 +98,8 @@ def shared(instances: Iterable[tuple[Mesh, Floats]], where: str) -> tuple[list[M
                 sources[number] = _source(mesh, mirrors(matrix), kept)
                 own += len(kept) - lost
             same = {name: getattr(sources[number], name) for name in ("points", "faces", "tints", *CORNERS)}
-            meshes.append(replace(copy, **same))
+            bounds = bounds_of(used_by(mesh.faces[kept], vertices) if lost else vertices)
+            meshes.append(replace(copy, **same).with_bounds(bounds))
         dropped += lost
         if own > 2 * MOST_TRIANGLES:  # of mirrored ones too
             found = f"more than {2 * MOST_TRIANGLES} triangles that no two instances share"

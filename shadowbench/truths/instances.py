@@ -15,6 +15,13 @@ BY_LAMP = 1 / 16
 """Share of an instance's extent within which a lamp is so close to it that float32 must see it from there."""
 
 
+def tracer_of(geometry: Geometry) -> Tracer:
+    """A tracer of all triangles."""
+    if isinstance(geometry, InstancedGeometry):
+        return _instance_tracers(geometry, None)[0]
+    return Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
+
+
 def tracers_of(geometry: Geometry, lamp: Floats | None) -> tuple[Tracer, Tracer, Tracer | None]:
     """Tracers of all triangles and of the casters, and of these relative to a lamp (3,), if there is one.
 
@@ -23,8 +30,7 @@ def tracers_of(geometry: Geometry, lamp: Floats | None) -> tuple[Tracer, Tracer,
     if isinstance(geometry, InstancedGeometry):
         return _instance_tracers(geometry, lamp)
     casters = geometry.caster_faces, geometry.caster_cutouts
-    everything = Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
-    all_cast = geometry.caster_count == geometry.count
+    everything, all_cast = tracer_of(geometry), geometry.caster_count == geometry.count
     of_casters = everything if all_cast else Tracer(geometry.vertices, *casters)
     return everything, of_casters, None if lamp is None else Tracer(geometry.vertices - lamp, *casters)
 
