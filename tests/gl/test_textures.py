@@ -114,6 +114,16 @@ def test_triangles_without_a_texture_beside_one_keep_their_colour(painted) -> No
     assert picture[4, 4].tolist() == [255, 255, 255]
 
 
+def test_instances_have_their_textures(painted) -> None:
+    turn = np.eye(4)
+    turn[:3] = [[0.8, 0.1, 0.0, -0.1], [-0.1, 0.8, 0.2, 0.1], [0.0, -0.2, 0.7, 0.2]]
+    whole = wall(Texture(encoded(RANDOM), "a"))
+    copies = [replace(whole, moves=(np.eye(4),)), replace(whole, moves=(turn,)), wall(None, 0.0, color=(0.0, 0.0, 1.0))]
+    picture = painted(*copies)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 100
+    assert np.array_equal(picture, painted(*(copy.with_vertices(copy.vertices) for copy in copies)))
+
+
 def test_an_image_that_cannot_be_decoded_is_grey_and_told(painted, caplog) -> None:
     broken = encoded(RANDOM)[:-40]
     with caplog.at_level(logging.ERROR, "shadowbench"):
