@@ -10,6 +10,13 @@ html_show_copyright = False
 
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 html_theme = "furo"
+templates_path = ["_templates"]
+html_sidebars = {  # the theme's, below a link to the site of results when they are built into it
+    "**": [
+        "results.html",
+        *(f"sidebar/{one}.html" for one in ("brand", "search", "scroll-start", "navigation", "scroll-end")),
+    ]
+}
 myst_heading_anchors = 3  # links to headings as on GitHub
 default_role = "code"  # docstrings mark names with single backquotes
 autodoc_member_order = "bysource"

@@ -18,8 +18,8 @@ bool is_opaque_at(int i, vec3 weights) {
     if (cut < 0) return true;
     ivec2 first = texel_of(cut) * ivec2(3, 1);
     weights /= weights.x + weights.y + weights.z;
-    vec4 place = vec4(0.0);
-    for (int k = 0; k < 3; ++k) place += weights[k] * texelFetch(tree_cutouts, first + ivec2(k, 0), 0);
+    vec4 corner = texelFetch(tree_cutouts, first, 0), place = corner;
+    for (int k = 1; k < 3; ++k) place += weights[k] * (texelFetch(tree_cutouts, first + ivec2(k, 0), 0) - corner);
     return is_opaque(int(place.w + 0.5), place.xy, place.z);
 }
 #else

@@ -10,12 +10,24 @@ from shadowbench import versions
 
 if TYPE_CHECKING:
     from shadowbench.advice.recommend import Recommendation
-    from shadowbench.api import close, load, needs, recommend, render, run, score, stress, truth
+    from shadowbench.api import (
+        catalogue,
+        close,
+        load,
+        needs,
+        recommend,
+        render,
+        run,
+        score,
+        stress,
+        truth,
+    )
     from shadowbench.errors import InputError, ShadowbenchError
     from shadowbench.measure.rendering import Rendering
     from shadowbench.plugin.base import Technique
     from shadowbench.plugin.params import param
     from shadowbench.plugin.spec import Spec
+    from shadowbench.reports.notebook import Results
     from shadowbench.scenes.model import Scene
     from shadowbench.survey.survey import Needs
     from shadowbench.truths.trace import Truth
@@ -26,11 +38,13 @@ __all__ = [
     "Needs",
     "Recommendation",
     "Rendering",
+    "Results",
     "Scene",
     "ShadowbenchError",
     "Spec",
     "Technique",
     "Truth",
+    "catalogue",
     "close",
     "load",
     "needs",

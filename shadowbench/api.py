@@ -19,7 +19,6 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
@@ -40,12 +39,14 @@ from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.plugin.base import Technique as Technique
 from shadowbench.plugin.params import param as param
 from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.reports.notebook import Results
 from shadowbench.results.ranges import ranges_frame
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
 from shadowbench.shared_worker import campaign, shared_worker
 from shadowbench.shared_worker import close as close
+from shadowbench.studies.catalogue import entries
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.run import measure
 from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
@@ -180,9 +181,12 @@ def run(
     study: str | None = None,
     plugins: Files = (),
     folder: str | Path | None = None,
-) -> pd.DataFrame:
-    """Measure techniques on scenes: one line per cell, with the columns of `table.csv`.
+    each_phase: bool = False,
+) -> Results:
+    """Measure techniques on scenes: one line per spec, map size and view, with the columns of `table.csv`.
 
+    Numbers are medians over the phases of a map's grid, `phases` their number; each_phase: one line per cell, with its
+    `phase`. `front()` and `sizes()` of the result draw its charts.
     study: a study file or built-in study, `default` for None, with the defaults of all other arguments; light: name
     of a light, by default each light of a scene in turn; rounds: how often each cell is timed, 0 for no timing; step:
     "camera" or "light", which moves a little so that `flips` can be counted; folder: run folder to keep rows, masks and
@@ -200,12 +204,16 @@ def run(
         measuring=options.Measuring(view_size, rounds, phases, step),
         view=options.ViewOptions(view=view, light=light),
     )
-    with (
-        _folder(folder) as path,
-        shared_worker(files, chosen.limits) as worker,
-        campaign(path, worker) as made,
-    ):
-        return measure(chosen, [made]).run.last.frame
+    with shared_worker(files, chosen.limits) as worker, campaign(_kept_in(folder), worker) as made:
+        return Results.of(measure(chosen, [made]).run.last, each_phase)
+
+
+def catalogue(kind: str, plugins: Files = ()) -> pd.DataFrame:
+    """A line for each of a kind: "techniques", "engines", "scenes", "metrics", "studies" or "axes", by `name`.
+
+    plugins: files whose techniques and metrics count too. Raises InputError.
+    """
+    return pd.DataFrame(entries(options.instance_of(kind, "kind", "a name of a kind", str), _paths(plugins)))
 
 
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
@@ -246,7 +254,7 @@ def recommend(
     among = technique_names(options.as_list(techniques, "techniques", "names of techniques", str), known)
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
-    with _folder(folder) as path, shared_worker(files) as worker, campaign(path, worker) as made:
+    with shared_worker(files) as worker, campaign(_kept_in(folder), worker) as made:
         found, _ = measure_recommendation(chosen, target, known, made, on_this_machine=on_this_machine, among=among)
     return found
 
@@ -268,7 +276,7 @@ def stress(
     chosen = select_axes(options.as_list(axes, "axes", "names of axes", str))
     known = subjects_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
-    with _folder(folder) as path, shared_worker(files, LIMITS) as worker, campaign(path, worker, **SWEEPING) as made:
+    with shared_worker(files, LIMITS) as worker, campaign(_kept_in(folder), worker, **SWEEPING) as made:
         found = sweep(specs, chosen, made, quick=quick)
     return ranges_frame(found.ranges)
 
@@ -288,11 +296,5 @@ def _paths(plugins: Files) -> tuple[Path, ...]:
     return tuple(Path(file).resolve() for file in options.as_list(plugins, "plugins", "Python files", str, Path))
 
 
-@contextmanager
-def _folder(value: str | Path | None) -> Iterator[Path]:
-    """The given folder, or a temporary one."""
-    if value is not None:
-        yield Path(options.instance_of(value, "folder", "a folder", str, Path))
-        return
-    with TemporaryDirectory(prefix="shadowbench-") as folder:
-        yield Path(folder)
+def _kept_in(folder: str | Path | None) -> Path | None:
+    return None if folder is None else Path(options.instance_of(folder, "folder", "a folder", str, Path))

@@ -139,7 +139,7 @@ PACKAGE = Path(__file__).resolve().parent
 
 
 def data_folder(kind: str) -> Path:
-    """Folder of data files of a kind: "shaders", "scenes" or "benchmarks".
+    """Folder of data files of a kind: "shaders", "scenes", "benchmarks" or "docs/gallery".
 
     In a wheel they lie in `shadowbench/_data/`; an editable install uses the repository's folders.
     """

@@ -3,8 +3,9 @@
 import atexit
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import RLock
 from typing import Any
 
@@ -65,7 +66,10 @@ def shared_worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> It
 
 
 @contextmanager
-def campaign(folder: Path, worker: Worker, **options: Any) -> Iterator[Campaign]:
-    """A campaign in a folder that logs its progress; options: see `Campaign`."""
-    with EngineDrawer(GLDrawer(worker)) as drawer:
+def campaign(folder: Path | None, worker: Worker, **options: Any) -> Iterator[Campaign]:
+    """A campaign that logs its progress, in a folder, a temporary one for None; options: see `Campaign`."""
+    with ExitStack() as stack:
+        if folder is None:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="shadowbench-")))
+        drawer = stack.enter_context(EngineDrawer(GLDrawer(worker)))
         yield Campaign(folder, drawer, _LogReporter(), **options)

@@ -8,6 +8,8 @@ from shadowbench.scenes.cutouts import Cutout
 from shadowbench.scenes.model import Camera, Mesh
 
 TEXELS = 16
+PADDING = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge"}
+BARYCENTRIC = np.array([[0, 0], [1, 0], [0, 1.0]])
 CAMERA = Camera("camera", (2.5, 3.0, 4.0), (0.0, 0.7, 0.0), math.radians(40))
 GROUND = Mesh(
     "ground",
@@ -42,18 +44,46 @@ def cards(count: int, cutout: Cutout, seed: int = 1) -> Mesh:
     return Mesh("leaves", corners, faces, cutout=cutout, coordinates=coordinates, alpha=alpha)
 
 
-def made_of_triangles(mesh: Mesh) -> Mesh:
-    """The opaque texels of a nearest-sampled mesh of `cards`, each as two triangles."""
-    cutout = mesh.cutout
-    assert cutout is not None
-    edges = np.arange(math.floor(-0.25 * TEXELS), math.ceil(1.25 * TEXELS))
-    row, column = (each.ravel() for each in np.meshgrid(edges, edges, indexing="ij"))
-    opaque = cutout.opaque(np.stack([column + 0.5, row + 0.5], axis=1) / TEXELS)
-    low = np.stack([column, row], axis=1)[opaque]
-    squares = (low[:, None] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])) / TEXELS
-    squares = (np.clip(squares, -0.25, 1.25) + 0.25) / 1.5  # from texture coordinates to shares of the card's sides
-    corners = mesh.vertices.reshape(-1, 4, 3)
-    first, along, across = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]
-    points = first[:, None, None] + squares[..., :1] * along[:, None, None] + squares[..., 1:] * across[:, None, None]
-    faces = 4 * np.arange(points.size // 12)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
-    return Mesh("texels", points.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32))
+def made_of_triangles(mesh: Mesh, least: int = 128) -> Mesh:
+    """The opaque texels of a nearest-sampled mesh, as triangles: of each texel its part in each of the mesh's.
+
+    least: the lowest opaque α₈. Outside 0 to 1, up to 99 texels away, the texture is padded.
+    """
+    cutout, found = mesh.cutout, []
+    assert cutout is not None and cutout.nearest and mesh.coordinates is not None
+    sizes = cutout.alpha.shape[::-1]
+    for corners, places in zip(mesh.vertices[mesh.faces], mesh.coordinates * np.array(sizes, float), strict=True):
+        low, high = np.floor(places.min(axis=0)).astype(int), np.ceil(places.max(axis=0)).astype(int)
+        columns, rows = (
+            np.pad(np.arange(size), 99, PADDING[wrap])[first + 99 : last + 99]
+            for size, wrap, first, last in zip(sizes, cutout.wrap, low, high, strict=True)
+        )
+        row, column = np.nonzero(cutout.alpha[rows][:, columns] >= least)
+        squares = (np.stack([column, row], axis=1) + low)[:, None] + np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
+        sides = np.stack([places[1] - places[0], places[2] - places[0]])
+        weights = (squares - places[0]) @ np.linalg.inv(sides)  # of the second and the third corner
+        for j in range(3):
+            weights = left_of(weights, *BARYCENTRIC[[j, (j + 1) % 3]])
+        points = corners[0] + weights @ (corners[1:] - corners[0])
+        fans = np.stack([np.repeat(points[:, :1], points.shape[1] - 2, 1), points[:, 1:-1], points[:, 2:]], axis=2)
+        found.append(fans.reshape(-1, 3, 3))
+    corners = np.concatenate(found)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    corners = corners[area > 1e-12]  # of corners that are there twice
+    return Mesh("texels", corners.reshape(-1, 3), np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3))
+
+
+def left_of(polygons: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(M, k + 1, 2) parts of (N, k, 2) convex polygons left of the line from a to b; the last corner may repeat."""
+    x, y = np.moveaxis(polygons - a, 2, 0)
+    side, after = (b - a)[0] * y - (b - a)[1] * x, np.roll(polygons, -1, axis=1)
+    other = np.roll(side, -1, axis=1)
+    crossed = (side >= 0) != (other >= 0)
+    share = np.divide(side, side - other, out=np.zeros_like(side), where=crossed)
+    places = np.stack([polygons, polygons + share[..., None] * (after - polygons)], axis=2).reshape(len(x), -1, 2)
+    there = np.stack([side >= 0, crossed], axis=2).reshape(len(x), -1)
+    count = there.sum(axis=1)
+    order = np.argsort(~there, axis=1, kind="stable")
+    chosen = np.minimum(np.arange(polygons.shape[1] + 1), count[:, None] - 1)
+    corners = np.take_along_axis(order, np.maximum(chosen, 0), axis=1)
+    return np.take_along_axis(places, corners[..., None], axis=1)[count > 2]

@@ -1,5 +1,6 @@
 """The artefact gallery: each scene shows its artefact where the text says, in its metric, and its cure removes it."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -17,6 +18,8 @@ import shadowbench as sb
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 
 ARTEFACTS = {one.scene: one for one in gallery.artefacts()}
 SIZE = 128
@@ -37,6 +40,8 @@ WHERE = {  # the pixels that are wrong until they are cured, as sets of the trut
     "light-bleeding": "shadow",
     "fixed-width": "penumbra",
     "terminator": "facet_shadow",
+    "lamp-far-away": "valid",
+    "not-a-plane": "shadow",
     "leaves-lost-to-bias": "shadow",
     "two-sided-cards": "shadow",
 }
@@ -131,6 +136,15 @@ def test_shadows_shimmer_while_the_true_one_stands_still() -> None:
         return max(np.mean(a.visibility != b.visibility) for a, b in pairwise(frames))
 
     assert moved(drawn("shimmering").broken) > 5 * moved(drawn("shimmering").truths)
+
+
+def test_settings_of_course_notes_are_specs_and_their_sheets_exist() -> None:
+    page = (gallery.PAGE.parent / "course.md").read_text(encoding="utf-8")
+    specs = re.findall(r"`((?:shadow-|cube-|cascades|planar-)[^`]*)`", page)
+    assert len(specs) > 25 and all(parse_spec(spec, techniques()) for spec in specs)
+    headings = re.findall(r"^### (.*)", gallery.PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    sheets = {heading.lower().replace(":", "").replace(" ", "-") for heading in headings}
+    assert set(re.findall(r"gallery.md#([\w-]+)", page)) <= sheets and len(sheets) == len(ARTEFACTS)
 
 
 def test_the_page_is_what_the_tool_writes() -> None:

@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 
 import shadowbench as sb
+from shadowbench.results.tables import over_phases
 from shadowbench.shared_worker import _Shared, shared_worker
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "python.md"
@@ -51,11 +52,65 @@ def test_the_page_runs_in_a_notebook_and_a_truth_is_a_picture_there(tmp_path: Pa
 def test_a_table_has_the_columns_and_scores_of_a_run_folder(tmp_path: Path) -> None:
     """Numbers and lists of other libraries are taken."""
     given = {"map_size": np.array([16, 32]), "view_size": np.int64(32), "rounds": np.int64(1), "phases": np.int64(1)}
-    table = sb.run(pd.Series(["stairs", "cube-on-plane"]), np.array(["shadow-map"]), folder=tmp_path / "run", **given)
+    table = sb.run(
+        pd.Series(["stairs", "cube-on-plane"]),
+        np.array(["shadow-map"]),
+        folder=tmp_path / "run",
+        each_phase=True,
+        **given,
+    )
     kept = pd.read_csv(tmp_path / "run" / "table.csv")
     assert table["map_size"].tolist() == [16, 32, 16, 32]
     assert [name for name in kept.columns if name != "command"] == [name for name in table if name != "command"]
     assert table["iou"].tolist() == kept["iou"].tolist()
+
+
+def test_phases_are_summarised_unless_asked_for(tmp_path: Path) -> None:
+    given = {"map_size": [16, 32], "view_size": 32, "rounds": 0, "phases": 3, "folder": tmp_path / "run"}
+    cells = sb.run("stairs", ["shadow-map", "unshadowed"], each_phase=True, **given)
+    table = sb.run("stairs", ["shadow-map", "unshadowed"], **given)
+    assert len(cells) == 7 and table["phases"].tolist() == [3, 3, 1] and "phase" not in table
+    assert [name for name in cells if name != "phase"] == [name for name in table if name != "phases"]
+    for _, line in table.iterrows():
+        own = cells[cells["full_spec"] == line["full_spec"]]
+        assert len(own) == line["phases"]
+        assert line["iou"] == own["iou"].median() and line["status"] == "ok"
+
+
+def test_a_phase_that_failed_is_the_status_of_its_line() -> None:
+    columns = {"scene": "s", "view": "v", "light": "l", "technique": "t", "spec": "t", "full_spec": "t", "map_size": 8}
+    columns |= {"view_size": 8, "coordinates": "relative", "renderer": "r"}
+    phases = [{"phase": 0, "status": "ok", "iou": 0.5}, {"phase": 1, "status": "failed: x", "iou": None}]
+    (line,) = over_phases(pd.DataFrame([columns | phase for phase in phases])).to_dict("records")
+    assert (line["phases"], line["status"], line["iou"]) == (2, "failed: x", 0.5)
+
+
+def test_results_draw_their_charts_also_when_selected(tmp_path: Path) -> None:
+    table = sb.run(["stairs", "cube-on-plane"], "shadow-map", map_size=[16, 32], view_size=32, rounds=1, phases=1)
+    figure = table[table["iou"] > 0][["scene", "iou"]].front("cube-on-plane")
+    assert "cube-on-plane" in repr(figure) and figure._repr_png_().startswith(b"\x89PNG")
+    table.sizes().save(tmp_path / "sizes.svg")
+    assert (tmp_path / "sizes.svg").read_text().startswith("<svg")
+    for wrong, said in (
+        (lambda: table.front("stair"), "did you mean 'stairs'"),
+        (lambda: pd.concat([table, table]).front(), "one call of run"),
+        (lambda: table.sizes().save(tmp_path / "sizes.gif"), "allowed: .png, .svg, .pdf"),
+        (lambda: sb.run("stairs", "unshadowed", view_size=32, rounds=0).front(), "has no times"),
+        (lambda: sb.run("stairs", "unshadowed", view_size=32, rounds=0).sizes(), "has no maps"),
+    ):
+        with pytest.raises(sb.InputError, match=re.escape(said)):
+            wrong()
+
+
+def test_numbers_of_needs_and_what_there_is_are_frames() -> None:
+    needs = sb.needs("stairs", view_size=64)
+    frame = needs.frame.set_index("need")
+    assert frame.loc["texels.size", "value"] == needs.texels.size.value
+    assert frame.loc["receivers.pixels", "error"] == needs.receivers.pixels.error
+    assert {"shadow-map", "shadow-volume"} <= set(sb.catalogue("techniques")["name"])
+    assert "iou" in set(sb.catalogue("metrics")["name"]) and "stairs" in set(sb.catalogue("scenes")["name"])
+    with pytest.raises(sb.InputError, match="allowed: techniques"):
+        sb.catalogue("colours")
 
 
 def test_calls_share_one_process_until_it_is_closed_or_others_plug_ins_are_asked_for() -> None:
@@ -181,6 +236,7 @@ for delay in (0.005, 0.05, 0.2):
 FORKED = """
 import os, sys
 import shadowbench as sb
+from shadowbench.results.tables import over_phases
 from shadowbench.shared_worker import _Shared
 
 first = sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility

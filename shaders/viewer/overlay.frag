@@ -2,10 +2,10 @@
 #include "receiver.glsl"
 uniform sampler2D picture;     // sRGB
 uniform sampler2D visibility;  // of the pane
-uniform sampler2D truth;       // visibility, and in y whether the pixel is scored
+uniform sampler2D truth;       // visibility; in y whether the pixel is scored, in z whether a smooth surface's own triangles shadow it
 uniform sampler2D blocker;     // distance along L to the nearest occluder, as a share of the farthest; below 0 for none
 uniform sampler2D texels;      // map coordinates in texels, and the layer; below 0 for none
-uniform vec3 false_shadow, false_light;
+uniform vec3 false_shadow, false_light, dark_facet;
 uniform float soft;            // 1 under a light with a size, whose errors are small: the root is shown
 out vec4 color;
 
@@ -18,10 +18,11 @@ void main() {
     vec3 shown = texelFetch(picture, pixel, 0).rgb;
     Receiver r = receiver_at(pixel);
 #if defined OVERLAY_ERROR
-    vec2 right = texelFetch(truth, pixel, 0).xy;
-    float error = right.y * (texelFetch(visibility, pixel, 0).r - right.x);
+    vec3 right = texelFetch(truth, pixel, 0).xyz;
+    float drawn = texelFetch(visibility, pixel, 0).r, error = right.y * (drawn - right.x);
     float strength = soft > 0.5 ? sqrt(abs(error)) : abs(error);
     shown = mix(mix(vec3(dot(shown, vec3(0.3, 0.6, 0.1))), shown, 0.5), error < 0.0 ? false_shadow : false_light, strength);
+    shown = mix(shown, dark_facet, right.z * (1.0 - drawn));
 #elif defined OVERLAY_MASK
     shown = vec3(texelFetch(visibility, pixel, 0).r);
 #elif defined OVERLAY_NORMALS

@@ -148,8 +148,14 @@ def _work_rule(space: Sequence[Spec]) -> _Rule:
     counted = {spec.technique for spec, reason in reasons.items() if reason is None}
 
     def rule(spec: Spec) -> tuple[str, str] | None:
-        reason = reasons[spec]
-        return None if reason is None else (spec.text if spec.technique in counted else spec.technique.name, reason)
+        reason, name = reasons[spec], spec.technique.name
+        if reason is None:
+            return None
+        return (
+            (spec.text, reason)
+            if spec.technique in counted
+            else (name, f"{reason}; `shadowbench run -t {name}` scores it")
+        )
 
     return rule
 

@@ -80,7 +80,7 @@ class Target:
         for digits in range(least, 17):
             rounded = float(Context(digits, rounding).create_decimal(value))
             if rounded != self.value and (rounded > self.value) == (value > self.value):
-                return f"{rounded:.16g}"
+                return f"{rounded:.{digits}g}"
         return f"{value:.16g}"
 
     def __str__(self) -> str:

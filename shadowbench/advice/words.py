@@ -23,6 +23,8 @@ _KINDS = {
     "acne": "of the lit surface away from edges is dark",
 }
 
+_FACETS = 0.01  # share of smooth surfaces' light from which dark facets are told
+
 
 def target_notes(found: Recommendation) -> list[str]:
     """What a target means for soft shadows, where IoU and edges say little and the truth has an error of its own."""
@@ -35,6 +37,18 @@ def target_notes(found: Recommendation) -> list[str]:
     if target.value >= least:
         return []
     return [f"the truth's own error is an RMSE of {least:.2g}: a smaller one cannot be told from 0"]
+
+
+def facet_notes(found: Recommendation) -> list[str]:
+    """That dark facets show on smooth surfaces, which no target counts."""
+    shown = found.choice or found.closest
+    share = shown.result.score["metrics"].get("terminator") if shown else None
+    if share is None or share < _FACETS:
+        return []
+    return [
+        f"dark facets take {share:.0%} of the light on smooth surfaces, in the truth too, so that no target counts "
+        "them; maps lose them by the bias terminator: docs/explanation/truth-and-scores.md#smooth-surfaces"
+    ]
 
 
 def phase_notes(found: Recommendation) -> list[str]:
@@ -157,7 +171,7 @@ def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "light": view.light.name,
         "view_size": view.size,
         "target": asdict(found.target),
-        "notes": target_notes(found),
+        "notes": target_notes(found) + facet_notes(found),
         "ranked_by": "work_cost" if found.unit == "work" else "frame_ms",
         "reference": None if found.reference is None else asdict(found.reference),
         "renderer": info.renderer,

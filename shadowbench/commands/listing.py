@@ -1,19 +1,13 @@
 """`list`: every technique, scene, metric, study and stress axis."""
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from shadowbench.commands import console, options
-from shadowbench.errors import InputError, alternatives
+from shadowbench.options import KINDS
 
 if TYPE_CHECKING:
-    from shadowbench.extremes.model import Axis
-    from shadowbench.plugin.base import Subject
-    from shadowbench.plugin.params import Component, TechniqueParams
+    from shadowbench.studies.catalogue import Entry
 
-Entry = dict[str, Any]
-KINDS = ("techniques", "engines", "scenes", "metrics", "studies", "axes")
 EXAMPLE = "shadow-map:size=2048,filter=pcf(taps=5)"
 TOGETHER = "bias=polygon-offset(2,4)+normal-offset"
 
@@ -37,6 +31,8 @@ def list_things(
       for        the kind of shadows that it suits: hard, soft or both
       tolerance  largest change for the worse that `check` allows
     """
+    from shadowbench.studies.catalogue import catalogue
+
     found = catalogue(plugin or (), what, name)
     if json:
         console.print_json(found[what] if what else found)
@@ -53,90 +49,7 @@ def list_things(
             console.print_text("")
 
 
-def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> dict[str, list[Entry]]:
-    """The entries of each kind (techniques, scenes, metrics, studies, axes), each with its `name`.
-
-    plugins: Python files that add techniques and metrics; what: only this kind; name: only this entry. Raises
-    InputError for an unknown kind or name.
-    """
-    if what and what not in KINDS:
-        raise InputError(f"list: found {what!r:.60}{alternatives(what, KINDS)}")
-    found = {kind: _entries(kind, plugins) for kind in KINDS if what in ("", kind)}
-    if name:
-        for kind, entries in found.items():
-            names = [entry["name"] for entry in entries]
-            if name not in names:
-                raise InputError(f"list {kind}: found {name!r:.60}{alternatives(name, names)}")
-            found[kind] = [entries[names.index(name)]]
-    return found
-
-
-def _entries(kind: str, plugins: Sequence[Path]) -> list[Entry]:
-    from shadowbench.extremes.axes import AXES
-    from shadowbench.measure.flips import ROW_METRICS
-    from shadowbench.measure.plugin_output import techniques_with
-    from shadowbench.plugin.registry import engines
-    from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
-    from shadowbench.studies.study import find_study, read_study, study_names
-
-    known = techniques_with(plugins)
-    if kind == "techniques":
-        return [_technique(one) for one in known.values()]
-    if kind == "engines":
-        return [_technique(one) for one in engines().values()]
-    if kind == "scenes":
-        return [{"name": name, "light": builtin_light(name), "about": builtin_about(name)} for name in builtin_names()]
-    if kind == "studies":
-        return [{"name": name, "about": read_study(find_study(name), known).about} for name in study_names()]
-    if kind == "axes":
-        return [_axis(axis) for axis in AXES.values()]
-    return [
-        {"name": one.name, "better": one.better, "for": one.kind, "tolerance": one.tolerance, "help": one.help}
-        for one in ROW_METRICS.values()
-    ]
-
-
-def _technique(one: "type[Subject]") -> Entry:
-    parameters = _parameters(one.Params)
-    lights = sorted(one.lights)
-    return {"name": one.name, "help": _help(one), "lights": lights, "parameters": parameters, "presets": one.presets}
-
-
-def _axis(axis: "Axis") -> Entry:
-    from shadowbench.extremes.model import value_label
-
-    return {
-        "name": axis.name,
-        "unit": axis.unit,
-        "values": [value_label(value) for value in axis.values],
-        "home": value_label(axis.default),
-        "lights": list(axis.lights),
-        "about": axis.about,
-    }
-
-
-def _help(described: type) -> str:
-    return " ".join((described.__doc__ or "").split())
-
-
-def _parameters(model: "type[TechniqueParams] | type[Component]") -> list[Entry]:
-    """Name, default, allowed values and help of every field; a component field lists its family with parameters."""
-    from shadowbench.plugin.params import Component, allowed
-    from shadowbench.plugin.spec import format_value
-
-    found: list[Entry] = []
-    for name, info in model.model_fields.items():
-        default = format_value(info.default)
-        found.append({"name": name, "default": default, "allowed": allowed(info), "help": info.description})
-        if isinstance(info.default, Component):
-            found[-1]["values"] = [
-                {"name": one.name, "help": _help(one), "parameters": _parameters(one)}
-                for one in info.default.family().table.values()
-            ]
-    return found
-
-
-def _print_techniques(entries: list[Entry]) -> None:
+def _print_techniques(entries: list["Entry"]) -> None:
     """Print techniques with their parameters and presets; then biases, filters and fits with theirs."""
     console.print_text(f"A spec is written name:parameter=value,… such as {EXAMPLE}")
     console.print_text(f"Biases that are applied together are joined by a plus: {TOGETHER}\n")
@@ -157,7 +70,7 @@ def _print_techniques(entries: list[Entry]) -> None:
         console.print_text("")
 
 
-def _print_axes(entries: list[Entry], title: str) -> None:
+def _print_axes(entries: list["Entry"], title: str) -> None:
     """Print what each axis varies, its values and its default value."""
     if title:
         console.print_text(title)
@@ -169,7 +82,7 @@ def _print_axes(entries: list[Entry], title: str) -> None:
     console.print_text("")
 
 
-def _print_parameters(parameters: list[Entry], indent: str) -> None:
+def _print_parameters(parameters: list["Entry"], indent: str) -> None:
     for parameter in parameters:
         allowed = parameter["allowed"] or ", ".join(value["name"] for value in parameter.get("values", ()))
         limits = f" ({allowed})" if allowed else ""

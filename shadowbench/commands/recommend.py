@@ -196,7 +196,7 @@ def _print_engines(found: "Recommendation") -> None:
 
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
-    from shadowbench.advice.words import excluded_lines, obstacles, phase_notes, step_lines, target_notes
+    from shadowbench.advice.words import excluded_lines, facet_notes, obstacles, phase_notes, step_lines, target_notes
     from shadowbench.results.times import time_notes
 
     by = "work" if found.unit == "work" else "this machine's times" if info.software else "this GPU's times"
@@ -213,7 +213,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
         _print_engines(found)
     lines = step_lines(found) if found.choice else obstacles(found)
     rough = [_is_rough(found, one) for one in shown]
-    notes = [*target_notes(found), *phase_notes(found), *time_notes(found.reference, rough)]
+    notes = [*target_notes(found), *facet_notes(found), *phase_notes(found), *time_notes(found.reference, rough)]
     for line in [*lines, *notes, *excluded_lines(found)]:
         console.print_line(line)
     if found.unit == "work":

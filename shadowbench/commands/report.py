@@ -1,4 +1,4 @@
-"""`report`: run and stress folders as HTML, Markdown, CSV or charts."""
+"""`report`: run and stress folders as a page, tables or figures."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,15 +16,23 @@ class ReportOptions:
     """What is made of folders, and where it goes."""
 
     output: Path | None = options.output(
-        "Output file, or folder if --format png  [report.html, report.md, report.csv, or report/].", metavar="FILE"
+        "Output file, or folder for figures  [report.html, report.md, report.csv, report.tex, or report/].",
+        metavar="FILE",
     )
     format: str = option(
-        "html: a single page that needs no network; md: tables; csv: one row per cell; png: the charts, "
-        "SCENE.VIEW-SIZE.front.png (error against time), .sizes.png (error against map size), .passes.png (time of "
-        "each pass), and from `stress` stability.png and stability.AXIS.png.",
+        "html: a single page that needs no network; md, tex: tables; csv: one row per cell. png, svg, pdf: figures, "
+        "SCENE.VIEW-SIZE.front (error against time), .sizes (error against map size), .passes (time of each pass), "
+        ".strip.png (pictures beside the truth, the worst place enlarged), from `stress` stability and "
+        "stability.AXIS; captions.md has their captions, which only png charts also show.",
         "FORMAT",
         default="html",
-        words=("html", "md", "csv", "png"),
+        words=("html", "md", "csv", "tex", "png", "svg", "pdf"),
+    )
+    picture: list[str] = option(
+        'What strips show beside the truth, as tables name it, such as "shadow-map at 1024"; repeatable  [the cheapest '
+        "real-time setting for each accuracy].",
+        "SETTING",
+        default=(),
     )
     split: bool = options.flag(
         "Write pictures, charts and tables into files beside the page (report.files/), which it loads when it shows "
@@ -37,7 +45,7 @@ class ReportOptions:
     "\b\nFor example\n"
     "  shadowbench report results/latest\n"
     "  shadowbench report laptop/ server/ -o both.html\n"
-    "  shadowbench report results/latest --format png -o charts/"
+    "  shadowbench report results/latest --format pdf -o figures/"
 )
 def report(
     folders: Annotated[
@@ -59,7 +67,7 @@ def report(
     """
     from shadowbench.commands.study_tables import print_verdict
     from shadowbench.measure.plugin_output import techniques_with
-    from shadowbench.reports.report import report_target, write_report
+    from shadowbench.reports.report import FIGURES, report_target, write_report
     from shadowbench.results.configurations import sections
     from shadowbench.results.folder import read_folders
 
@@ -70,7 +78,7 @@ def report(
         runs, sweeps = read_folders(folders)
         reporter.stage("charts and pictures", 1, str(target))
         scenes = sections(runs)
-        charts = write_report(runs, scenes, sweeps, target, asked.format, asked.split)
+        count = write_report(runs, scenes, sweeps, target, asked.format, asked.split, asked.picture)
     if quiet:
         return
     for run in runs:
@@ -80,8 +88,8 @@ def report(
         if len(runs) > 1:
             console.print_line(f"{run.label}, on {run.renderer}")
         print_verdict([section for parts in scenes.values() for section in parts if section.run is run])
-    if asked.format == "png":
-        console.print_line(f"{target}: {counted(charts, 'chart')}")
+    if asked.format in FIGURES:
+        console.print_line(f"{target}: {counted(count, 'figure')}")
         return
     size = target.stat().st_size
     if asked.format == "html" and not asked.split and size > _LARGE:

@@ -71,6 +71,7 @@ def _write_pictures(accuracy: Accuracy, folder: Path, key: str) -> None:
     write_difference(folder / "differences" / f"{key}.png", accuracy.difference())
     write_mask(folder / "truth" / f"{view.name}.png", truth.visibility)
     write_mask(folder / "truth" / f"{view.name}.undecided.png", truth.undecided.astype(np.float32))
+    write_mask(folder / "truth" / f"{view.name}.facets.png", truth.facets.astype(np.float32))
     if accuracy.external.picture is not None:
         with replace_file(folder / "pictures" / f"{key}.png") as temporary:
             shutil.copyfile(accuracy.external.picture, temporary)

@@ -28,14 +28,19 @@ class Pictures:
         write_picture(self._subfolder("pictures") / f"{key}.png", rendering.picture)
 
     def write_truth(self, view: View, truth: Truth) -> None:
-        """Write the truth's visibility and undecided pixels, unless the files hold them already.
+        """Write the truth's visibility, undecided pixels and facets, unless the files hold them already.
 
         A scene edited and then restored has no new cells, but the files may hold the truth of the edited version.
         """
         folder = self._subfolder("truth")
-        for name, mask in ((view.name, truth.visibility), (f"{view.name}.undecided", truth.undecided.astype(float))):
-            if not _holds_mask(folder / f"{name}.png", mask):
-                write_mask(folder / f"{name}.png", mask)
+        masks = {
+            "": truth.visibility,
+            ".undecided": truth.undecided.astype(float),
+            ".facets": truth.facets.astype(float),
+        }
+        for name, mask in masks.items():
+            if not _holds_mask(file := folder / f"{view.name}{name}.png", mask):
+                write_mask(file, mask)
 
     def write_shading(self, view: View, surface: Surface) -> None:
         """Write the pictures from which that of a mask is blended."""

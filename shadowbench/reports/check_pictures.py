@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.rows import Record
-from shadowbench.reports.gallery import difference, read_view
+from shadowbench.reports.gallery import difference, read_facets, read_view
 from shadowbench.results.baseline import CheckResult
 from shadowbench.results.folder import Run, identity
 from shadowbench.scores.difference import with_legend
@@ -60,4 +60,5 @@ def _difference(run: Run, score: Record, traced: Run) -> NDArray[np.uint8] | Non
     if not all(file.exists() for file in files):
         return None
     mask, visibility, undecided = (read_view(file, score["view_size"]) for file in files)
-    return difference(mask, visibility, undecided >= 0.5, is_soft(score["metrics"]))
+    facets = read_facets(truth, score["view_size"])
+    return difference(mask, visibility, undecided >= 0.5, is_soft(score["metrics"]), facets)

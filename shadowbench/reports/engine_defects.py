@@ -9,9 +9,10 @@ from PIL import Image
 
 from shadowbench.files import make_folder
 from shadowbench.measure.pictures import write_picture
+from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import read_view
 from shadowbench.reports.words import COLUMNS, optional
-from shadowbench.results.engine_settings import ERROR, EngineResults, Setting, names_of
+from shadowbench.results.engine_settings import ERROR, EngineResults, names_of
 from shadowbench.scores.metrics import METRICS
 
 TITLE = METRICS[ERROR].error_label
@@ -46,26 +47,41 @@ def worst_defect(one: EngineResults, target: Path) -> list[str]:
     after = cure.value(scene, ERROR)
     cured = f"{cure.label}, {TITLE} {optional(before)} before and {optional(after)} after"
     lines.append(f"Cure: {'none of the measured settings' if after == before else cured}.")
-    return [" ".join(lines), *_strip(one, setting, scene, cure, target)]
+    return [" ".join(lines), *_strip(one, target)]
 
 
-def _strip(one: EngineResults, worst: Setting, scene: str, cure: Setting, target: Path) -> list[str]:
-    """A picture of the truth beside masks of presets in a scene, with the sides and size of the worst, and the cure."""
-    name, folder, presets = one.engine.name, one.run.folder, names_of(one.engine)
+def strip_rows(one: EngineResults) -> dict[str, Record]:
+    """The rows of which an engine's strip shows masks, by setting; nothing if the engine has no defect.
+
+    In the scene of its worst defect: that setting, its cure, and presets with the sides and size of the worst.
+    """
+    if one.worst is None or not one.worst[0].value(one.worst[1], ERROR):
+        return {}
+    worst, scene = one.worst
+    presets, cure = names_of(one.engine), one.best_in(scene)
     first = next(row for row in worst.rows[scene] if row["status"] == "ok")
-    stem = ".".join(str(first[part]) for part in ("scene", "view", "light", "view_size"))
-    files = {"truth": folder / "truth" / f"{stem}.png"}
+    found = {}
     for setting in one.settings:
         alike = setting.spec in presets and (setting.sides, setting.map_size) == (worst.sides, worst.map_size)
         for row in setting.rows.get(scene, ()) if alike or setting in (worst, cure) else ():
             if row["status"] == "ok" and all(row[part] == first[part] for part in _PLACE):
-                files[setting.label] = folder / "masks" / f"{row['key']}.png"
+                found[setting.label] = row
+    return found
+
+
+def _strip(one: EngineResults, target: Path) -> list[str]:
+    """A picture of the truth beside the masks of `strip_rows`."""
+    name, folder, rows = one.engine.name, one.run.folder, strip_rows(one)
+    first = next(iter(rows.values()))
+    stem = ".".join(str(first[part]) for part in ("scene", "view", "light", "view_size"))
+    files = {"truth": folder / "truth" / f"{stem}.png"}
+    files |= {label: folder / "masks" / f"{row['key']}.png" for label, row in rows.items()}
     if lacking := [file for file in files.values() if not file.exists()]:
         return [f"No picture: there is no {lacking[0].relative_to(folder)} in {one.run.label}."]
     make_folder(target.with_suffix(""))
     masks = [read_view(file, first["view_size"]) for file in files.values()]
     write_picture(target.with_suffix("") / f"{name}.png", strip(masks))
-    shown = f"{scene}, from left to right: {'; '.join(files)}"
+    shown = f"{first['scene']}, from left to right: {'; '.join(files)}"
     return [f"![{shown.replace('`', '')}]({target.stem}/{name}.png)", f"*{shown}*"]
 
 

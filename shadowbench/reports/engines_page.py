@@ -22,7 +22,6 @@ from shadowbench.results.engine_settings import (
 from shadowbench.results.folder import Run
 
 _HEADING = "# Shadows of other engines"
-_FACTS = ("command", "finished", "rows", "renderer", "processor", "memory", "system", "OpenGL", "phases", "versions")
 
 _HOW = """\
 Each engine draws in a program of its own, a page in headless Chromium or a Python of its own. Its own loader reads the
@@ -48,7 +47,10 @@ are off. Masks are scored like those of shadowbench's techniques, against the sa
 _ONE_VERSION = """\
 Each setting has one version here. To compare versions, lock another one, `shadowbench engines install` it, measure it
 into the same folder or another, and give all folders to `shadowbench engines page`."""
-_FACTS = ("command", "finished", "rows", "renderer", "processor", "memory", "system", "OpenGL", "phases", "versions")
+_FACTS = (
+    *("command", "commit", "finished", "rows", "renderer", "processor", "memory", "system", "OpenGL", "phases"),
+    "versions",
+)
 
 
 def write_engines_page(runs: Sequence[Run], gaps: Mapping[str, str], target: Path) -> list[EngineResults]:

@@ -112,10 +112,10 @@ def _iou(metrics: Mapping[str, float | None]) -> str:
 def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str, Any] | None:
     """The pictures from a folder as JSON data; None if it has none.
 
-    cells: what the page says of each, with its command (that shows it in the window), its mask, whether the truth is
-    soft, and a picture, which is used if the view has no shading images; views: by view, images of the truth, the
-    undecided pixels, and the view without shadow (lit) and in full shadow (ambient), None for missing files; notes: on
-    missing files.
+    cells: what the page says of each that has a picture, with its scene and key, its command (that shows it in the
+    window), its mask, whether the truth is soft, and a picture, which is used if the view has no shading images; views:
+    by view, images of the truth, the undecided pixels, those darkened by facets, and the view without shadow (lit) and
+    in full shadow (ambient), None for missing files; notes: on missing files.
 
     Raises InputError for a file that is not a valid mask or picture.
     """
@@ -128,16 +128,20 @@ def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str
 
     with ThreadPoolExecutor() as threads:
         cells = list(threads.map(cell_of, pictures))
-    if not any(cell["picture"] or cell["mask"] for cell in cells):
+    shown = [cell for cell in cells if cell["picture"] or cell["mask"]]
+    if not shown:
         return None
     images = {
-        "mask": [cell["mask"] for cell in cells],
+        "mask": [cell["mask"] for cell in shown],
         "truth": [view["truth"] for view in views.values()],
-        "shading": [cell["picture"] or views[cell["view"]]["lit"] for cell in cells],
+        "shading": [cell["picture"] or views[cell["view"]]["lit"] for cell in shown],
     }
     missing = [name for name, found in images.items() if None in found]
     notes = [f"{folder.name} has no {' and no '.join(missing)} for some of these cells."] if missing else []
-    return {"cells": cells, "views": views, "notes": notes}
+    notes += (
+        [f"{folder.name} has pictures of {len(shown)} of these {len(cells)} cells."] if len(shown) < len(cells) else []
+    )
+    return {"cells": shown, "views": views, "notes": notes}
 
 
 def _view(folder: Path, row: Record, place: Place) -> dict[str, Any]:
@@ -145,6 +149,7 @@ def _view(folder: Path, row: Record, place: Place) -> dict[str, Any]:
     return {
         "truth": _image(folder / f"{name}.png", size, place),
         "undecided": _image(folder / f"{name}.undecided.png", size, place),
+        "facets": _image(folder / f"{name}.facets.png", size, place),
         "lit": _image(folder / f"{name}.lit.png", None, place),
         "ambient": _image(folder / f"{name}.ambient.png", None, place),
     }
@@ -154,6 +159,8 @@ def _cell(folder: Path, row: Record, about: dict[str, Any], shaded: bool, place:
     mask = _image(folder / "masks" / f"{row['key']}.png", row["view_size"], place)
     command = shlex.join(["shadowbench", "view", os.path.relpath(folder), "--cell", row["key"]])
     return about | {
+        "scene": row["scene"],
+        "key": row["key"],
         "command": "" if "content" in row else command,  # not of a mask of another renderer
         "soft": is_soft(row["metrics"]),
         "mask": mask,
@@ -188,6 +195,12 @@ def read_view(file: Path, size: int) -> NDArray[np.float32]:
         found = " × ".join(map(str, reversed(visibility.shape)))
         raise InputError(f"{file}: found {found} pixels; allowed: {size} × {size}, the view's size")
     return visibility
+
+
+def read_facets(truth: Path, size: int) -> NDArray[np.bool_] | None:
+    """(size, size), the pixels that facets darken, from the file beside a truth's; None without it."""
+    file = truth.with_suffix(".facets.png")
+    return read_view(file, size) >= 0.5 if file.exists() else None
 
 
 def _image(file: Path, size: int | None, place: Place) -> Any:

@@ -22,17 +22,23 @@ from shadowbench.results.configurations import Section, specs_of
 from shadowbench.results.folder import Run
 from shadowbench.versions import VERSION
 
-_PAGE = Path(__file__).parent / "page"
+PAGE = Path(__file__).parent / "page"
 _SCRIPTS = ("page.js", "charts.js", "table.js", "viewer.js", "report.js")
 Scenes = Mapping[str, Sequence[Section]]
 
 
 def html_report(
-    runs: Sequence[Run], scenes: Scenes, swept: Sequence[Stability], place: Place, beside: str | None = None
+    runs: Sequence[Run],
+    scenes: Scenes,
+    swept: Sequence[Stability],
+    place: Place,
+    beside: str | None = None,
+    nav: str = "",
 ) -> str:
     """The HTML text of a report; scenes: sections by title.
 
-    place: puts each part of the data into the page, or into a file of the folder of the name `beside`.
+    place: puts each part of the data into the page, or into a file of the folder of the name `beside`; nav: HTML of
+    links to the other pages of a site.
     """
     every = [section for parts in scenes.values() for section in parts]
     panels = [panel for index, run in enumerate(runs) for panel in panels_of(run, index, every)]
@@ -52,33 +58,45 @@ def html_report(
         "colors": COLORS[:MAX_SHOWN],
         "shapes": SHAPES,
         "outlines": OUTLINES,
+        "site": bool(nav),
         "data": {name: place(f"data {name}", value) for name, value in data.items()},
     }
-    environment = Environment(
-        loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    return (
+        environment()
+        .get_template("report.html.j2")
+        .render(
+            stability=stability,
+            sweep_charts=sweep_charts,
+            verdict=verdict,
+            words=words,
+            runs=runs,
+            panels=panels,
+            page=page,
+            split=beside,
+            stabilities=swept,
+            galleries=[data[f"stability-{index}"]["gallery"] for index in range(len(swept))],
+            light_names=NAMES,
+            metrics=ROW_METRICS.values(),
+            presets=words.presets_of(specs),
+            nav=nav,
+            command="make site" if nav else shlex.join(["shadowbench", *sys.argv[1:]]),
+            version=VERSION,
+            style=(PAGE / "report.css").read_text(encoding="utf-8"),
+            scripts=[(PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS],
+            bundle=_bundle(),
+        )
     )
-    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # views stay in order
-    environment.filters |= {"breakable": _breakable, "code_spans": _code_spans}
-    return environment.get_template("report.html.j2").render(
-        stability=stability,
-        sweep_charts=sweep_charts,
-        verdict=verdict,
-        words=words,
-        runs=runs,
-        panels=panels,
-        page=page,
-        split=beside,
-        stabilities=swept,
-        galleries=[data[f"stability-{index}"]["gallery"] for index in range(len(swept))],
-        light_names=NAMES,
-        metrics=ROW_METRICS.values(),
-        presets=words.presets_of(specs),
-        command=shlex.join(["shadowbench", *sys.argv[1:]]),
-        version=VERSION,
-        style=(_PAGE / "report.css").read_text(encoding="utf-8"),
-        scripts=[(_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS],
-        bundle=_bundle(),
+
+
+@cache
+def environment() -> Environment:
+    """The templates of pages."""
+    made = Environment(
+        loader=FileSystemLoader(PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    made.policies["json.dumps_kwargs"] = {"sort_keys": False}  # views stay in order
+    made.filters |= {"breakable": _breakable, "code_spans": _code_spans}
+    return made
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Reports on run and sweep folders: an HTML page, Markdown tables, a CSV of all cells, or PNG charts."""
+"""Reports on run and sweep folders: an HTML page, tables, a CSV of all cells, or figures."""
 
 import hashlib
 import io
@@ -19,22 +19,26 @@ from shadowbench.files import check_outputs, make_folder, replace_file
 from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.gallery import Place
 from shadowbench.reports.html import Scenes, html_report
-from shadowbench.reports.markdown import markdown_report
+from shadowbench.reports.latex import latex_tables
+from shadowbench.reports.markdown import escaped, markdown_report
 from shadowbench.reports.stability import Stability, analyse, tolerances
+from shadowbench.reports.strips import Strip, strip_of
 from shadowbench.reports.sweep_charts import CELL, axis_figure, heat_map
 from shadowbench.reports.vega import Chart, styles_of, titled
 from shadowbench.reports.words import section_notes, time_source
 from shadowbench.results.configurations import specs_of
 from shadowbench.results.folder import Run, Sweep
 from shadowbench.results.ranges import points_frame
+from shadowbench.scores.difference import write_difference
 
-FORMATS = ("html", "md", "csv", "png")
+FIGURES = ("png", "svg", "pdf")
+FORMATS = ("html", "md", "csv", "tex", *FIGURES)
 _COLORS = "colour: the share of an axis' values in tolerance"
 _SCALE = 2.5  # 760 units of width become 1900 pixels: 16 cm at 300 dots an inch
 
 
 def report_target(output: Path | None, form: str, split: bool = False) -> Path:
-    """The output of a report in one of FORMATS: a file, or for png a folder; by default `report` with a suffix.
+    """The output of a report in one of FORMATS: a file, or for FIGURES a folder; by default `report` with a suffix.
 
     Raises InputError for other formats, for one but html that is to be split, and if the output cannot be written.
     """
@@ -42,34 +46,44 @@ def report_target(output: Path | None, form: str, split: bool = False) -> Path:
         raise InputError(f"--split: found --format {form:.60}; allowed: html, whose pictures it writes beside the page")
     if form not in FORMATS:
         raise InputError(f"--format: found {form!r:.60}; allowed: {', '.join(FORMATS)}")
-    target = output or Path("report" if form == "png" else f"report.{form}")
-    if form != "png":
+    target = output or Path("report" if form in FIGURES else f"report.{form}")
+    if form not in FIGURES:
         check_outputs(f".{form}", target)
         folder = _files_beside(target)
         if split and folder.exists() and any(file.suffix != ".js" for file in folder.iterdir()):
             raise InputError(f"{folder}: found other files; --split replaces this folder, by one with the page's data")
     elif target.exists() and not target.is_dir():
-        raise InputError(f"{target}: found a file; allowed: a folder, for the charts")
+        raise InputError(f"{target}: found a file; allowed: a folder, for the figures")
     return target
 
 
 def write_report(
-    runs: Sequence[Run], scenes: Scenes, sweeps: Sequence[Sweep], target: Path, form: str, split: bool = False
+    runs: Sequence[Run],
+    scenes: Scenes,
+    sweeps: Sequence[Sweep],
+    target: Path,
+    form: str,
+    split: bool = False,
+    pictures: Sequence[str] = (),
+    nav: str = "",
 ) -> int:
-    """Write a report on runs and sweeps in one of FORMATS; returns the number of charts for png, else 0.
+    """Write a report on runs and sweeps in one of FORMATS; returns the number of figures for FIGURES, else 0.
 
-    scenes: `sections` of the runs; split: write the data of an HTML page into a folder beside it. Raises InputError.
+    scenes: `sections` of the runs; split: write the data of an HTML page into a folder beside it; pictures: labels of
+    configurations in strips of pictures (`strip_of`); nav: HTML of links to the other pages of a site that the page is
+    one of. Raises InputError.
     """
     swept = [analyse(sweep) for sweep in sweeps]
-    if form == "png":
-        return _write_figures(target, scenes, swept)
+    if form in FIGURES:
+        return _write_figures(target, scenes, swept, form, pictures)
     if form == "html":
         beside = _files_beside(target)
         data: AbstractContextManager[Place] = _data_files(beside) if split else nullcontext(lambda _, value: value)
         with data as place:
-            text = html_report(runs, scenes, swept, place, beside.name if split else None)
+            text = html_report(runs, scenes, swept, place, beside.name if split else None, nav)
     else:
-        text = _all_cells(runs, swept) if form == "csv" else markdown_report(runs, scenes, swept)
+        texts = {"csv": lambda: all_cells(runs, swept).to_csv(index=False), "tex": lambda: latex_tables(scenes)}
+        text = texts.get(form, lambda: markdown_report(runs, scenes, swept))()
     with replace_file(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return 0
@@ -104,8 +118,8 @@ def _data_files(folder: Path) -> Iterator[Place]:
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def _all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> str:
-    """The cells of all folders as CSV: columns `run`, `processor`, `software`, then those of `table.csv`.
+def all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> pd.DataFrame:
+    """The cells of all folders: columns `run`, `processor`, `software`, then those of `table.csv`.
 
     Cells of a sweep also have `range`, the operating range along their axis.
     """
@@ -120,22 +134,52 @@ def _all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> str:
     ]
     first = ["run", "processor", "software"]
     columns = dict.fromkeys([*first, *(name for frame in frames for name in frame)])
-    return pd.concat(frames)[list(columns)].to_csv(index=False)
+    return pd.concat(frames)[list(columns)]
 
 
-def _write_figures(folder: Path, scenes: Scenes, swept: Sequence[Stability]) -> int:
+def _write_figures(folder: Path, scenes: Scenes, swept: Sequence[Stability], form: str, pictures: Sequence[str]) -> int:
+    """Write charts in one of FIGURES, with their titles in png alone, strips as PNG, and `captions.md`."""
+    make_folder(folder)
+    captions = []
+    for name, chart in figures(scenes, swept):
+        heading = chart["title"]
+        write_chart(folder / f"{_file_stem(name)}.{form}", chart if form == "png" else chart | {"title": None})
+        captions.append((f"{_file_stem(name)}.{form}", ". ".join([chart["description"], *heading["subtitle"]]) + "."))
+    for name, strip in _strips(scenes, pictures):
+        file = f"{_file_stem(name)}.png"
+        write_difference(folder / file, strip.picture)
+        captions.append((file, strip.caption))
+    with replace_file(folder / "captions.md") as temporary:
+        temporary.write_text("".join(f"**{file}**: {escaped(text)}\n\n" for file, text in captions), encoding="utf-8")
+    return len(captions)
+
+
+def _file_stem(name: str) -> str:
+    return re.sub(r"[^\w.-]+", "_", name).strip("_")
+
+
+def write_chart(file: Path, chart: Chart) -> None:
+    """Write a Vega-Lite chart as .svg or .pdf, else as PNG."""
     import vl_convert  # not on every platform
 
-    make_folder(folder)
-    count = 0
-    for name, chart in figures(scenes, swept):
-        file = re.sub(r"[^\w.-]+", "_", name).strip("_") + ".png"
-        drawn = io.BytesIO(vl_convert.vegalite_to_png(chart, scale=_SCALE))
-        with Image.open(drawn) as image, replace_file(folder / file) as temporary:
-            # Without transparency and better compressed, about a fifth of the size.
-            image.convert("RGB").save(temporary, format="PNG", optimize=True, dpi=(72 * _SCALE, 72 * _SCALE))
-        count += 1
-    return count
+    with replace_file(file) as temporary:
+        if file.suffix == ".svg":
+            temporary.write_text(vl_convert.vegalite_to_svg(chart), encoding="utf-8")
+        elif file.suffix == ".pdf":
+            temporary.write_bytes(vl_convert.vegalite_to_pdf(chart))
+        else:
+            with Image.open(io.BytesIO(vl_convert.vegalite_to_png(chart, scale=_SCALE))) as image:
+                # Without transparency and better compressed, about a fifth of the size.
+                image.convert("RGB").save(temporary, format="PNG", optimize=True, dpi=(72 * _SCALE, 72 * _SCALE))
+
+
+def _strips(scenes: Scenes, pictures: Sequence[str]) -> Iterator[tuple[str, Strip]]:
+    """Generate (SCENE.VIEW-SIZE.strip, strip) of every section with pictures."""
+    every = [section for parts in scenes.values() for section in parts]
+    several = len({section.run.label for section in every}) > 1
+    for section in every:
+        if section.scored and (strip := strip_of(section, pictures)):
+            yield f"{section.file_stem}{f'.{section.run.label}' if several else ''}.strip", strip
 
 
 def figures(scenes: Scenes, swept: Sequence[Stability]) -> Iterator[tuple[str, Chart]]:

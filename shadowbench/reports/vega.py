@@ -48,7 +48,7 @@ BASE_CHART: Chart = {
         "view": {"stroke": None},
     },
 }
-_LEGEND = {"orient": "bottom", "columns": 2, "labelLimit": 340, "symbolOpacity": 1, "symbolSize": 80}
+_LEGEND = {"orient": "bottom", "columns": 2, "labelLimit": 300, "symbolOpacity": 1, "symbolSize": 80}
 
 
 def chart_of(about: str, values: Iterable[Chart], layer: Iterable[Chart], height: int | Chart) -> Chart:

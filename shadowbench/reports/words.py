@@ -154,6 +154,7 @@ def run_facts(run: Folder) -> list[tuple[str, str]]:
     gl = device.get("version") and f"{device['version'] / 100:.1f}, {device.get('subpixel_bits')} sub-pixel bits"
     facts = [
         ("command", about.get("command", "unknown: no run.json")),
+        ("commit", ", ".join(dict.fromkeys(row["commit"] for row in run.rows if "commit" in row))),
         ("finished", about.get("finished")),
         ("rows", "; ".join([rows, *(f"{what} left out" for what in left_out)])),
         ("renderer", f"{run.renderer}{' (software)' if run.software else ''}"),

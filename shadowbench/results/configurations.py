@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.plugin.grammar import parameters_of
 from shadowbench.plugin.registry import preset_names
+from shadowbench.results.columns import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.results.folder import Run
-from shadowbench.results.tables import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
 from shadowbench.scores.metric import Metric
 from shadowbench.scores.metrics import METRICS, is_soft, ranking
 
 BIAS_LENGTHS = ("fact_bias_m", "fact_bias_texels", "fact_normal_offset_m", "fact_normal_offset_texels")
-_VALUES = [*TRUTH_ERRORS, "width_bias", *TIMES[:4], *TOTALS, "gpu_bytes"]  # besides metrics
+_VALUES = [*TRUTH_ERRORS, "width_bias", *list(TIMES)[:4], *TOTALS, "gpu_bytes"]  # besides metrics
 _BOOTSTRAPS = 2000
 
 

@@ -9,21 +9,12 @@ import pandas as pd
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.measure.flips import FLIPS
-from shadowbench.measure.rows import Result
-from shadowbench.measure.time_rows import REDRAWN
+from shadowbench.measure.rows import Record, Result
+from shadowbench.plugin.grammar import parameters_of
+from shadowbench.results.columns import COSTS, IDENTITY, MORE, MORE_TIMES, SOMETIMES, TIMES
 from shadowbench.scores.metrics import METRICS
 from shadowbench.strict import short
 
-_IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
-TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
-TOTALS = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]
-TRUTH_ERRORS = ["truth_error", "truth_error_pen"]
-_MORE = [  # after the promised columns
-    *("receivers", "undecided", "surface_mismatch", "coordinates", "full_spec", "mask_sha256", "assumptions", "key"),
-    *(FLIPS.name, "step", *TRUTH_ERRORS, "penumbra", "width_share", "width_bias"),
-]
-_MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *TOTALS]
 _WHOLE = ["map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch", "penumbra"]
 _CHUNK = 5000  # lines of a table in memory at a time
 
@@ -40,6 +31,31 @@ def cells_frames(results: Sequence[Result], lines: int = _CHUNK) -> Iterator[pd.
         yield _frame(results[start : start + lines], columns, start)
 
 
+def over_phases(cells: pd.DataFrame) -> pd.DataFrame:
+    """The cells with `phases`, their number, in place of `phase`: numbers are medians, texts those that all share.
+
+    A status is that of the first phase that is not `ok`, and its numbers are those of the others.
+    """
+    same = ["scene", "view", "light", "spec", "full_spec", "map_size", "view_size", "coordinates", "renderer"]
+    grouped = cells.groupby(same, sort=False, dropna=False)
+    numbers = {name for name in cells if pd.api.types.is_numeric_dtype(cells[name])} - {*same, "phase"}
+
+    def shared(values: pd.Series) -> Any:
+        return values.iloc[0] if values.nunique(dropna=False) == 1 else None
+
+    def worst(statuses: pd.Series) -> Any:
+        return next((status for status in statuses if status != "ok"), "ok")
+
+    rules = {
+        name: "median" if name in numbers else worst if name == "status" else shared
+        for name in cells
+        if name not in (*same, "phase")
+    }
+    found = grouped.agg(rules).reset_index()
+    found["phases"] = grouped["phase"].nunique().to_numpy()
+    return found[["phases" if name == "phase" else name for name in cells]]
+
+
 def write_table(file: Path, frames: Iterable[pd.DataFrame]) -> None:
     """Write frames of the same columns as one CSV, one after the other; missing values are empty fields."""
     with replace_file(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
@@ -54,8 +70,9 @@ def _columns(results: Sequence[Result]) -> list[str]:
     passes = named("pass_{}_ms", ((result.time or {}).get("passes", ()) for result in results))
     work = named("work_{}", (result.score.get("work", ()) for result in results))
     facts = named("fact_{}", (result.score.get("facts", ()) for result in results))
-    promised = [*_IDENTITY, *METRICS, *TIMES, *passes, *work, "gpu_bytes", "prepare_ms", "machine", "command"]
-    return [*promised, *_MORE, *_MORE_TIMES, *facts]
+    promised = [*IDENTITY, *METRICS, *TIMES, *passes, *work, *COSTS]
+    some = dict.fromkeys(chain.from_iterable(_sometimes(result.score) for result in results))
+    return [*promised, *MORE, *MORE_TIMES, *facts, *(name for name in SOMETIMES if name in some)]
 
 
 def _frame(results: Sequence[Result], columns: list[str], start: int = 0) -> pd.DataFrame:
@@ -68,13 +85,23 @@ def _frame(results: Sequence[Result], columns: list[str], start: int = 0) -> pd.
 
 def _cell(result: Result) -> dict[str, Any]:
     score, timed = result.score, result.time or {}
-    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, "gpu_bytes", "command"]}
+    row = {name: score.get(name) for name in [*IDENTITY, *MORE, "gpu_bytes", "command"]}
     row |= {"status": result.status, "assumptions": "; ".join(score.get("assumptions", ())) or None}
     row |= score.get("metrics", {})
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
     row |= {f"fact_{name}": value for name, value in score.get("facts", {}).items()}
-    row |= {name: timed.get(name) for name in [*TIMES, "prepare_ms", "machine", *_MORE_TIMES]}
+    row |= {name: timed.get(name) for name in [*TIMES, "prepare_ms", "machine", *MORE_TIMES]}
+    row |= _sometimes(score)
     return row | {f"pass_{name}_ms": value["ms"] for name, value in timed.get("passes", {}).items()}
+
+
+def _sometimes(score: Record) -> dict[str, Any]:
+    """The columns of rows of engines, and of published rows."""
+    row = {"commit": score["commit"]} if "commit" in score else {}
+    if engine := score.get("engine"):
+        sides = parameters_of(score["full_spec"])[1].get("sides")
+        row |= {"engine_version": engine.get("version"), "box": engine.get("box"), "sides": sides}
+    return row
 
 
 SweepPoint = tuple[str, float]

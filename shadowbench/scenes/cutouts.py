@@ -125,7 +125,8 @@ class CutoutFaces:
     def opaque(self, cut: NDArray[np.integer], weights: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(N,) whether points of triangles are opaque; cut: (N,) indices into `faces`; weights: (N, 3) barycentric."""
         places = np.einsum("nk,nkj->nj", weights, self.coordinates[cut].astype(np.float64))
-        alpha = np.einsum("nk,nk->n", weights, self.alpha[cut].astype(np.float64))
+        vertex = self.alpha[cut].astype(np.float64)
+        alpha = vertex[:, 0] + np.einsum("nk,nk->n", weights, vertex - vertex[:, :1])  # if equal, exactly they
         result = np.zeros(len(cut), dtype=bool)
         for number, cutout in enumerate(self.cutouts):
             its = self.number[cut] == number

@@ -33,7 +33,7 @@ from shadowbench.strict import validated
 HONOURED = re.compile(
     r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_mesh_primitive_restart"
     r"|(EXT|KHR)_meshopt_compression|EXT_mesh_gpu_instancing|KHR_lights_punctual|KHR_node_visibility"
-    r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based"
+    r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based|FB_ngon_encoding"
 )
 """Extensions that are supported, or do not affect the geometry."""
 

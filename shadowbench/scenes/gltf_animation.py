@@ -109,7 +109,7 @@ def _sampled(data: Data, sampler: Sampler, kind: str, width: int, time: float) -
 
     first, last = float(keys[0]), float(keys[-1])
     if not (math.isfinite(first) and math.isfinite(last)):
-        raise InputError(f"{where}: times from {first:g} to {last:g}; allowed: finite ones")
+        raise InputError(f"{where}: times from {first:g} to {last:g}; allowed: finite ones, or the clip none")
     before = bisect.bisect_right(keys, time, key=float) - 1
     if before < 0 or before == len(keys) - 1 or sampler.interpolation == "STEP":
         return value(max(before, 0)), first, last

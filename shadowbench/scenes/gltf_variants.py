@@ -13,7 +13,9 @@ def with_variant(layout: Layout, name: str | None, where: str) -> Layout:
         return layout
     names = [each.name for each in layout.variants]
     if name not in names:
-        raise InputError(f"{where}: variant: found {name!r:.60}{alternatives(name, names)}")
+        raise InputError(
+            f"{where}: variant: found {name!r:.60}{alternatives(name, names, none='no variant, as the file has none')}"
+        )
     number = names.index(name)
     meshes = [
         mesh.model_copy(update={"primitives": [_dressed(each, number) for each in mesh.primitives]})

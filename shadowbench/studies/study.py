@@ -276,7 +276,7 @@ def _size_notes(map_size: Sequence[int], specs: Sequence[Spec], study: Study) ->
     sizes = f"--map-size {','.join(map(str, map_size))} leaves"
     yield from (f"{spec.text} names its size, which {sizes} as it is" for spec in specs if "size" in spec.explicit)
     for spec in study.specs:
-        if any(map(has_size, spec.techniques[1:])):
+        if not spec.has_size and any(map(has_size, spec.techniques[1:])):
             yield f"{spec.text}: {sizes} the map inside as it is; its size is written in the spec"
 
 

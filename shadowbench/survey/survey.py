@@ -1,7 +1,9 @@
 """The survey of a view: everything it needs of a shadow technique."""
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,9 @@ from shadowbench.survey.maps import fitted_map
 from shadowbench.survey.penumbra import Penumbra, penumbra_of
 from shadowbench.survey.sampling import Estimate, Samples, sample_view
 from shadowbench.survey.texels import CascadeSizes, Texels, cascades_of, texels_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PLANAR_SHARE = 0.999  # least planar share of the visible receivers for which projection suffices
 
@@ -85,6 +90,25 @@ class Needs:
     reach: RelevantCasters
     pixels: int
     view_size: int
+
+    @property
+    def frame(self) -> "pd.DataFrame":
+        """A line per number: `need`, such as texels.size, its `value` and standard `error`; missing where unknown."""
+        import pandas as pd  # 0.3 s, and the command does without
+
+        return pd.DataFrame(_numbers(self, ""), columns=["need", "value", "error"])
+
+
+def _numbers(found: Any, path: str) -> Iterator[tuple[str, float, float | None]]:
+    """Generate (path, value, error) of the numbers in a dataclass and those in it."""
+    for field in fields(found):
+        value, name = getattr(found, field.name), f"{path}{field.name}"
+        if isinstance(value, Estimate):
+            yield name, value.value, value.error
+        elif is_dataclass(value):
+            yield from _numbers(value, f"{name}.")
+        elif isinstance(value, bool | int | float):
+            yield name, float(value), 0.0
 
 
 def needs(view: View, penumbrae: bool = True) -> Needs:

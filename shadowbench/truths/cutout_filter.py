@@ -13,7 +13,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from shadowbench.compiled import compiled
-from shadowbench.truths.cutouts import CLEAR, OPAQUE, OPEN, REPEAT, ROUNDING, CutoutArrays, decide
+from shadowbench.truths.cutouts import CLAMP, CLEAR, OPAQUE, OPEN, REPEAT, ROUNDING, CutoutArrays, decide
 
 RAY_ERROR = 2.0**-20  # of a hit's place across its ray, per local length of the ray and of coordinates, in float32
 FLAGS = 8  # word of 8 bytes, after what Embree may use of a query's context, with the address of the rays' flags
@@ -38,56 +38,98 @@ def addresses_of(cut: CutoutArrays) -> NDArray[np.intp]:
     return np.array([(array.ctypes.data, len(array)) for array in cut[1:]], dtype=np.intp).ravel()
 
 
+@numba.njit(inline="always")
+def _pointers(data):  # type: ignore[no-untyped-def]
+    """The arrays at the addresses of `addresses_of` as pointers, whose indices are not checked."""
+    return CutoutArrays(
+        _pointer(data[0], types.int32),
+        _pointer(data[0], types.float32),
+        _pointer(data[2], types.float32),
+        _pointer(data[4], types.int32),
+        _pointer(data[6], types.float32),
+        _pointer(data[8], types.uint8),
+        _pointer(data[10], types.uint8),
+        _pointer(data[12], types.int32),
+        _pointer(data[14], types.float64),
+        _pointer(data[16], types.float32),
+    )
+
+
 @compiled()
 def _at(data):  # type: ignore[no-untyped-def]
     """The arrays at the addresses of `addresses_of`."""
+    of, coordinates, alpha, number, stretch, texels, around, table, least, places = _pointers(data)
     return CutoutArrays(
-        carray(_pointer(data[0], types.int32), 0),
-        carray(_pointer(data[0], types.float32), (data[1], 3, 2)),
-        carray(_pointer(data[2], types.float32), (data[3], 3)),
-        carray(_pointer(data[4], types.int32), (data[5],)),
-        carray(_pointer(data[6], types.float32), (data[7], 3)),
-        carray(_pointer(data[8], types.uint8), (data[9],)),
-        carray(_pointer(data[10], types.int32), (data[11], 6)),
-        carray(_pointer(data[12], types.float64), (data[13],)),
-        carray(_pointer(data[14], types.float32), (data[15], 6)),
+        carray(of, 0),
+        carray(coordinates, (data[1], 3, 2)),
+        carray(alpha, (data[3], 3)),
+        carray(number, (data[5],)),
+        carray(stretch, (data[7], 3)),
+        carray(texels, (data[9],)),
+        carray(around, (data[11],)),
+        carray(table, (data[13], 6)),
+        carray(least, (data[15],)),
+        carray(places, (data[17], 6)),
     )
 
 
 @numba.njit(inline="always")
-def _glance(data, index, second, third, away):  # type: ignore[no-untyped-def]
-    """As `decide`, in float32; OPEN also near the borders of texels, and wherever that is simpler."""
-    number = np.int64(_pointer(data[4], types.int32)[index])
-    place, stretch = _pointer(data[14], types.float32), _pointer(data[6], types.float32)
-    x = place[6 * index] + second * place[6 * index + 1] + third * place[6 * index + 2]
-    y = place[6 * index + 3] + second * place[6 * index + 4] + third * place[6 * index + 5]
-    column, row = np.floor(x), np.floor(y)
-    right, down, one = x - column, y - row, np.float32(1.0)
-    dx = away * stretch[3 * index] + np.float32(4 * ROUNDING) * (one + abs(x))
-    dy = away * stretch[3 * index + 1] + np.float32(4 * ROUNDING) * (one + abs(y))
+def _within(index, size, wrap):  # type: ignore[no-untyped-def]
+    """The index of a row or column from 0 to size − 1; −1 if it is mirrored."""
+    if 0 <= index < size:
+        return index
+    if wrap == REPEAT:
+        return index % size
+    return (np.int32(0) if index < 0 else size - np.int32(1)) if wrap == CLAMP else np.int32(-1)
+
+
+@numba.njit(inline="always")
+def _of_triangle(cut, index):  # type: ignore[no-untyped-def]
+    """What `_glance` needs of a triangle: along u, along v, its cut-out's first texel, whether nearest, and least."""
+    p, s, t = 6 * index, 3 * index, 6 * np.int64(cut.number[index])
+    u = cut.places[p], cut.places[p + 1], cut.places[p + 2], cut.stretch[s], cut.table[t + 1], cut.table[t + 4]
+    v = cut.places[p + 3], cut.places[p + 4], cut.places[p + 5], cut.stretch[s + 1], cut.table[t + 2], cut.table[t + 5]
+    return u, v, np.int64(cut.table[t]), cut.table[t + 3] != 0, cut.least[cut.number[index]]
+
+
+@numba.njit(inline="always")
+def _place(axis, second, third, away):  # type: ignore[no-untyped-def]
+    """A point's column, that of the texture or −1, its part in it, and by how much it may be off; or so of rows."""
+    start, to_second, to_third, stretch, size, wrap = axis
+    at = start + second * to_second + third * to_third
+    error = away * stretch + np.float32(4 * ROUNDING) * (np.float32(1.0) + abs(at))
+    if not error < np.float32(1.0):  # NaN too
+        return np.int32(0), np.int32(-1), at, error
+    lower = np.floor(at)
+    column = np.int32(lower)
+    return column, _within(column, size, wrap), at - lower, error
+
+
+@numba.njit(inline="always")
+def _glance(cut, triangle, second, third, away):  # type: ignore[no-untyped-def]
+    """As `decide`, in float32; OPEN also near the borders of texels, and wherever that is simpler. cut: `_pointers`."""
+    u, v, first, nearest, least = triangle
+    column, i, right, dx = _place(u, second, third, away)
+    row, j, down, dy = _place(v, second, third, away)
+    if (i | j) < 0:
+        return OPEN
+    width, height, one, texels = u[4], v[4], np.float32(1.0), cut.texels
+    line = first + np.int64(j) * width
+    found = np.int64(cut.around[line + i])
+    if found != OPEN:
+        return found
     if not (right > dx and one - right > dx and down > dy and one - down > dy):
         return OPEN
-    table, texels = _pointer(data[10], types.int32), _pointer(data[8], types.uint8)
-    least = _pointer(data[12], types.float64)[number]
-    first, width, height = np.int64(table[6 * number]), table[6 * number + 1], table[6 * number + 2]
-    i, j, to_right, below = np.int64(column), np.int64(row), np.int64(1), np.int64(width)
-    if i < 0 or i >= width - 1:
-        if table[6 * number + 4] != REPEAT:
-            return OPEN
-        i %= width
-        to_right -= width if i == width - 1 else 0
-    if j < 0 or j >= height - 1:
-        if table[6 * number + 5] != REPEAT:
-            return OPEN
-        j %= height
-        below -= width * height if j == height - 1 else 0
-    at = first + j * width + i
-    if table[6 * number + 3] != 0:
-        return OPAQUE if texels[at] >= least else CLEAR
-    a, b = np.float32(texels[at]), np.float32(texels[at + to_right])
-    c, d = np.float32(texels[at + below]), np.float32(texels[at + below + to_right])
-    above, under = a + (b - a) * right, c + (d - c) * right
-    over = above + (under - above) * down - least
+    if nearest:
+        return OPAQUE if texels[line + i] >= least else CLEAR
+    to_right, below = _within(column + np.int32(1), width, u[5]), _within(row + np.int32(1), height, v[5])
+    if to_right < 0 or below < 0:
+        return OPEN
+    under = first + np.int64(below) * width
+    a, b = np.float32(texels[line + i]), np.float32(texels[line + to_right])
+    c, d = np.float32(texels[under + i]), np.float32(texels[under + to_right])
+    above, beneath = a + (b - a) * right, c + (d - c) * right
+    over = above + (beneath - above) * down - least
     error = (max(a, b, c, d) - min(a, b, c, d)) * (dx + dy) + np.float32(255 * 4 * ROUNDING)
     if abs(over) <= error:
         return OPEN
@@ -103,28 +145,34 @@ def _filter(arguments):  # type: ignore[no-untyped-def]
     count = arguments[5] & 0xFFFFFFFF
     valid, data = _pointer(arguments[0], types.int32), _pointer(arguments[1], types.intp)
     ray, meets = _pointer(arguments[3], types.float32), _pointer(arguments[4], types.float32)
-    triangle = _pointer(arguments[4], types.int32)
+    hits, cut = _pointer(arguments[4], types.int32), _pointers(data)
+    index, normal, triangle = np.int64(-1), np.float32(0.0), _of_triangle(cut, np.int64(0))
     for k in range(count):
         if valid[k] != -1:
             continue
-        across, along, normal, place = np.float32(0.0), np.float32(0.0), np.float32(0.0), np.float32(0.0)
+        if hits[5 * count + k] != index:  # mostly one triangle for all lanes
+            index, normal = np.int64(hits[5 * count + k]), np.float32(0.0)
+            triangle = _of_triangle(cut, index)
+            for axis in range(3):
+                normal += meets[axis * count + k] ** 2
+            normal = np.sqrt(normal)
+        across, length, place = np.float32(0.0), np.float32(0.0), np.float32(0.0)
         for axis in range(3):
-            way, up = ray[(4 + axis) * count + k], meets[axis * count + k]
-            across += way * up
-            along += way * way
-            normal += up * up
+            way = ray[(4 + axis) * count + k]
+            across += way * meets[axis * count + k]
+            length += way * way
             place = max(place, abs(ray[axis * count + k]))
-        away = np.float32(RAY_ERROR) * (place + np.sqrt(along) * ray[8 * count + k]) * np.sqrt(along * normal)
+        length = np.sqrt(length)
+        away = np.float32(RAY_ERROR) * (place + length * ray[8 * count + k]) * length * normal
         away /= max(abs(across), np.float32(TINY))
-        index, second, third = np.int64(triangle[5 * count + k]), meets[3 * count + k], meets[4 * count + k]
-        found = _glance(data, index, second, third, away)
+        second, third = meets[3 * count + k], meets[4 * count + k]
+        found = _glance(cut, triangle, second, third, away)
         if found == OPEN:
             found = decide(_at(data), index, np.float64(second), np.float64(third), np.float64(away))
         if found == OPEN:
             flags = _pointer(_pointer(arguments[2], types.intp)[FLAGS], types.uint8)
             flags[_pointer(arguments[3], types.uint32)[10 * count + k]] = 1
-        if found != OPAQUE:
-            valid[k] = 0
+        valid[k] = np.int32(-1) if found == OPAQUE else np.int32(0)
 
 
 @cache

@@ -6,21 +6,27 @@ in float64. Left open is what changes with the rounding of texture coordinates a
 techniques compute.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from shadowbench.compiled import compiled
 from shadowbench.geometry.tree import Tree
-from shadowbench.scenes.cutouts import CutoutFaces
+from shadowbench.scenes.cutouts import Cutout, CutoutFaces, Wrap
 from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.segments import hit, inverse_of, next_leaf
 
 CLEAR, OPAQUE, OPEN = range(3)
 ROUNDING = 2.0**-22  # of a texture coordinate, as a share, and of what is mixed in float32
-REPEAT, _MIRROR, _CLAMP = range(3)  # in `scenes.cutouts.WRAPS`
+REPEAT, _MIRROR, CLAMP = range(3)  # in `scenes.cutouts.WRAPS`
+_MODES: dict[Wrap, Literal["wrap", "reflect", "nearest"]] = {
+    "repeat": "wrap",
+    "mirror": "reflect",
+    "clamp": "nearest",
+}  # SciPy's names
 
 
 class CutoutArrays(NamedTuple):
@@ -32,7 +38,8 @@ class CutoutArrays(NamedTuple):
 
     For a first look in float32: places: (K, 6) float32 column of a triangle's first corner in texels, and its change to
     the second and the third, then the row's; counted from the first texel's corner, or for bilinear ones from its
-    centre; NaN where vertex alpha is not 1.
+    centre; NaN where vertex alpha is not 1. around: (N,) uint8 of each texel: OPAQUE or CLEAR if points are that are at
+    most a texel away from it, or for bilinear ones from the square between it and the texels right of and below it.
     """
 
     of: NDArray[np.int32]
@@ -41,6 +48,7 @@ class CutoutArrays(NamedTuple):
     number: NDArray[np.int32]
     stretch: NDArray[np.float32]
     texels: NDArray[np.uint8]
+    around: NDArray[np.uint8]
     table: NDArray[np.int32]
     least: Floats
     places: NDArray[np.float32]
@@ -52,6 +60,7 @@ NO_CUTOUTS = CutoutArrays(
     np.empty((0, 3), np.float32),
     np.empty(0, np.int32),
     np.empty((0, 3), np.float32),
+    np.empty(0, np.uint8),
     np.empty(0, np.uint8),
     np.empty((0, 6), np.int32),
     np.empty(0),
@@ -74,7 +83,18 @@ def cutout_arrays(cutouts: CutoutFaces | None, vertices: Floats, faces: NDArray[
     scaled[:, 1:] -= scaled[:, :1]
     places = scaled.transpose(0, 2, 1).reshape(-1, 6).astype(np.float32)
     coordinates, alpha = map(np.ascontiguousarray, (cutouts.coordinates, cutouts.alpha))
-    return CutoutArrays(of, coordinates, alpha, cutouts.number, stretch, texels, table, least, places)
+    around = np.concatenate([_around(cutout).ravel() for cutout in cutouts.cutouts])
+    return CutoutArrays(of, coordinates, alpha, cutouts.number, stretch, texels, around, table, least, places)
+
+
+def _around(cutout: Cutout) -> NDArray[np.uint8]:
+    """(H, W) see `CutoutArrays.around`."""
+    size, first = (3, 0) if cutout.nearest else (4, -1)
+    modes = [_MODES[wrap] for wrap in cutout.wrap[::-1]]
+    low, high = (each(cutout.alpha, size, mode=modes, origin=first) for each in (minimum_filter, maximum_filter))
+    mixing = 0.0 if cutout.nearest else 255 * 4 * ROUNDING
+    found = np.where(low - mixing >= cutout.least, OPAQUE, np.where(high + mixing < cutout.least, CLEAR, OPEN))
+    return found.astype(np.uint8)
 
 
 def _gradients(corners: Floats, values: Floats) -> Floats:
@@ -92,7 +112,7 @@ def _gradients(corners: Floats, values: Floats) -> Floats:
 @numba.njit(inline="always")
 def _wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
     """See `scenes.cutouts.wrapped`."""
-    if wrap == _CLAMP:
+    if wrap == CLAMP:
         return min(max(index, 0), size - 1)
     if wrap == _MIRROR:
         index %= 2 * size
@@ -151,7 +171,7 @@ def decide(cut, index, second, third, away):  # type: ignore[no-untyped-def]
     corners, vertex, number, first = cut.coordinates[index], cut.alpha[index], cut.number[index], 1.0 - second - third
     x = (first * corners[0, 0] + second * corners[1, 0] + third * corners[2, 0]) * cut.table[number, 1]
     y = (first * corners[0, 1] + second * corners[1, 1] + third * corners[2, 1]) * cut.table[number, 2]
-    alpha = first * vertex[0] + second * vertex[1] + third * vertex[2]
+    alpha = vertex[0] + second * (vertex[1] - vertex[0]) + third * (vertex[2] - vertex[0])  # if equal, exactly they
     dx = away * cut.stretch[index, 0] + ROUNDING * (1.0 + abs(x))
     dy = away * cut.stretch[index, 1] + ROUNDING * (1.0 + abs(y))
     if max(dx, dy) > 0.5:

@@ -58,6 +58,11 @@ class Truth:
         """Whether any visibility is an estimate, as under a light with a size."""
         return bool(self.standard_error.any())
 
+    @property
+    def facets(self) -> Mask:
+        """(size, size) bool: decided pixels of smooth surfaces that their own triangles darken."""
+        return np.zeros_like(self.undecided) if self.facet_shadow is None else self.facet_shadow & ~self.undecided
+
     def __repr__(self) -> str:
         """One line: view, light, and the shares of receivers in shadow and in penumbra."""
         size, lit, view = len(self.visibility), self.visibility[self.receivers], self.view

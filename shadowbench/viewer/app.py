@@ -143,10 +143,14 @@ class Viewer:
         except Exception as error:  # a scene too large for the memory, whatever a file's reader or a technique raises
             self.message = str(error) if isinstance(error, ShadowbenchError | OSError) else told(error)
 
-    def open_scene(self, origin: Origin) -> None:
-        """Show another scene from its first camera, under its first light. Raises InputError."""
-        scene = origin.load()
-        shown = replace(self.state, scene=scene, camera=scene.cameras[0], light=scene.lights[0], origin=origin)
+    def open_scene(self, origin: Origin, specs: tuple[Spec, ...] = ()) -> None:
+        """Show another scene from its first camera, under its first light; specs: in place of A and B.
+
+        Raises InputError.
+        """
+        scene, specs = origin.load(), specs or self.state.specs
+        camera, light = scene.cameras[0], scene.lights[0]
+        shown = replace(self.state, scene=scene, camera=camera, light=light, origin=origin, specs=specs)
         self.change(replace(shown, colors=(), coordinates="relative", phase=0))
 
     def step(self) -> None:

@@ -11,7 +11,7 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Sampling, link
 from shadowbench.gl.shaders import SHADERS, compose
 from shadowbench.plugin.base import Technique
-from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
+from shadowbench.scores.difference import FACETS, FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.viewer.drawing import Drawn
 from shadowbench.viewer.state import Overlay, Source, ViewerState
 from shadowbench.viewer.truth import Traced
@@ -70,8 +70,9 @@ class Panes:
         one, (xyz, w) = self._pass(overlay), drawn.frame.light.homogeneous
         one.program.set(light=(*xyz, w))
         if overlay == "error":
-            shadow, light = (tuple(level / 255 for level in color) for color in (FALSE_SHADOW, FALSE_LIGHT))
-            one.program.set(false_shadow=shadow, false_light=light, soft=float(soft))
+            colors = {"false_shadow": FALSE_SHADOW, "false_light": FALSE_LIGHT, "dark_facet": FACETS}
+            shares = {name: tuple(level / 255 for level in color) for name, color in colors.items()}
+            one.program.set(**shares, soft=float(soft))
         result = self.device.context.texture(textures["picture"].size, 4, dtype="f1")
         target = self.device.context.framebuffer([result])
         sampled = {name: (texture, Sampling()) for name, texture in textures.items()}
@@ -106,12 +107,12 @@ class Panes:
         return self._passes[overlay]
 
     def _textures(self, traced: Traced, size: int) -> dict[str, moderngl.Texture]:
-        """A truth as textures, made once: visibility, in y whether a pixel is scored; blockers' distances, up to 1."""
+        """A truth as textures, made once: visibility, whether scored, whether a facet; blockers' distances, up to 1."""
         if self._truth_of != (traced, size):
             self._free_truth()
             known = np.isfinite(traced.blocker)
             blocker = np.where(known, traced.blocker / traced.blocker.max(where=known, initial=1e-30), -1.0)
-            images = {"truth": np.dstack([traced.visibility, traced.scored]), "blocker": blocker}
+            images = {"truth": np.dstack([traced.visibility, traced.scored, traced.facets]), "blocker": blocker}
             self._truth = {name: self._texture(image, size) for name, image in images.items()}
             self._truth_of = (traced, size)
         return self._truth

@@ -10,7 +10,7 @@ from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.technique_panel import tooltip
 
-HARD = ("iou", "acne", "leak", "contact", "edge_px", "ssim")
+HARD = ("iou", "acne", "leak", "contact", "terminator", "edge_px", "ssim")
 SOFT = ("rmse", "rmse_pen", "bleed", "false_dark", "width", "hardening", "noise")
 UNITS = {"edge_px": " (px)"}
 BETTER = imgui.ImVec4(0.55, 0.9, 0.55, 1.0)  # colour of the better of two scores
@@ -80,9 +80,9 @@ def status(viewer: Viewer) -> str:
     if not viewer.fresh:
         failed = viewer.judged and judge.failure
         return f"not scored: {judge.failure}" if failed else "tracing the truth of this view …"
-    specs = zip("AB", viewer.state.specs, strict=False)
-    without = [source for source, spec in specs if spec.full_text not in judge.scores]
-    return f"scored at {size}² against the full truth{''.join(f'; {one} has no mask' for one in without)}"
+    masks = zip("AB", viewer.state.specs, viewer.mask_failures(), strict=False)
+    without = [f"; {one} has no mask: {why}" for one, spec, why in masks if spec.full_text not in judge.scores]
+    return f"scored at {size}² against the full truth{''.join(without)}"
 
 
 def times_panel(viewer: Viewer) -> None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,13 @@ from imgui_bundle import imgui
 
 from shadowbench.engines.external_mask import decode_srgb
 from shadowbench.gl.picture import Shading
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.assumed import sun_direction
 from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
 from shadowbench.scenes.vectors import Vec3, vec3
+from shadowbench.studies.artefacts import Artefact, artefacts
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.lights import LightPath, azimuth_elevation, with_kind
 from shadowbench.viewer.state import Origin, materials
@@ -56,7 +59,8 @@ def scene_panel(viewer: Viewer) -> None:
     if name != shown:
         viewer.attempt(lambda: viewer.open_scene(Origin(name)))
         return
-    cameras = {one.name: one for one in state.scene.cameras}
+    _artefact(viewer)
+    cameras = {one.name: one for one in viewer.state.scene.cameras}
     camera = choice("camera", state.camera.name, cameras)
     if camera != state.camera.name or imgui.button("reset camera"):
         viewer.change(replace(state, camera=cameras.get(camera, state.scene.cameras[0])))
@@ -68,6 +72,25 @@ def scene_panel(viewer: Viewer) -> None:
         viewer.redo()
     size = choice("image", viewer.state.size, _SIZES, "pixels along a side of the image that is scored")
     viewer.change(replace(viewer.state, size=size))
+
+
+def _artefact(viewer: Viewer) -> None:
+    """Choice of an artefact of the gallery."""
+    origin = viewer.state.origin
+    file = None if origin is None else origin.file.resolve()
+    shown = next((one.name for one in artefacts() if one.file.resolve() == file), "")
+    texts = {one.name: f"{one.chapter}. {one.see}\n{one.question}" for one in artefacts()}
+    name = choice("artefact", shown, texts, "of the gallery: A shows it, B is its cure")
+    for one in artefacts() if name != shown else ():
+        if one.name == name:
+            viewer.attempt(partial(show_artefact, viewer, one))
+
+
+def show_artefact(viewer: Viewer, artefact: Artefact) -> str:
+    """Show an artefact's scene with the broken setting as A and the cured one as B."""
+    specs = tuple(parse_spec(text, viewer.techniques) for text in (artefact.broken, artefact.cured))
+    viewer.open_scene(Origin(str(artefact.file)), specs)
+    return artefact.see.strip()
 
 
 def light_panel(viewer: Viewer) -> None:

@@ -52,12 +52,14 @@ class Request:
 class Traced:
     """What the window shows of a truth: arrays (N, N), row 0 at the top, as those of `Truth`.
 
-    scored: receivers that are not undecided; soft: whether there is a penumbra; final: whether it is the full truth.
+    scored: receivers that are not undecided; facets: as of `Truth`; soft: whether there is a penumbra; final: whether
+    it is the full truth.
     """
 
     number: int
     visibility: NDArray[np.float32]
     scored: NDArray[np.bool_]
+    facets: NDArray[np.bool_]
     blocker: NDArray[np.float32]
     soft: bool
     final: bool
@@ -226,7 +228,8 @@ class TruthServer:
 
     def _show(self, truth: Truth, request: Request, final: bool) -> None:
         scored = truth.receivers & ~truth.undecided
-        self._pipe.send(Traced(request.number, truth.visibility, scored, truth.blocker, truth.sampled, final))
+        images = truth.visibility, scored, truth.facets, truth.blocker
+        self._pipe.send(Traced(request.number, *images, truth.sampled, final))
 
 
 def serve(handle: str, parent: str) -> None:

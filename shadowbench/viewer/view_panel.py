@@ -34,7 +34,8 @@ SOURCE_HELP: Mapping[Source, str] = {
 }
 OVERLAY_HELP: Mapping[Overlay, str] = {
     "picture": "the shaded picture alone",
-    "error": "false shadow is orange, false light blue; of soft shadows the root of the error",
+    "error": "false shadow is orange, false light blue; of soft shadows the root of the error; dark facets of smooth "
+    "surfaces, which the truth has too, purple",
     "mask": "the visibility that is scored: lit is white, shadow black",
     "normals": "geometric normals: x is red, y green, z blue",
     "N·L": "cosine of normal and direction to the light: 1 is white, 0 black; surfaces that face away are dark red",

@@ -12,7 +12,7 @@ from shadowbench.advice.recommend import Recommendation, find_cheapest, to_milli
 from shadowbench.advice.search import Search, Trial, extrapolate, point_of
 from shadowbench.advice.space import full_space, prune, specs_of, start_size, unavailable, untried_filters
 from shadowbench.advice.target import Target, least_error
-from shadowbench.advice.words import excluded_lines, obstacles, step_lines, target_notes
+from shadowbench.advice.words import excluded_lines, facet_notes, obstacles, step_lines, target_notes
 from shadowbench.maps.filters import Filter
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
@@ -249,6 +249,14 @@ def test_a_spec_without_a_comparable_edge_is_named_and_meets_no_target(found: Ca
     assert obstacles(none)[0].endswith(": no edges to compare, and other shadows")
 
 
+def test_dark_facets_which_no_target_counts_are_told(found: Callable[..., Recommendation]) -> None:
+    for share, told in ((None, 0), (0.0025, 0), (0.54, 1)):
+        metrics = {"iou": 1.0, "edge_px": 0.0, "terminator": share}
+        best = found(Target("iou", 0.99), ["shadow-map"], lambda spec, metrics=metrics: texels_cost(spec, metrics), 256)
+        lines = facet_notes(best)
+        assert len(lines) == told and all("54% of the light on smooth surfaces" in line for line in lines)
+
+
 def test_small_maps_may_be_the_best_for_soft_shadows(found: Callable[..., Recommendation]) -> None:
     """Large texels blur, and one map is as good as another of its size by no rule."""
 
@@ -325,6 +333,13 @@ def test_the_needed_bits_leave_one_depth_format(street: Needs) -> None:
         left, excluded = prune(space, needed, 0.9, by_work=False)
         assert {spec.params.depth for spec in left if hasattr(spec.params, "depth")} == {kept}
         assert len(left) + sum(one.specs for one in excluded) == len(space)
+
+
+def test_a_technique_that_is_not_ranked_by_work_is_left_out_with_the_command_that_measures_it(street: Needs) -> None:
+    left, excluded = prune(full_space(KNOWN, "directional", 16384), street, 0.9, by_work=True)
+    assert not any(spec.technique.name == "hybrid" for spec in left)
+    (why,) = [one.why for one in excluded if one.what == "hybrid"]
+    assert why.endswith("counts of work do not see; `shadowbench run -t hybrid` scores it")
 
 
 def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street: Needs) -> None:
@@ -415,6 +430,7 @@ def test_a_rounded_value_is_on_its_own_side_of_the_target(value: float) -> None:
     ("target", "value", "shown"),
     [
         (Target("iou", 0.99), 0.9863548, "0.9863"),
+        (Target("iou", 0.99), 0.9592, "0.9592"),  # 0.9592000000000001 to 16 digits
         (Target("iou", 0.99), 0.9999875, "0.9999"),
         (Target("iou", 0.9999), 0.9999875, "0.99998"),
         (Target("iou", 0.99), 1.0, "1"),

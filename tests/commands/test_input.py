@@ -223,7 +223,7 @@ def test_a_full_disk_is_one_line_and_an_internal_error_shows_what_raised_it(
     def broken(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("shadowbench.commands.listing.catalogue", broken)
+    monkeypatch.setattr("shadowbench.studies.catalogue.catalogue", broken)
     answer = shadowbench("list")
     *before, line = answer.err.splitlines()
     assert (answer.code, answer.out, line) == (code, "", f"shadowbench: {last}")

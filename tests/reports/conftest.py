@@ -5,7 +5,7 @@ import hashlib
 import io
 import itertools
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -126,6 +126,10 @@ def write_picture(file: Path) -> None:
     Image.fromarray(np.full((SIDE, SIDE, 3), color_of(file.name)).astype(np.uint8)).save(file)
 
 
+FACETS = np.zeros((SIDE, SIDE), dtype=np.float32)
+FACETS[20:24, 8:24] = 1  # in the shadow's lower rows, which all masks have
+
+
 def write_pictures(folder: Path, records: Sequence[dict[str, Any]]) -> None:
     """Write a square shadow as the truth, and masks that lack its upper rows in proportion to their error."""
     truth = np.ones((SIDE, SIDE), dtype=np.float32)
@@ -137,6 +141,7 @@ def write_pictures(folder: Path, records: Sequence[dict[str, Any]]) -> None:
             stem = ".".join(str(record[name]) for name in ("scene", "view", "light", "view_size"))
             write_mask(folder / "truth" / f"{stem}.png", truth)
             write_mask(folder / "truth" / f"{stem}.undecided.png", np.zeros_like(truth))
+            write_mask(folder / "truth" / f"{stem}.facets.png", FACETS)
             for file in (f"truth/{stem}.lit.png", f"truth/{stem}.ambient.png", f"pictures/{record['key']}.png"):
                 write_picture(folder / file)
             mask = truth.copy()
@@ -276,6 +281,15 @@ def stability_of(sweep_folder) -> Callable[..., Stability]:
         return analyse(sweep)
 
     return make
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless Chromium."""
+    from tests.reports.browsing import chromium  # playwright, of slow tests alone
+
+    with chromium() as opened:
+        yield opened
 
 
 def marks(chart: dict[str, Any]) -> list[dict[str, Any]]:

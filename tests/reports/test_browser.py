@@ -1,19 +1,18 @@
 """The report of a run and a sweep in a real browser: charts, interaction, print, and no network access."""
 
 import re
-import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from playwright.sync_api import Locator, Page
 
 from shadowbench.reports.report import write_report
 from shadowbench.results.configurations import sections
 from shadowbench.results.folder import read_folders
-from shadowbench.scores.difference import FALSE_LIGHT
+from shadowbench.scores.difference import FACETS, FALSE_LIGHT
+from tests.reports.browsing import visiting
 from tests.reports.conftest import CELLS, POINTS, Cell, run_file, write_folder, write_sweep
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
@@ -42,37 +41,6 @@ def write_page(page: Path, split: bool = False) -> Path:
 @pytest.fixture(scope="module")
 def report(tmp_path_factory) -> Path:
     return write_page(tmp_path_factory.mktemp("report") / "report.html")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """Debian's Chromium; `make test-slow` installs it."""
-    chromium = shutil.which("chromium")
-    assert chromium, "no chromium on the path; `tools/setup.sh chromium` installs it"
-    with sync_playwright() as playwright:
-        # A container's root has no sandbox to give; the page is ours.
-        opened = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield opened
-        opened.close()
-
-
-@contextmanager
-def visiting(browser: Browser, file: Path, address: str = "", width: int = 1400, height: int = 900) -> Iterator[Page]:
-    """Opens a page from the disk and waits until it is drawn; messages, errors and other requests fail the test."""
-    page = browser.new_page(viewport={"width": width, "height": height})
-    complaints: list[str] = []
-    page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("websocket", lambda socket: complaints.append(socket.url))
-    page.on(
-        "request",
-        lambda request: None if request.url.startswith(("file:", "data:")) else complaints.append(request.url),
-    )
-    page.goto(file.as_uri() + address)
-    page.evaluate("window.drawn")
-    yield page
-    page.close()
-    assert complaints == []
 
 
 @pytest.fixture
@@ -308,6 +276,9 @@ def test_any_two_can_be_wiped_as_shaded_as_mask_or_as_difference(page) -> None:
     right.select_option(label="truth (ray traced)")
     settled(page)
     assert FALSE_LIGHT not in pixels(b), "the truth has no error"
+    # Dark facets are purple in every mask that is dark there, the truth's too, and the legend says so.
+    assert pixels(a).count(FACETS) == pixels(b).count(FACETS) == 4 * 16 and FACETS not in difference[0]
+    assert box.get_by_text("dark facets of smooth surfaces").is_visible()
 
 
 def test_zoom_and_pan_are_those_of_both_sides(page) -> None:

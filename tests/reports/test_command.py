@@ -19,6 +19,7 @@ from shadowbench.commands import report as command
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
+from shadowbench.scores.masks import read_mask, write_mask
 from tests.reports.conftest import CELLS, SIDE, Cell, data_of, galleries, parts_of
 
 Page = Callable[..., str]
@@ -113,7 +114,8 @@ def test_every_cell_has_its_pictures_in_the_page(run_folder, page_of) -> None:
     for cell in shown["cells"]:
         assert cell["mask"].startswith("data:image/webp;base64,") and cell["picture"] is None
     (view,) = shown["views"].values()
-    assert list(shown["views"]) == ["camera, sun"] and list(view) == ["truth", "undecided", "lit", "ambient"]
+    assert list(shown["views"]) == ["camera, sun"]
+    assert list(view) == ["truth", "undecided", "facets", "lit", "ambient"]
     assert all(image.startswith("data:image/webp;base64,") for image in view.values())
     for file in (folder / "truth").glob("*.lit.png"):
         file.unlink()
@@ -221,14 +223,54 @@ def test_csv_joins_the_cells_of_all_folders(run_folder, shadowbench, tmp_path) -
     assert (rows[-1]["run"], rows[-1]["processor"], rows[-1]["pass_moments_ms"]) == ("two", "Another processor", "1.0")
 
 
-def test_png_writes_a_file_for_each_chart(run_folder, shadowbench, tmp_path) -> None:
-    answer = shadowbench("report", run_folder(), "--format", "png", "-o", tmp_path / "charts")
-    assert answer.code == 0
-    files = sorted(file.name for file in (tmp_path / "charts").iterdir())
-    assert files == [f"stairs.{SIDE}.{kind}.png" for kind in ("front", "passes", "sizes")]
-    for file in files:
-        with Image.open(tmp_path / "charts" / file) as image:
-            assert image.width > 1900 and len(image.getcolors(1 << 20)) > 20
+def captions_in(folder: Path) -> dict[str, str]:
+    return dict(re.findall(r"\*\*(.*?)\*\*: (.*)", (folder / "captions.md").read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("form", ["png", "svg", "pdf"])
+def test_figures_are_files_with_captions_apart(form, run_folder, shadowbench, tmp_path) -> None:
+    folder = tmp_path / "figures"
+    assert shadowbench("report", run_folder(pictures=True), "--format", form, "-o", folder).code == 0
+    charts = [f"stairs.{SIDE}.{kind}.{form}" for kind in ("front", "passes", "sizes")]
+    strip = f"stairs.{SIDE}.strip.png"
+    captions = captions_in(folder)
+    assert sorted(captions) == sorted(file.name for file in folder.glob("stairs*")) == sorted([*charts, strip])
+    assert SOFTWARE in captions[charts[0]] and "shadow-map at 512 (IoU 0.96)" in captions[strip]
+    for file in charts:
+        content = (folder / file).read_bytes()
+        if form == "png":
+            with Image.open(io.BytesIO(content)) as image:
+                assert image.width > 1900 and len(image.getcolors(1 << 20)) > 20
+        else:
+            assert content.startswith({"svg": b"<svg", "pdf": b"%PDF"}[form])
+            assert b">ms: time relative" not in content, "as a line of a title"
+
+
+def test_a_strip_enlarges_the_place_that_is_most_wrong(run_folder, shadowbench, tmp_path) -> None:
+    run = run_folder(pictures=True)
+    truth = read_mask(next((run / "truth").glob(f"*.{SIDE}.png")))
+    key = next(cell.key for cell in CELLS if (cell.spec, cell.map_size) == ("shadow-map", 1024))
+    wrong = truth.copy()
+    wrong[20:24, 12:16] = 1 - wrong[20:24, 12:16]
+    write_mask(run / "masks" / f"{key}.png", wrong)
+    options = ("--format", "svg", "-o", tmp_path / "figures", "--picture", "shadow-map at 1024")
+    assert shadowbench("report", run, *options).code == 0
+    strip = np.asarray(Image.open(tmp_path / "figures" / f"stairs.{SIDE}.strip.png"))
+    assert strip.shape == (3 * SIDE + 16, 2 * SIDE + 8, 3), "truth and one setting"
+    enlarged = strip[2 * SIDE + 16 :, SIDE + 8 :].astype(int)
+    assert (abs(enlarged[..., 0] - enlarged[..., 2]) > 100).mean() == pytest.approx(16 / 64), "4² pixels of 8²"
+
+
+def test_latex_has_a_table_for_each_scene_and_no_character_of_its_own(run_folder, shadowbench, tmp_path) -> None:
+    file = tmp_path / "tables.tex"
+    assert shadowbench("report", run_folder(TWO), "--format", "tex", "-o", file, "-q").code == 0
+    text = file.read_text(encoding="utf-8")
+    assert text.count(r"\begin{table}") == text.count(r"\end{table}") == 2
+    assert rf"\caption{{Stairs, {SIDE}$^2$ view." in text and SOFTWARE in text
+    assert r"\textbf{\texttt{shadow-map}} & 512 & 0.0400 &" in text
+    rows = [line for line in text.splitlines() if line.endswith(r" \\")]
+    assert len({line.count("&") for line in rows}) == 1
+    assert text.isascii() and not re.search(r"(?<!\\)[%#_]", text.partition("\n")[2].replace("{table}", ""))
 
 
 # The verdict in the terminal
@@ -327,7 +369,7 @@ def test_the_verdict_on_three_scenes_fits_a_screen(run_folder, shadowbench, tmp_
     ("arguments", "said"),
     [
         (("nowhere",), "no such folder"),
-        (("nowhere", "--format", "pdf"), "--format: found 'pdf'; allowed: html, md, csv, png"),
+        (("nowhere", "--format", "gif"), "--format: found 'gif'; allowed: html, md, csv, tex, png, svg, pdf"),
         (("nowhere", "--format", "md", "--split"), "--split: found --format md; allowed: html"),
         (("nowhere", "-o", "report.md"), "allowed: .html"),
         (("nowhere", "--format", "csv", "-o", "away/report.csv"), "cannot write into this folder"),

@@ -27,7 +27,7 @@ def row(name: str, scene: str, error: float = 0.0, version: str = "1", **given: 
         "technique": spec.technique.name, "spec": spec.sizeless_text, "full_spec": spec.full_text, "map_size": 1024,
     }  # fmt: skip
     if status == "ok":
-        made |= MEASURED | {"metrics": dict.fromkeys(METRICS, 0.0) | {"iou": 1 - error} | given}
+        made |= MEASURED | {"metrics": dict.fromkeys(METRICS, 0.0) | {"iou": 1 - error, "rmse_pen": None} | given}
         made["engine"] = {"version": version, "renderer": LLVMPIPE, "box": "given", "phase": "box"}
     return made
 

@@ -334,7 +334,7 @@ SAMPLER: Place = ("animations", 0, "samplers", 0)
         ("bent", (*CHANNEL, "target", "node"), 8, ["node: found 8; allowed: 0 to 5"]),
         ("bent", (*SAMPLER, "input"), 99, ["input: found 99"]),
         ("bent", (*SAMPLER, "input"), [0, np.nan, 1, 1], ["times that increase"]),
-        ("bent", (*SAMPLER, "input"), [0, 0, 1, np.inf], ["times from 0 to inf"]),
+        ("bent", (*SAMPLER, "input"), [0, 0, 1, np.inf], ["times from 0 to inf", "or the clip none"]),
         ("bent", (*SAMPLER, "output"), [[0, 0, 0, 0]] * 4, ["rotation at 0.1 s", "not zero"]),
         ("bent", (*SAMPLER, "interpolation"), "CUBIC", ["interpolation", "'CUBIC'"]),
         ("bent", (*SAMPLER, "interpolation"), "CUBICSPLINE", ["needed are 3"]),

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shadowbench.commands.listing import catalogue
 from shadowbench.errors import InputError
 from shadowbench.files import data_folder
 from shadowbench.scenes.library import builtin_about, builtin_names, hard_names, load_scene
 from shadowbench.scenes.model import view_of
+from shadowbench.studies.catalogue import catalogue
 from tests.scenes.conftest import refused
 
 

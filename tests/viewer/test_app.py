@@ -15,6 +15,7 @@ from PIL import Image
 
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
+from shadowbench.studies.artefacts import artefacts
 from shadowbench.viewer import drawing, scene_panels
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.navigation import orbited
@@ -59,6 +60,19 @@ def test_a_travelling_light_moves_by_the_clock_and_undo_returns(viewer: Viewer, 
     viewer.travel = "rest"
     viewer.undo()
     assert viewer.state.light == before
+
+
+@pytest.mark.parametrize("scene", ["acne", "lamp-far-away", "eye-in-volume"])
+def test_an_artefact_is_shown_beside_its_cure_and_undone_at_once(viewer: Viewer, settle: Settle, scene: str) -> None:
+    settle(viewer)
+    before, artefact = viewer.state, next(one for one in artefacts() if one.scene == scene)
+    assert scene_panels.show_artefact(viewer, artefact) in artefact.see
+    settle(viewer)
+    assert viewer.state.scene.name == scene and not any(viewer.mask_failures())
+    broken, cured = (viewer.judge.scores[spec.full_text][artefact.metric] for spec in viewer.state.specs)
+    assert abs(broken - cured) > 0.03
+    viewer.undo()
+    assert viewer.state == before
 
 
 def test_materials_are_painted_without_another_mask_and_undone(

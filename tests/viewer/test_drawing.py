@@ -17,7 +17,7 @@ from shadowbench.measure.worker import Worker
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import View
-from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
+from shadowbench.scores.difference import FACETS, FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.viewer.drawing import LEAST_SIZE, Drawing, moving_size
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.panes import Panes
@@ -161,14 +161,16 @@ def test_overlays_show_what_they_say(
     panes, drawn = Panes(device), drawing.draw(state, SIZE)
     mask = drawing.visibility(drawn, drawn.masks[0])
     lit, every, far = mask > 0.5, np.ones((SIZE, SIZE), bool), np.full((SIZE, SIZE), np.inf, np.float32)
-    wrong = Traced(1, (~lit).astype(np.float32), every, far, soft=False, final=True)
+    facets = np.tri(SIZE, dtype=bool)
+    wrong = Traced(1, (~lit).astype(np.float32), every, facets, far, soft=False, final=True)
     pictures = [panes.draw(drawn, replace(state, overlay=one), "A", wrong) for one in (overlay, "picture")]
     shown, plain = (download(one, "u1")[..., :3].astype(int) for one in pictures if one is not None)
     if overlay == "picture":
         assert np.array_equal(shown, plain)
     elif overlay == "error":  # everything is wrong
         assert np.abs(shown[lit] - FALSE_LIGHT).max() <= 1
-        assert np.abs(shown[~lit] - FALSE_SHADOW).max() <= 1
+        assert np.abs(shown[~lit & ~facets] - FALSE_SHADOW).max() <= 1
+        assert np.abs(shown[~lit & facets] - FACETS).max() <= 1
     elif overlay == "mask":
         assert np.array_equal(shown[..., 0], np.rint(mask * 255))
     else:

@@ -93,7 +93,7 @@ def test_a_mask_that_is_no_longer_drawn_has_no_scores(
     settle(viewer)
     assert "less than none" in viewer.mask_failures()[0]
     assert viewer.judge.scores.keys() == {viewer.state.specs[1].full_text}
-    assert status(viewer) == f"{SCORED}; A has no mask"
+    assert status(viewer) == f"{SCORED}; A has no mask: {viewer.mask_failures()[0]}"
 
 
 def test_what_is_removed_leaves_no_picture(viewer: Viewer, settle: Settle) -> None:
@@ -106,7 +106,7 @@ def test_what_is_removed_leaves_no_picture(viewer: Viewer, settle: Settle) -> No
 
 
 def traced(number: int, final: bool) -> Traced:
-    return Traced(number, *(np.ones((4, 4)),) * 3, soft=False, final=final)  # type: ignore[arg-type]
+    return Traced(number, *(np.ones((4, 4)),) * 4, soft=False, final=final)  # type: ignore[arg-type]
 
 
 def test_a_pane_says_of_which_truth_it_is(viewer: Viewer, settle: Settle) -> None:

@@ -43,6 +43,7 @@ def test_a_view_is_traced_coarsely_then_fully_once_and_masks_are_scored(
     truth = trace(view)
     assert np.array_equal(traced[-1].visibility, truth.visibility)
     assert np.array_equal(traced[-1].scored, truth.receivers & ~truth.undecided)
+    assert not traced[-1].facets.any(), "of flat surfaces"
     prepared = prepare_truth(truth)
     assert scored.scores == {"lit": score(LIT, prepared), "dark": score(DARK, prepared)}
     assert {one.number for one in (*traced, scored)} == {number}

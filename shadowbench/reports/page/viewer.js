@@ -2,7 +2,7 @@
 // The viewer: two pictures of a view, with a divider between them and a common zoom; and thumbnails of errors.
 // Masks are shaded here, from pictures of the view without shadow (lit) and in full shadow (ambient).
 
-const FALSE_SHADOW = [213, 94, 0], FALSE_LIGHT = [0, 114, 178], UNLIT = [70, 84, 104];
+const FALSE_SHADOW = [213, 94, 0], FALSE_LIGHT = [0, 114, 178], FACETS = [204, 121, 167], UNLIT = [70, 84, 104];
 const LINEAR = Float32Array.from({ length: 256 }, (_, v) => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
 const SRGB = Uint8Array.from({ length: 4096 }, (_, i) => (i /= 4095) <= 0.0031308 ? 3294.6 * i + 0.5 : 269.025 * i ** (1 / 2.4) - 13.525);
 
@@ -21,10 +21,12 @@ function pixels(source) {
 
 // The images from which the picture of a cell, or of the truth for null, is computed.
 async function load(view, cell) {
-  const sources = [view.lit, view.ambient, view.truth, view.undecided, cell ? cell.mask : view.truth, cell?.picture];
-  const [lit, ambient, truth, undecided, mask, picture] = await Promise.all(sources.map(pixels));
+  const sources = [view.lit, view.ambient, view.truth, view.undecided, view.facets, cell ? cell.mask : view.truth, cell?.picture];
+  const [lit, ambient, truth, undecided, facets, mask, picture] = await Promise.all(sources.map(pixels));
   const error = (at) => !mask || !truth || undecided?.data[at] >= 128 ? 0 : (mask.data[at] - truth.data[at]) / 255;
-  return { lit: lit?.data, ambient: ambient?.data, truth, mask, picture, size: (mask ?? picture ?? truth)?.width ?? 1, error, soft: cell?.soft };
+  const dark = (at) => mask && facets?.data[at] >= 128 ? 1 - mask.data[at] / 255 : 0; // of a smooth surface's own triangles
+  const smooth = facets?.data.some((level, at) => at % 4 === 0 && level >= 128);
+  return { lit: lit?.data, ambient: ambient?.data, truth, mask, picture, size: (mask ?? picture ?? truth)?.width ?? 1, error, dark, smooth, soft: cell?.soft };
 }
 
 // Writes the pixel at byte `at` to byte `to` of `out`, in a mode: shaded, mask or difference.
@@ -39,7 +41,10 @@ function paint(of, mode, at, out, to) {
     } else out[to + k] = of.picture ? of.picture.data[at + k] : 255 * visibility;
   }
   out[to + 3] = 255;
-  if (mode === "difference") tint(out, to, weight(of, of.error(at)));
+  if (mode !== "difference") return;
+  tint(out, to, weight(of, of.error(at)));
+  const facet = of.dark(at);
+  for (let k = 0; k < 3; k++) out[to + k] = out[to + k] * (1 - facet) + FACETS[k] * facet;
 }
 
 // The signed strength of an error's colour: of soft shadows the root, as their errors are small.
@@ -152,9 +157,11 @@ class Viewer {
       const cell = this[side], canvas = this.find(`canvas.${side}`), preset = PAGE.names[cell?.spec] ? ` (${cell.spec})` : "";
       this.find(`select.${side}`).value = this.cells.indexOf(cell);
       this.find(`.tag.${side}`).textContent = nameOf(cell);
-      this.find(`.caption.${side}`).replaceChildren(cell ? `${nameOf(cell)}${preset}: ${cell.caption} ` : "truth: ray traced", make("code", {}, cell?.command ?? ""));
+      this.find(`.caption.${side}`).replaceChildren(cell ? `${nameOf(cell)}${preset}: ${cell.caption} ` : "truth: ray traced", make("code", {}, cell?.command ?? ""), ...(cell && PAGE.site ? [" ", make("a", { href: `scenes/${encodeURIComponent(cell.scene)}.html#${cell.key}` }, "row")] : []));
       canvas.ariaLabel = `${this.mode}: ${nameOf(cell)}`;
-      render(canvas, await load(view, cell), this.mode);
+      const of = await load(view, cell);
+      this.find(".smooth").hidden = !of.smooth;
+      render(canvas, of, this.mode);
     });
     return this.done = Promise.all([this.onDraw(this.a), ...sides]);
   }

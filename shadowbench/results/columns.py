@@ -1,0 +1,102 @@
+"""The columns of `table.csv`: their names, in the order of the table, and what they mean."""
+
+import re
+from collections.abc import Iterable
+
+from shadowbench.measure.flips import FLIPS, ROW_METRICS
+from shadowbench.measure.time_rows import REDRAWN
+
+IDENTITY = {
+    "scene": "Scene.",
+    "view": "Camera of the scene.",
+    "light": "Light of the scene.",
+    "phase": "Index of the sub-texel offset of the map's grid.",
+    "technique": "Technique, or other engine.",
+    "spec": "Technique with its parameters, as asked for, without the map size.",
+    "map_size": "Texels along a side of a map, of one face or one cascade; empty without a map.",
+    "view_size": "Pixels along a side of the image.",
+    "renderer": "OpenGL renderer, of a software renderer with a digest of how it calculates, or `external: NAME`.",
+    "status": "`ok`, `unsupported: …` or `failed: …`.",
+}
+TIMES = {
+    "frame_ms": "Median time of a frame with every pass redrawn, in milliseconds.",
+    "frame_iqr_ms": "Interquartile range of that time, in milliseconds.",
+    "added_ms": "Time over that of `unshadowed`, in milliseconds.",
+    "ratio": "Time over that of the reference, timed in turn.",
+    "n": "Number of timed rounds.",
+    "clock": "How times are taken.",
+}
+COSTS = {
+    "gpu_bytes": "Bytes of textures and buffers.",
+    "prepare_ms": "Time of what is done once, before the first frame, in milliseconds.",
+    "machine": "Digest of the machine on which the times were taken.",
+    "command": "Command that measured the row.",
+}
+TRUTH_ERRORS = {
+    "truth_error": "Standard error of a truth that has a penumbra, root mean square over receivers; a visibility of "
+    "exactly 0 or 1 counts as exact.",
+    "truth_error_pen": "The same over the penumbra.",
+}
+MORE = {
+    "receivers": "Pixels whose surface faces the light, undecided ones among them.",
+    "undecided": "Receivers that are not scored, as rounding decides their visibility.",
+    "surface_mismatch": "Pixels in which the G-buffer shows another surface than the truth.",
+    "coordinates": "`relative` to the scene's centre, or `absolute`.",
+    "full_spec": "Spec with every parameter.",
+    "mask_sha256": "Digest of the mask's 16-bit levels.",
+    "assumptions": "What was assumed where the scene's file says nothing.",
+    "key": "Digest of everything that the scores depend on.",
+    FLIPS.name: FLIPS.help,
+    "step": "What moved for `flips`: `camera` or `light`.",
+    **TRUTH_ERRORS,
+    "penumbra": "Pixels of the truth's penumbra.",
+    "width_share": "Share of the lines across the penumbra along which `width` could be measured.",
+    "width_bias": "Median log₂ of the drawn over the true width of penumbrae, above 0 where too wide.",
+}
+_MOVED = {"still": "every frame", "camera": "when the camera moves", "light": "when light or camera moves"}
+TOTALS = {
+    "wall_ms": "Wall time of a frame, in milliseconds.",
+    **{f"{moved}_ms": f"Time of the passes redrawn {_MOVED[moved]}, in milliseconds." for moved in REDRAWN},
+}
+MORE_TIMES = {
+    "ratio_iqr": "Interquartile range of `ratio`.",
+    "reference": "Spec against which `ratio` is taken.",
+    "reference_ms": "Median time of the reference in the same rounds, in milliseconds.",
+    **TOTALS,
+}
+SOMETIMES = {
+    "engine_version": "Version of another engine.",
+    "box": "What an engine's map covers: a `given` box, or its `own`.",
+    "sides": "Double-sided materials of an engine: those of open meshes (`closed`), or all (`double`).",
+    "commit": "Commit of the code that measured a published row.",
+}
+_OTHERS = {
+    r"pass_(.+)_ms": "Median time of the pass `{}`, in milliseconds.",
+    r"work_(.+)": "Exact count of work: {}.",
+    r"fact_(.+)": "What a technique reports of itself: {}.",
+    "bias_of": "Spec whose bias was multiplied.",
+    "bias_factor": "Factor by which it was.",
+    "bias_also": "Other specs and factors that give the same.",
+    "run": "Folder that has the row.",
+    "processor": "Processor of the machine of its last command.",
+    "software": "Whether that machine's renderer is a software renderer.",
+}
+FIXED = IDENTITY | TIMES | COSTS | MORE | MORE_TIMES | SOMETIMES
+"""The columns that no metric, pass or technique names, and what they mean."""
+
+
+def described(columns: Iterable[str]) -> dict[str, str]:
+    """What each column of a table means. Raises KeyError for one that no table has."""
+    return {name: _described(name) for name in columns}
+
+
+def _described(name: str) -> str:
+    if name in ROW_METRICS:
+        return f"{ROW_METRICS[name].help} {ROW_METRICS[name].better.capitalize()} is better."
+    if name in FIXED:
+        return FIXED[name]
+    matches = ((re.fullmatch(pattern, name), text) for pattern, text in _OTHERS.items())
+    found = [text.format(*(group.replace("_", " ") for group in match.groups())) for match, text in matches if match]
+    if not found:
+        raise KeyError(name)
+    return found[0]
