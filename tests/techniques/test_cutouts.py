@@ -152,7 +152,7 @@ def test_maps_hold_the_leaves_that_triangles_make(kind, spec, mask) -> None:
 def test_cut_out_casters_are_culled_as_others_are(kind, name, kept, shape, studio, build, mask) -> None:
     """Before, between and after opaque ones in the file, near ones and far ones, which one face of a cube has."""
     away = cards(200, NOISE)
-    away = replace(away, vertices=away.vertices + np.array([40.0, 0.0, 5.0]))
+    away = replace(away, points=away.vertices + np.array([40.0, 0.0, 5.0]))
     near, far, last = (shape("sphere", 0.4, at) for at in ((-0.9, 0.5, 0.2), (41.0, 0.5, 5.0), (0.8, 0.3, -0.4)))
     view = leaves_view(LIGHTS[kind], away, near, far, LEAVES, last)
     shot = studio.shot(view)
