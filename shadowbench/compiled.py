@@ -22,13 +22,18 @@ def compiled(**options: Any) -> Callable[[Any], Any]:
     """Decorator: `numba.njit` without the GIL, cached on disk if possible."""
 
     def compile_cached(function: Any) -> Any:
-        try:
-            _own.append(numba.njit(nogil=True, cache=True, **options)(function))
-        except RuntimeError:  # no folder that can be written
-            _own.append(numba.njit(nogil=True, **options)(function))
+        _own.append(cached_if_possible(lambda cache: numba.njit(nogil=True, cache=cache, **options)(function)))
         return _own[-1]
 
     return compile_cached
+
+
+def cached_if_possible(make: Callable[[bool], Any]) -> Any:
+    """What `make` compiles, cached on disk if it says so."""
+    try:
+        return make(True)
+    except RuntimeError:  # no folder that can be written
+        return make(False)
 
 
 class _Announcer(event.Listener):

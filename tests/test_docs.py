@@ -117,6 +117,7 @@ def test_a_link_that_leads_nowhere_fails_the_build(tmp_path: Path, link: str) ->
     docs = tmp_path / "docs"
     docs.mkdir()
     shutil.copy(ROOT / "docs" / "conf.py", docs)
+    shutil.copytree(ROOT / "docs" / "_templates", docs / "_templates")
     (docs / "index.md").write_text(f"# Title\n\n{link}\n", encoding="utf-8")
     done = build(docs, tmp_path)
     assert done.returncode == 1 and "missing" in done.stderr, done.stderr

@@ -1,9 +1,11 @@
-// A cut-out triangle, whose texels are unsure as those of its edges.
+// A cut-out triangle.
+#include "cutout/vertex.glsl"
 in vec3 position;
 out vec3 point;
 #include "hybrid/silhouette/clip-<map>.glsl"
 
 void main() {
     point = position;
+    pass_cutout();
     gl_Position = clip_of(position);
 }

@@ -3,19 +3,21 @@
 A plane is (n, d) with a unit normal n; n·x + d ≥ 0 is inside.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.geometry import Faces, Geometry, bounds_of, used_by
+from shadowbench.scenes.geometry import Faces, Geometry, bounds_of, in_slices, used_by
+from shadowbench.scenes.instanced import InstancedGeometry
 from shadowbench.scenes.model import Camera, Light, Scene, View
 from shadowbench.scenes.vectors import Floats
 
 PRACTICAL_WEIGHT = 0.9
 """Default λ of the practical split."""
+_AT_ONCE = 1 << 17  # triangles that the nearest caster is looked for among, which takes a kilobyte each
 
 
 def box_planes(bounds: Floats) -> Floats:
@@ -75,8 +77,23 @@ def caster_and_receiver_faces(geometry: Geometry) -> Faces:
 
 
 def caster_and_receiver_vertices(geometry: Geometry) -> Floats:
-    """(N, 3) vertices of these faces."""
+    """(N, 3) vertices of these faces; of instances, which share them, those of their hulls."""
+    if isinstance(geometry, InstancedGeometry):
+        return _hull_vertices(geometry)
     return used_by(caster_and_receiver_faces(geometry), geometry.vertices)
+
+
+def _hull_vertices(geometry: InstancedGeometry) -> Floats:
+    """(N, 3) vertices of the hulls of all casters and receivers, or of the whole scene if it has neither."""
+    hulls = [hull_points(used_by(mesh.faces, mesh.points)) for mesh in geometry.sources]
+    shadowing = [mesh.casts or mesh.receives for mesh in geometry.meshes]
+    return np.concatenate(
+        [
+            replace(mesh, points=hulls[number]).vertices
+            for mesh, number, chosen in zip(geometry.meshes, geometry.source, shadowing, strict=True)
+            if chosen or not any(shadowing)
+        ]
+    )
 
 
 def practical_depths(near: float, far: float, count: int, weight: float = PRACTICAL_WEIGHT) -> Floats:
@@ -157,11 +174,15 @@ class SceneHull:
         if self._nearest is None or self._nearest[0] != light:
             import trimesh  # the import takes 0.3 s
 
-            triangles = self._geometry.vertices[self._geometry.caster_faces]
-            position = np.array(light.position)
-            origins = np.broadcast_to(position, (len(triangles), 3))
-            closest = trimesh.triangles.closest_point(triangles, origins)  # type: ignore[no-untyped-call]
-            nearest = np.linalg.norm(closest - position, axis=1).min(initial=np.inf)
+            position, nearest = np.array(light.position), np.inf
+            for vertices, faces in self._geometry.casters_near(position, np.inf):
+                low, high = bounds_of(vertices)
+                if len(faces) and np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0)) <= nearest:
+                    for part in in_slices(len(faces), _AT_ONCE):
+                        triangles = vertices[faces[part]]
+                        origins = np.broadcast_to(position, (len(triangles), 3))
+                        closest = trimesh.triangles.closest_point(triangles, origins)  # type: ignore[no-untyped-call]
+                        nearest = min(nearest, np.linalg.norm(closest - position, axis=1).min())
             self._nearest = light, max(float(nearest), light.radius, 1e-6 * self.extent)
         return self._nearest[1]
 

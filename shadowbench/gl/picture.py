@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Sampling, Textures, link
 from shadowbench.gl.shaders import SHADERS, compose
-from shadowbench.gl.textures import base_color_textures
+from shadowbench.gl.textures import base_color_layers, base_color_places, shown_textures
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Vec3, unit, vec3
 
@@ -43,20 +44,26 @@ class PicturePass:
 
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
         self._device, self._geometry = device, geometry
-        self._textured = bool(geometry.geometry.textured)
+        self._textures = shown_textures(geometry.geometry)
         self._white = device.context.texture((1, 1), 4, b"\xff" * 4)
         self._shade, self._antialias = (self._fullscreen(name) for name in ("shade", "antialias"))
 
     def _fullscreen(self, fragment: str) -> Drawable:
-        defines = {**TRIANGLE_DEFINES, **self._geometry.smooth_defines, **({"TEXTURED": "1"} if self._textured else {})}
+        defines = {**TRIANGLE_DEFINES, **self._geometry.smooth_defines, **({"TEXTURED": "1"} if self._textures else {})}
         vertex, text = compose("fullscreen.vert", SHADERS), compose(f"picture/{fragment}.frag", SHADERS, defines)
         program = link(self._device, vertex, text)
         return Drawable(program, self._device.context.vertex_array(program.linked, []), count=3)
 
     @cached_property
-    def _base_colors(self) -> Textures:
-        """Inputs of `picture/texture.glsl`, from the first picture on."""
-        return base_color_textures(self._device, self._geometry.geometry) if self._textured else {}
+    def _layers(self) -> Textures:
+        """Images of `picture/texture.glsl`, from the first picture on."""
+        return base_color_layers(self._device, self._textures) if self._textures else {}
+
+    @cached_property
+    def _places(self) -> Textures:
+        """Where they lie on the triangles, unless these are looked up for each view."""
+        whole = self._textures and self._geometry.triangles is not None
+        return base_color_places(self._device, self._geometry.geometry, self._textures) if whole else {}
 
     def draw(
         self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
@@ -87,23 +94,29 @@ class PicturePass:
             cos_half_angle=view.light.cos_half_angle,
             **asdict(shading),
         )
-        if self._textured:
+        if self._textures:
             right, up, back = view.camera.basis()
             pixel = 2 * np.tan(view.camera.fov_y / 2) / view.size
             self._shade.program.set(forward=vec3(-back), pixel_right=vec3(right * pixel), pixel_up=vec3(up * pixel))
         shaded, smooth = (self._device.context.texture((view.size, view.size), 4, dtype="f1") for _ in range(2))
         targets = [self._device.context.framebuffer([texture]) for texture in (shaded, smooth)]
+        own: dict[str, Any] = {}
+        if self._textures and surface.shown is not None:
+            own |= base_color_places(self._device, surface.by_triangle.geometry, self._textures)
         inputs = {
             **surface.inputs,
             "surface_triangle": (surface.triangle, Sampling()),
-            "colors": (self._geometry.colors, Sampling()),
+            "colors": (surface.by_triangle.colors, Sampling()),
             "visibility": (visibility, Sampling()),
             "tint": (tint or self._white, Sampling()),
-            **self._base_colors,
+            **self._layers,
+            **self._places,
+            **own,
         }
         self._shade.draw(targets[0], inputs)
         self._antialias.draw(targets[1], {**surface.inputs, "shaded": (shaded, Sampling(linear=True))})
         self._device.free((*targets, shaded))
+        self._device.free(texture for texture, _ in own.values())
         return smooth
 
     def extremes(self, surface: GBuffer, view: View) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -119,5 +132,6 @@ class PicturePass:
     def release(self) -> None:
         """Free the programs and textures."""
         drawables = (self._shade, self._antialias)
-        self._device.free(texture for texture, _ in self.__dict__.pop("_base_colors", {}).values())
+        for name in ("_layers", "_places"):
+            self._device.free(texture for texture, _ in self.__dict__.pop(name, {}).values())
         self._device.free((*(part for one in drawables for part in (one.vertices, one.program.linked)), self._white))

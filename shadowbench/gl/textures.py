@@ -23,14 +23,23 @@ _MOST_LAYERS = 2048  # what OpenGL 4.1 guarantees
 _NOT_READ = np.array([128, 128, 128, 255], dtype=np.uint8)
 
 
-def base_color_textures(device: Device, geometry: Geometry) -> Textures:
-    """Textures of `picture/texture.glsl`, decoded now. A line in the log, and grey, for an image that is not read."""
-    context, textures = device.context, list({id(each.texture): each.texture for each in geometry.textured}.values())
-    shown = textures[:_MOST_LAYERS]
+def shown_textures(geometry: Geometry) -> list[Texture]:
+    """The textures of triangles that `base_color_layers` takes."""
+    return list({id(each.texture): each.texture for each in geometry.textured}.values())[:_MOST_LAYERS]
+
+
+def base_color_layers(device: Device, shown: list[Texture]) -> Textures:
+    """Images of `picture/texture.glsl`, decoded now. A line in the log, and grey, for one that is not read."""
     side = _side(shown)
     texels = b"".join(_texels(one, side).tobytes() for one in shown)
-    layers = context.texture_array((side, side, len(shown)), 4, texels)
+    layers = device.context.texture_array((side, side, len(shown)), 4, texels)
     layers.build_mipmaps()
+    return {"textures": (layers, Sampling(linear=True, wrap="repeat", mips=True))}
+
+
+def base_color_places(device: Device, geometry: Geometry, shown: list[Texture]) -> Textures:
+    """Textures of `picture/texture.glsl` by triangle: which of the images it has, and where they lie on it."""
+    context = device.context
     numbers = np.zeros(len(geometry.faces), dtype=np.int32)
     maps = np.zeros((len(geometry.faces), 2, 4), dtype=np.float32)
     for first, texture, coordinates in geometry.textured:
@@ -43,7 +52,6 @@ def base_color_textures(device: Device, geometry: Geometry) -> Textures:
     number_texels, map_texels = triangle_texels(numbers), triangle_texels(maps)
     size = TRIANGLE_ROW, len(number_texels)
     return {
-        "textures": (layers, Sampling(linear=True, wrap="repeat", mips=True)),
         "texture_numbers": (context.texture(size, 1, number_texels.tobytes(), dtype="i4"), Sampling()),
         "texture_maps": (context.texture((2 * size[0], size[1]), 4, map_texels.tobytes(), dtype="f4"), Sampling()),
     }

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.scenes.geometry import facet_normals
 from shadowbench.scenes.model import Camera, View
 from shadowbench.scenes.vectors import Floats
 from shadowbench.scores.comparison import Comparison
@@ -37,9 +38,10 @@ def depths(view: View, triangle: NDArray[np.int32]) -> Floats:
     camera, geometry = view.camera, view.scene.geometry
     depth = np.empty((view.size, view.size))
     for row, (hit, rays) in enumerate(zip(triangle, _rays(camera, view.size), strict=True)):
-        normals = geometry.normals[hit]
+        corners = geometry.corners(np.maximum(hit, 0))
+        normals = facet_normals(corners)
         toward = np.einsum("ix,ix->i", normals, rays)
-        away = np.einsum("ix,ix->i", normals, geometry.vertices[geometry.faces[hit, 0]] - camera.position)
+        away = np.einsum("ix,ix->i", normals, corners[:, 0] - camera.position)
         depth[row] = np.where(hit < 0, 0, away / np.where(toward == 0, 1, toward))
     return depth
 

@@ -1,7 +1,8 @@
 """The site of results: static pages from run folders, in which each row has an address and each figure its origin."""
 
+import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from pathlib import Path
@@ -59,11 +60,12 @@ def write_site(folders: Sequence[Path], target: Path) -> int:
             parts = {title: of for title, all in found.items() if (of := [part for part in all if part.run is run])}
             file = f"{run.label}.html"
             write_report([run], parts, [], target / file, "html", split=True, nav=site.nav("", file))
-    if drawn:
-        site.write("engines.html", "site_text.html.j2", text=_engines(drawn, target), runs=drawn, title="Engines")
     by_scene: dict[str, list[SiteRow]] = {}
     for row in rows:
         by_scene.setdefault(row.score["scene"], []).append(row)
+    if drawn:
+        text = _engines(drawn, by_scene, target)
+        site.write("engines.html", "site_text.html.j2", text=text, runs=drawn, title=TITLES["engines"])
     suns = [part for part in every if part.run not in drawn and _light(part.scene) == "directional" and part.scored]
     hard = {scene: of for scene, of in sorted(by_scene.items()) if not any(row.ranked_by.name == "rmse" for row in of)}
     site.write(
@@ -121,14 +123,20 @@ def _picture(folder: Path, row: SiteRow) -> SiteRow | None:
     return row
 
 
-def _engines(runs: Sequence[Run], target: Path) -> str:
-    """The page of engines as HTML; its pictures are written beside."""
+def _engines(runs: Sequence[Run], scenes: Iterable[str], target: Path) -> str:
+    """The page of engines as HTML, with links to scenes; its pictures are written beside."""
     file = target / "engines.md"
     write_engines_page(runs, dict.fromkeys(engines(), "not measured"), file)
     text = str(MarkdownIt().enable("table").render(file.read_text(encoding="utf-8")))
     file.unlink()
     table = '<div class="wide" tabindex="0" role="region" aria-label="Table"><table class="plain">'
+    text = re.sub(rf"(<th[^>]*>)({'|'.join(map(re.escape, scenes))})(?=</th>)", _scene_link, text)
+    text = re.sub(r"<code>[^<]*", lambda found: re.sub(r"([,:(])", r"\1<wbr>", found[0]), text)
     return text.replace("<table>", table).replace("</table>", "</table></div>")
+
+
+def _scene_link(heading: re.Match[str]) -> str:
+    return f'{heading[1]}<a href="{scene_file(heading[2])}">{heading[2]}</a>'
 
 
 def _matrix(scenes: Mapping[str, Sequence[SiteRow]]) -> list[tuple[str, dict[str, SiteRow]]]:
@@ -155,12 +163,14 @@ def _fronts(parts: Sequence[Section]) -> list[tuple[str, str]]:
         mean = mean_section(of, f"{len(of)} scenes with a sun")
         chart = front_chart(mean, styles_of(one.spec for one in mean.scored))
         if chart is not None:
-            charts.append((f"{run.label}: {mean.title}; {words.time_source(run)}", _svg(chart)))
+            charts.append(
+                (f"{TITLES.get(run.label, run.label)}: {mean.title}; {words.time_source(run)}", _svg(chart, run.label))
+            )
     return charts
 
 
-def _svg(chart: Chart) -> str:
-    """A chart in the colours of the page around it."""
+def _svg(chart: Chart, name: str) -> str:
+    """A chart in the colours of the page around it; name: unique on the page."""
     import vl_convert  # not on every platform
 
     colors = {"ink": "currentColor", "paper": "var(--paper)"}
@@ -168,8 +178,8 @@ def _svg(chart: Chart) -> str:
     config |= {name: config[name] | _TEXT for name in ("axis", "legend")}
     config["axis"] |= {"gridColor": "var(--rule)"}
     params = [param | {"value": colors[param["name"]]} for param in chart["params"]]
-    svg: str = vl_convert.vegalite_to_svg({**chart, "width": 760, "params": params, "config": config})
-    return svg
+    svg = vl_convert.vegalite_to_svg({**chart, "width": 760, "params": params, "config": config})
+    return re.sub(r'( id="|url\(#)', rf"\g<1>{name}-", svg)
 
 
 def _hard(every: Sequence[Section], run: Run) -> list[Section]:

@@ -25,7 +25,7 @@ SMALLEST = 1e-18
 
 def mesh_bounds(meshes: Sequence[Mesh], where: str) -> Floats:
     """(2, 3) lowest and highest corner of all meshes. Raises InputError for a diagonal below `SMALLEST`."""
-    bounds = bounds_of(np.concatenate([bounds_of(mesh.vertices) for mesh in meshes]))
+    bounds = bounds_of(np.concatenate([mesh.bounds for mesh in meshes]))
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
     if diagonal < SMALLEST:
         raise InputError(f"{where}: all meshes together span {diagonal:.3g} m; at least {SMALLEST:.0e} m is needed")
@@ -95,8 +95,10 @@ def _floor_area(meshes: Sequence[Mesh], y: float, thickness: float) -> float:
     """Area, projected on the xz plane, of the upward-facing triangles within `thickness` of the height `y`."""
     area = 0.0
     for mesh in meshes:
-        corners = mesh.vertices[mesh.faces]
-        low = corners[(np.abs(corners[:, :, 1] - y) <= thickness).all(axis=1)]
+        if mesh.bounds[0, 1] > y + thickness:
+            continue
+        vertices = mesh.vertices
+        low = vertices[mesh.faces[(np.abs(vertices[:, 1] - y) <= thickness)[mesh.faces].all(axis=1)]]
         ab, ac = low[:, 1] - low[:, 0], low[:, 2] - low[:, 0]
         doubled = ab[:, 2] * ac[:, 0] - ab[:, 0] * ac[:, 2]  # the y of their cross product
         area += float(np.maximum(doubled, 0.0).sum()) / 2

@@ -16,12 +16,13 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
 from shadowbench.scenes.contents import Chosen
 from shadowbench.scenes.cutouts import Cutout, Wrap
-from shadowbench.scenes.geometry import MOST_TRIANGLES, Triangles
+from shadowbench.scenes.geometry import Triangles
 from shadowbench.scenes.images import mask_of, read_image
 from shadowbench.scenes.looks import MOST_MASKED
-from shadowbench.scenes.meshes import placed, read_meshes
+from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene
 from shadowbench.scenes.normals import mean_normals
+from shadowbench.scenes.placed import is_large, placed, shared
 from shadowbench.scenes.shapes import WITH_COORDINATES, build_shape, shape_table
 from shadowbench.scenes.tables import (
     MOST_COPIES,
@@ -104,9 +105,9 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     cameras, lights = document.cameras(path.name), document.lights(path.name)
     if not document.mesh:
         raise InputError(f"{path.name}: mesh: found none; at least one [[mesh]] is needed")
-    meshes: list[Mesh] = []
     files = _Files(path, assets)
-    dropped = triangles = copies = 0
+    tables: list[tuple[list[tuple[Mesh, Floats]], str]] = []
+    dropped = copies = 0
     for number, raw in enumerate(document.mesh, 1):
         where = f"{path.name}: [[mesh]] {number}"
         table, sources, lost = _sources(raw, files, where)
@@ -114,12 +115,14 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
         copies += repeats * len(sources)
         if copies > MOST_COPIES:
             raise InputError(f"{where}: {copies} meshes by now, each copy counted; allowed are at most {MOST_COPIES}")
-        triangles += repeats * sum(len(mesh.faces) for mesh in sources)
-        if triangles > MOST_TRIANGLES:
-            raise InputError(f"{where}: {triangles} triangles by now; a scene may have {MOST_TRIANGLES}")
-        more, flat = placed(_copies(table, sources), where)
+        tables.append((list(_copies(table, sources)), where))
+        dropped += lost
+    place = shared if is_large((mesh for instances, _ in tables for mesh, _ in instances), path.name) else placed
+    meshes: list[Mesh] = []
+    for instances, where in tables:
+        more, flat = place(instances, where)
         meshes += more
-        dropped += lost + flat
+        dropped += flat
     if not meshes:
         raise InputError(f"{path.name}: all {dropped} triangles have zero area; at least one must have some")
     notes = [note for contents in files.read.values() for note in contents.notes]

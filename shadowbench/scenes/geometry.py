@@ -21,7 +21,9 @@ FLATTEST = 1e-10
 """Height of a triangle, as a share of its longest edge, below which float64 cannot distinguish its area from zero."""
 
 MOST_TRIANGLES = 10_000_000
-"""Limit on the triangles of a scene, each copy counted: half a minute to load, and within 4 GiB."""
+"""Limit on the triangles of a scene, those of instances once: half a minute to load, and within 4 GiB."""
+MOST_DRAWN = 200_000_000
+"""Limit on the triangles of a scene, each instance counted: within 6 GiB."""
 
 
 class Triangles(NamedTuple):
@@ -64,10 +66,19 @@ def without_zero_area(triangles: Triangles) -> tuple[Triangles, int]:
 
 def transformed(triangles: Triangles, matrix: Floats) -> Triangles:
     """The triangles under an affine (4, 4) matrix; a mirroring one reverses the winding, which stays outwards."""
-    with np.errstate(over="ignore", invalid="ignore"):  # `checked` reports what overflows
-        vertices = triangles.vertices @ matrix[:3, :3].T + matrix[:3, 3]
     faces = np.ascontiguousarray(triangles.faces[:, ::-1]) if mirrors(matrix) else triangles.faces
-    return Triangles(vertices, faces)
+    return Triangles(moved(triangles.vertices, matrix), faces)
+
+
+def moved(points: Floats, matrix: Floats) -> Floats:
+    """(…, 3) points under affine matrices, (4, 4) or one for each, (…, 4, 4); to the same bits on every machine."""
+    x, y, z = (points[..., axis] for axis in range(3))
+    result = np.empty(points.shape)
+    with np.errstate(over="ignore", invalid="ignore"):  # `checked` reports what overflows
+        for k in range(3):
+            a, b, c, d = (matrix[..., k, axis] for axis in range(4))
+            result[..., k] = x * a + y * b + z * c + d
+    return result
 
 
 def mirrors(matrix: Floats) -> bool:
@@ -77,14 +88,18 @@ def mirrors(matrix: Floats) -> bool:
 
 def with_area(triangles: Triangles) -> NDArray[np.bool_]:
     """(F,) bool, False for triangles of zero area."""
+    kept: NDArray[np.bool_] = heights(triangles)[0] > FLATTEST
+    return kept
+
+
+def heights(triangles: Triangles) -> tuple[Floats, Floats]:
+    """(F,) heights of triangles over their longest edges, as shares of these; and these."""
     a, b, c = (triangles.vertices[triangles.faces[:, k]] for k in range(3))
     edges = np.stack([b - a, c - b, a - c])
     longest = np.linalg.norm(edges, axis=2).max(axis=0)
     # Relative to the longest edge, as squares of tiny or huge edges would underflow or overflow.
     scale = np.where(longest > 0.0, longest, 1.0)[:, None]
-    doubled = np.linalg.norm(np.cross(edges[0] / scale, edges[2] / scale), axis=1)
-    kept: NDArray[np.bool_] = doubled > FLATTEST
-    return kept
+    return np.linalg.norm(np.cross(edges[0] / scale, edges[2] / scale), axis=1), longest
 
 
 def checked(vertices: Floats, where: str) -> Floats:
@@ -116,24 +131,58 @@ class Geometry:
     corner_normals: NDArray[np.float32] | None = None
     textured: tuple[TexturedFaces, ...] = ()
 
+    @property
+    def count(self) -> int:
+        """Number of triangles."""
+        return len(self.faces)
+
+    @property
+    def caster_count(self) -> int:
+        """Number of casters."""
+        return len(self.caster_faces)
+
+    @property
+    def smooth(self) -> bool:
+        """Whether any surface is."""
+        return self.corner_normals is not None
+
+    def triangle_of_caster(self, casters: NDArray[np.integer]) -> NDArray[np.intp]:
+        """(N,) index of triangles, given those that a tracer of the casters found, −1 for none."""
+        triangles: NDArray[np.intp] = np.append(np.flatnonzero(self.casts), -1)[casters]
+        return triangles
+
+    def casters_near(self, point: Floats, reach: float) -> Iterator[Triangles]:
+        """The casters, in parts; parts may be missing that are farther from a point along an axis than `reach`."""
+        yield Triangles(self.vertices, self.caster_faces)
+
+    def corners(self, triangles: NDArray[np.intp]) -> Floats:
+        """(N, 3, 3) corners of (N,) triangles."""
+        return self.vertices[self.faces[triangles]]
+
+    def receives_at(self, triangles: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """(N,) whether triangles receive shadows; not −1, a miss."""
+        return self.receives[triangles] & (triangles >= 0)
+
+    def select(self, triangles: NDArray[np.intp]) -> "Geometry":
+        """Only these triangles, given in ascending order, opaque; each with vertices of its own."""
+        faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
+        flags = self.casts[triangles], self.receives[triangles], self.planar[triangles]
+        normals = None if self.corner_normals is None else self.corner_normals[triangles]
+        corners = self.corners(triangles).reshape(-1, 3)
+        return Geometry(corners, faces, *flags, self.colors[triangles], corner_normals=normals)
+
     @cached_property
     def crosses(self) -> Floats:
         """(3, F) float64 normals of length twice the area, towards the side seen counter-clockwise."""
         crosses = np.empty((3, len(self.faces)))
         for part in in_slices(len(self.faces)):
-            a, b, c = (np.ascontiguousarray(self.vertices.take(self.faces[part, k], axis=0).T) for k in range(3))
-            b -= a
-            c -= a
-            for k in range(3):  # faster than np.cross
-                i, j = (k + 1) % 3, (k + 2) % 3
-                crosses[k, part] = b[i] * c[j] - b[j] * c[i]
+            crosses[:, part] = _crosses(*(self.vertices.take(self.faces[part, k], axis=0).T for k in range(3)))
         return crosses
 
     @cached_property
     def normals(self) -> Floats:
         """(F, 3) float64 unit normals, towards the side seen counter-clockwise; 0 for areas that round to 0."""
-        lengths = np.linalg.norm(self.crosses, axis=0)
-        return np.ascontiguousarray((self.crosses / np.where(lengths == 0.0, 1.0, lengths)).T)
+        return _units(self.crosses)
 
     @cached_property
     def shading_normals(self) -> NDArray[np.float32]:
@@ -146,6 +195,11 @@ class Geometry:
     def bounds(self) -> Floats:
         """(2, 3) lowest and highest corner of all triangles."""
         return bounds_of(used_by(self.faces, self.vertices))
+
+    @property
+    def caster_bounds(self) -> Floats:
+        """(2, 3) lowest and highest corner of all casters, of which there is one."""
+        return bounds_of(used_by(self.caster_faces, self.vertices))
 
     @cached_property
     def caster_faces(self) -> Faces:
@@ -177,6 +231,27 @@ class Geometry:
         if self.planar.any():  # used by planar-projection:receives=flagged
             digest.update(np.ascontiguousarray(self.planar).tobytes())
         return digest.hexdigest()
+
+
+def facet_normals(corners: Floats) -> Floats:
+    """(N, 3) float64 unit normals of triangles with (N, 3, 3) corners, as `Geometry.normals`."""
+    return _units(_crosses(*(corners[:, k].T for k in range(3))))
+
+
+def _crosses(a: Floats, b: Floats, c: Floats) -> Floats:
+    """(3, N) normals of length twice the area of triangles with (3, N) corners."""
+    a, b, c = (np.ascontiguousarray(corner) for corner in (a, b, c))
+    b, c, crosses = b - a, c - a, np.empty_like(a)
+    for k in range(3):  # faster than np.cross
+        i, j = (k + 1) % 3, (k + 2) % 3
+        crosses[k] = b[i] * c[j] - b[j] * c[i]
+    return crosses
+
+
+def _units(crosses: Floats) -> Floats:
+    """(N, 3) of (3, N) at unit length; 0 for 0."""
+    lengths = np.linalg.norm(crosses, axis=0)
+    return np.ascontiguousarray((crosses / np.where(lengths == 0.0, 1.0, lengths)).T)
 
 
 def in_slices(count: int, size: int = 1 << 15) -> Iterator[slice]:

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, AliasChoices, AliasPath, Field, model_validator
 
-from shadowbench.scenes.geometry import MOST_TRIANGLES
+from shadowbench.scenes.geometry import MOST_DRAWN, MOST_TRIANGLES
 from shadowbench.scenes.gltf_fields import (
     LISTS,
     AccessorIndex,
@@ -222,8 +222,9 @@ class Layout(JsonObject):
             if node.mesh is not None:
                 drawn += counts[node.mesh] * self.instance_count(node)
                 copies += len(self.meshes[node.mesh].primitives) * self.instance_count(node) if node.instances else 0
-        if (corners := max(sum(counts), drawn)) > 3 * MOST_TRIANGLES:
-            raise ValueError(f"its meshes have {corners} vertices; allowed are at most {3 * MOST_TRIANGLES}")
+        for corners, most, what in ((sum(counts), MOST_TRIANGLES, "meshes"), (drawn, MOST_DRAWN, "instances")):
+            if corners > 3 * most:
+                raise ValueError(f"its {what} have {corners} vertices; allowed are at most {3 * most}")
         if copies > MOST_COPIES:
             raise ValueError(f"its instances draw {copies} primitives; allowed are at most {MOST_COPIES}")
         morphed = sum(self._morphed(node.mesh) for node in self.nodes if node.mesh is not None)

@@ -3,30 +3,23 @@
 Here, and only here, exceptions of all readers become a one-line InputError.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.contents import BY_DEFAULT, Chosen, Contents
-from shadowbench.scenes.geometry import (
-    MOST_TRIANGLES,
-    Triangles,
-    checked,
-    transformed,
-    welded,
-    with_area,
-)
+from shadowbench.scenes.geometry import checked, welded
 from shadowbench.scenes.gltf import read_gltf
 from shadowbench.scenes.looks import Look
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.obj import read_obj
 from shadowbench.scenes.off_stl import read_off, read_stl
+from shadowbench.scenes.placed import is_large, placed, shared
 from shadowbench.scenes.ply import read_ply
 from shadowbench.scenes.polygons import Polygons, triangulated
 from shadowbench.scenes.usd import USD_SUFFIXES, read_usd
-from shadowbench.scenes.vectors import Floats
 from shadowbench.strict import short
 
 READERS: dict[str, Callable[[bytes, str], Polygons]] = {
@@ -95,30 +88,9 @@ def _assembled(contents: Contents, name: str, where: str) -> Scene:
     total = sum(len(mesh.faces) for mesh, _ in contents.instances)
     if total == 0:
         raise InputError(f"{where}: holds no triangles; at least one is needed")
-    if total > MOST_TRIANGLES:
-        raise InputError(f"{where}: {total} triangles; a scene may have {MOST_TRIANGLES}")
-    meshes, dropped = placed(contents.instances, where)
+    place = shared if is_large((mesh for mesh, _ in contents.instances), where) else placed
+    meshes, dropped = place(contents.instances, where)
     if not meshes:
         raise InputError(f"{where}: all {total} triangles have zero area; at least one must have some")
     cameras, lights, notes = contents.cameras, contents.lights, contents.notes
     return Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
-
-
-def placed(instances: Iterable[tuple[Mesh, Floats]], where: str) -> tuple[list[Mesh], int]:
-    """The meshes under affine (4, 4) matrices without triangles of zero area, and the number of those.
-
-    Raises InputError that begins with `where` for coordinates that become infinite or too large.
-    """
-    meshes, dropped = [], 0
-    for mesh, matrix in instances:
-        triangles = vertices, faces = transformed(Triangles(mesh.vertices, mesh.faces), matrix)
-        checked(vertices, where)
-        kept = with_area(triangles)
-        lost = int(len(kept) - kept.sum())
-        dropped += lost
-        if lost:  # and without the vertices that only those used
-            used, corners = np.unique(faces[kept], return_inverse=True)
-            vertices, faces = vertices[used], corners.reshape(-1, 3).astype(np.int32)
-        if len(faces):
-            meshes.append(mesh.reshaped(vertices, faces, matrix, kept if lost else None))
-    return meshes, dropped

@@ -10,15 +10,15 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.cutouts import Cutout
-from shadowbench.scenes.geometry import Geometry, mirrors
+from shadowbench.scenes.geometry import Geometry
+from shadowbench.scenes.instanced import InstancedGeometry
 from shadowbench.scenes.joined import joined
-from shadowbench.scenes.normals import turned
+from shadowbench.scenes.mesh import GREY as GREY
+from shadowbench.scenes.mesh import WHITE as WHITE
+from shadowbench.scenes.mesh import Mesh as Mesh
 from shadowbench.scenes.placement import Placement
-from shadowbench.scenes.textures import Texture
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 
 LightKind = Literal["directional", "spot", "point"]
@@ -33,71 +33,6 @@ SUN_RADIUS = float(np.radians(0.2665))
 """Mean angular radius of the sun, in radians."""
 NEAREST_TARGET = 1e-12
 """Least distance from a camera to its target, as a share of their coordinates, whose float64 precision is 2e-16."""
-GREY: Vec3 = (0.8, 0.8, 0.8)
-WHITE: Vec3 = (1.0, 1.0, 1.0)
-CORNERS = ("coordinates", "alpha", "normals")
-"""What a mesh has by corner of a triangle, as vertices at one place are one."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """Triangles of one surface, in world space.
-
-    vertices: (V, 3) float64; faces: (F, 3) int32 indices into them, counter-clockwise seen from outside; both are
-    read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
-    and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere;
-    coordinates: (F, 3, 2) float32 texture coordinates of the triangles' corners, alpha: (F, 3) float32 vertex alphas,
-    None for 0 and for 1. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None if it is flat, and
-    zero at corners without one. texture, and tints, (F, 3) float32 linear RGB that color is multiplied by, are of
-    pictures only.
-    """
-
-    name: str
-    vertices: Floats = field(repr=False)
-    faces: NDArray[np.int32] = field(repr=False)
-    color: Vec3 = GREY
-    casts: bool = True
-    receives: bool = True
-    planar: bool = False
-    cutout: Cutout | None = None
-    coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
-    alpha: NDArray[np.float32] | None = field(default=None, repr=False)
-    normals: NDArray[np.float32] | None = field(default=None, repr=False)
-    texture: Texture | None = None
-    tints: NDArray[np.float32] | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        for name in ("vertices", "faces", *CORNERS):
-            if getattr(self, name) is not None:
-                view = getattr(self, name).view()
-                view.flags.writeable = False
-                object.__setattr__(self, name, view)
-
-    def reshaped(
-        self, vertices: Floats, faces: NDArray[np.int32], matrix: Floats, kept: NDArray[np.bool_] | None = None
-    ) -> "Mesh":
-        """The mesh with vertices moved by an affine (4, 4) matrix; one that mirrors has reversed the faces' corners.
-
-        kept: (F,) bool, which of its faces these are, by default all.
-        """
-        corners, tints = {name: values for name in CORNERS if (values := getattr(self, name)) is not None}, self.tints
-        if kept is not None:
-            corners = {name: values[kept] for name, values in corners.items()}
-            tints = None if tints is None else tints[kept]
-        if mirrors(matrix):
-            corners = {name: values[:, ::-1] for name, values in corners.items()}
-        if "normals" in corners:
-            corners["normals"] = turned(corners["normals"], matrix)
-        return replace(self, vertices=vertices, faces=faces, tints=tints, **corners)
-
-    @cached_property
-    def closed(self) -> bool:
-        """Whether every edge, after welding by position, is shared by exactly two triangles."""
-        import trimesh  # the import takes 0.3 s, and most commands do not need it
-
-        welded = trimesh.Trimesh(self.vertices, self.faces, process=False)
-        welded.merge_vertices()
-        return bool(welded.is_watertight)
 
 
 @dataclass(frozen=True)
@@ -195,8 +130,8 @@ class Scene:
 
     @cached_property
     def geometry(self) -> Geometry:
-        """All meshes as one indexed triangle list."""
-        return joined(self.meshes)
+        """The triangles of all meshes: as one indexed list, unless meshes share theirs."""
+        return InstancedGeometry(self.meshes) if any(mesh.moves for mesh in self.meshes) else joined(self.meshes)
 
     @cached_property
     def placement(self) -> Placement:

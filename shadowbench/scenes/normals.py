@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.geometry import Triangles
+from shadowbench.scenes.geometry import Triangles, moved
 from shadowbench.scenes.vectors import Floats
 
 Singles = NDArray[np.float32]
@@ -32,8 +32,10 @@ def normal_matrices(linear: Floats) -> Floats:
 
 
 def turned(normals: Singles, matrix: Floats) -> Singles:
-    """(…, 3) normals of a surface under an affine (4, 4) matrix."""
-    return unit_normals(normals.astype(np.float64) @ normal_matrices(matrix[:3, :3]).T)
+    """(…, 3) normals of a surface under affine matrices, (4, 4) or one for each, as of `moved`."""
+    turn = np.zeros_like(matrix)
+    turn[..., :3, :3] = normal_matrices(matrix[..., :3, :3])
+    return unit_normals(moved(normals.astype(np.float64), turn))
 
 
 def mean_normals(triangles: Triangles) -> Singles:

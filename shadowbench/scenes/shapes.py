@@ -255,4 +255,5 @@ def _shape_table(name: str, base: type[Model]) -> type[Model]:
 def build_shape(name: str, parameters: dict[str, object], where: str) -> Mesh:
     """A shape's mesh, of its name. Raises InputError that begins with `where` for an unknown name or parameter."""
     table = validated(shape_table(name, Strict, where), parameters, where)
-    return Mesh(name, **SHAPES[name](**dict(table))._asdict())
+    made: Any = SHAPES[name](**dict(table))._asdict()
+    return Mesh(name, made.pop("vertices"), **made)

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import SUN, content_of, pose_of
+from shadowbench.scenes.geometry import facet_normals
 from shadowbench.scenes.model import Camera, Light, Scene
 from shadowbench.scenes.placement import Placement
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 from shadowbench.truths.embree import Tracer, over_slices
+from shadowbench.truths.instances import tracer_of
 
 FOV_Y = math.radians(60.0)
 EYE_M = 1.6
@@ -114,8 +116,9 @@ def is_interior(scene: Scene) -> bool:
 
 def _places(scene: Scene, places: int) -> _Places:
     """Points at eye height above each floor at about so many places of a scene, seen from above."""
-    place, geometry = content_of(scene).placement, scene.geometry
-    tracer = Tracer(place.points(geometry.vertices), geometry.faces, geometry.cutouts)
+    place = content_of(scene).placement
+    geometry = place.scene(scene).geometry
+    tracer = tracer_of(geometry)
     eye, floor, height, in_metres = _eyes(tracer, place.points(content_of(scene).geometry.bounds), place.scale, places)
     rise = (np.arange(_ABOVE) + 0.5) / _ABOVE  # a spiral of directions that are equally dense
     turn, level = math.pi * (3 - math.sqrt(5)) * np.arange(_ABOVE), np.sqrt(1 - rise**2)
@@ -125,7 +128,8 @@ def _places(scene: Scene, places: int) -> _Places:
         shape = part.stop - part.start, len(directions)
         origins, rays = np.repeat(eye[part], shape[1], axis=0), np.tile(directions, (shape[0], 1))
         triangle, reach, _ = tracer.hits(origins, rays, _FAR)
-        facing = (triangle >= 0) & (np.einsum("ij,ij->i", geometry.normals[triangle], rays) < 0.0)
+        normals = facet_normals(geometry.corners(np.maximum(triangle, 0)))
+        facing = (triangle >= 0) & (np.einsum("ij,ij->i", normals, rays) < 0.0)
         distance = reach.astype(np.float64).reshape(shape)
         hits, faces = (each.reshape(shape).mean(axis=1) for each in (triangle >= 0, facing))
         return distance[:, :_AROUND], hits, faces

@@ -50,8 +50,8 @@ class Hybrid(Technique):
     After Hertel, Hormann and Westermann (2009, "A hybrid GPU rendering pipeline for alias-free hard shadows"). The
     silhouette edges that the light sees are drawn into the map too, so that casters thinner than a texel are not
     missed. A receiver is lit or in shadow if the four texels around it agree and have no edge, and no surface close to
-    its plane, as at contacts and folds. All others, mostly along shadow edges, and those behind cut-out surfaces, are
-    traced. Silhouettes are found on the CPU, by compiled code.
+    its plane, as at contacts and folds, nor a cut-out in any of these texels that is opaque in one part and clear in
+    another. All others, mostly along shadow edges, are traced. Silhouettes are found on the CPU, by compiled code.
     """
 
     name = "hybrid"
@@ -128,8 +128,9 @@ class Hybrid(Technique):
 class Classification:
     """Draws a map and the silhouette edges and cut-outs in it, and what they say of each pixel.
 
-    The edges are those between a triangle that faces the light and one that does not, and those of one triangle only:
-    any texel that a cut-out surface touches has its centre on it or one of its edges.
+    The edges are those between a triangle that faces the light and one that does not, and those of one triangle only.
+    All of a cut-out triangle are among them: of a texel without one, the triangle covers all or nothing, and may be
+    opaque throughout, or clear, by its texture.
     """
 
     def __init__(self, stage: Stage, map: ShadowMap | CubeMap) -> None:
@@ -146,11 +147,14 @@ class Classification:
         geometry = stage.scene.geometry
         cut_out = geometry.faces[geometry.casts & geometry.is_cut_out]
         self._edge_program, *interior = (
-            stage.program(f"hybrid/{part}.vert", "hybrid/silhouette.frag", params=map.params, includes={"map": kind})
+            stage.program(f"hybrid/{part}.vert", f"hybrid/{part}.frag", params=map.params, includes={"map": kind})
             for part in (("silhouette", "interior") if len(cut_out) else ("silhouette",))
         )
         self._upload = stage.stream(self._edge_program, {"a": 3, "b": 3})
-        self._interiors = [stage.indexed(program, cut_out) for program in interior]
+        cut_outs = (stage.casters(program).cut for program in interior)
+        self._interiors = [drawable for drawable in cut_outs if drawable is not None]
+        pairs = np.sort(np.concatenate([cut_out[:, [0, 1]], cut_out[:, [1, 2]], cut_out[:, [2, 0]]]), axis=1)
+        self._edges_of_cutouts = np.unique(pairs, axis=0)
         self._edge_map = stage.depth_target(map.params.size, "d32f", kind)
         self._program = stage.program(
             "fullscreen.vert", "hybrid/classify.frag", params=map.params, includes=map.map.includes
@@ -176,8 +180,9 @@ class Classification:
         depths: of the map, which hide others.
         """
         light = np.array(frame.light_uniform)
-        chosen = self._edges[self._weights(self._exact, self._edges, light, 0, self._closed) != 0]
-        ends = np.concatenate([self._vertices[chosen[:, 1]], self._vertices[chosen[:, 2]]], axis=1)
+        seen = self._edges[self._weights(self._exact, self._edges, light, 0, self._closed) != 0]
+        chosen = np.concatenate([seen[:, 1:3], self._edges_of_cutouts])
+        ends = np.concatenate([self._vertices[chosen[:, 0]], self._vertices[chosen[:, 1]]], axis=1)
         edges = self._upload(np.repeat(ends, _CORNERS, axis=0))
         self._edge_map.target.clear(depth=1.0)
         targets = self._edge_map.layer_targets or (self._edge_map.target,)

@@ -87,7 +87,7 @@ def read_truth(file: Path, view: View) -> Truth | None:
         arrays = read_arrays(file)
     except Exception:
         return None
-    truth = truth_of(arrays, view.size, len(view.scene.geometry.faces))
+    truth = truth_of(arrays, view.size, view.scene.geometry.count)
     return truth and replace(truth, view=view)
 
 

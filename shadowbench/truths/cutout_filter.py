@@ -12,8 +12,8 @@ from numba import carray, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from shadowbench.compiled import compiled
-from shadowbench.truths.cutouts import CLAMP, CLEAR, OPAQUE, OPEN, REPEAT, ROUNDING, CutoutArrays, decide
+from shadowbench.compiled import cached_if_possible, compiled
+from shadowbench.truths.cutouts import CLEAR, OPAQUE, OPEN, ROUNDING, CutoutArrays, decide, wrapped
 
 RAY_ERROR = 2.0**-20  # of a hit's place across its ray, per local length of the ray and of coordinates, in float32
 FLAGS = 8  # word of 8 bytes, after what Embree may use of a query's context, with the address of the rays' flags
@@ -74,16 +74,6 @@ def _at(data):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(inline="always")
-def _within(index, size, wrap):  # type: ignore[no-untyped-def]
-    """The index of a row or column from 0 to size − 1; −1 if it is mirrored."""
-    if 0 <= index < size:
-        return index
-    if wrap == REPEAT:
-        return index % size
-    return (np.int32(0) if index < 0 else size - np.int32(1)) if wrap == CLAMP else np.int32(-1)
-
-
-@numba.njit(inline="always")
 def _of_triangle(cut, index):  # type: ignore[no-untyped-def]
     """What `_glance` needs of a triangle: along u, along v, its cut-out's first texel, whether nearest, and least."""
     p, s, t = 6 * index, 3 * index, 6 * np.int64(cut.number[index])
@@ -102,7 +92,7 @@ def _place(axis, second, third, away):  # type: ignore[no-untyped-def]
         return np.int32(0), np.int32(-1), at, error
     lower = np.floor(at)
     column = np.int32(lower)
-    return column, _within(column, size, wrap), at - lower, error
+    return column, column if 0 <= column < size else wrapped(column, size, wrap), at - lower, error
 
 
 @numba.njit(inline="always")
@@ -122,9 +112,7 @@ def _glance(cut, triangle, second, third, away):  # type: ignore[no-untyped-def]
         return OPEN
     if nearest:
         return OPAQUE if texels[line + i] >= least else CLEAR
-    to_right, below = _within(column + np.int32(1), width, u[5]), _within(row + np.int32(1), height, v[5])
-    if to_right < 0 or below < 0:
-        return OPEN
+    to_right, below = wrapped(column + np.int32(1), width, u[5]), wrapped(row + np.int32(1), height, v[5])
     under = first + np.int64(below) * width
     a, b = np.float32(texels[line + i]), np.float32(texels[line + to_right])
     c, d = np.float32(texels[under + i]), np.float32(texels[under + to_right])
@@ -179,5 +167,6 @@ def _filter(arguments):  # type: ignore[no-untyped-def]
 def filter_address() -> int:
     """Address of the filter function, compiled by the first call in a process."""
     pointer: Any = types.CPointer
-    function: Any = numba.cfunc(types.void(pointer(types.intp)), cache=True, error_model="numpy")(_filter)
+    signature = types.void(pointer(types.intp))
+    function = cached_if_possible(lambda cache: numba.cfunc(signature, cache=cache, error_model="numpy")(_filter))
     return int(function.address)

@@ -21,7 +21,7 @@ from shadowbench.truths.segments import hit, inverse_of, next_leaf
 
 CLEAR, OPAQUE, OPEN = range(3)
 ROUNDING = 2.0**-22  # of a texture coordinate, as a share, and of what is mixed in float32
-REPEAT, _MIRROR, CLAMP = range(3)  # in `scenes.cutouts.WRAPS`
+_REPEAT, _MIRROR, _CLAMP = range(3)  # in `scenes.cutouts.WRAPS`
 _MODES: dict[Wrap, Literal["wrap", "reflect", "nearest"]] = {
     "repeat": "wrap",
     "mirror": "reflect",
@@ -89,7 +89,8 @@ def cutout_arrays(cutouts: CutoutFaces | None, vertices: Floats, faces: NDArray[
 
 def _around(cutout: Cutout) -> NDArray[np.uint8]:
     """(H, W) see `CutoutArrays.around`."""
-    size, first = (3, 0) if cutout.nearest else (4, -1)
+    # Of a mirrored square, the other texels are left and above.
+    size, first = (3, 0) if cutout.nearest else (5, 0) if "mirror" in cutout.wrap else (4, -1)
     modes = [_MODES[wrap] for wrap in cutout.wrap[::-1]]
     low, high = (each(cutout.alpha, size, mode=modes, origin=first) for each in (minimum_filter, maximum_filter))
     mixing = 0.0 if cutout.nearest else 255 * 4 * ROUNDING
@@ -110,9 +111,9 @@ def _gradients(corners: Floats, values: Floats) -> Floats:
 
 
 @numba.njit(inline="always")
-def _wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
+def wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
     """See `scenes.cutouts.wrapped`."""
-    if wrap == CLAMP:
+    if wrap == _CLAMP:
         return min(max(index, 0), size - 1)
     if wrap == _MIRROR:
         index %= 2 * size
@@ -123,7 +124,7 @@ def _wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
 @compiled()
 def _texel(cut, number, column, row):  # type: ignore[no-untyped-def]
     table = cut.table[number]
-    x, y = _wrapped(np.int64(column), table[1], table[4]), _wrapped(np.int64(row), table[2], table[5])
+    x, y = wrapped(np.int64(column), table[1], table[4]), wrapped(np.int64(row), table[2], table[5])
     return np.float64(cut.texels[np.int64(table[0]) + np.int64(y) * table[1] + x])
 
 

@@ -22,6 +22,7 @@ from shadowbench.scenes.vectors import Floats
 
 if TYPE_CHECKING:
     from shadowbench.geometry.tree import Tree
+    from shadowbench.truths.packets import InstanceScene
 
 Mask = NDArray[np.bool_]
 Result = TypeVar("Result")
@@ -109,6 +110,13 @@ class Tracer:
         with self._building:  # by the first thread that needs it
             self._built = self._built or build_tree(self._vertices, self._faces)
             return self._built
+
+
+class InstanceTracer(Tracer):
+    """A tracer of a scene of instances, without cut-outs."""
+
+    def __init__(self, scene: "InstanceScene") -> None:
+        self._scene = scene
 
 
 def _rays(origins: Vectors, directions: Vectors, reach: Vectors | float) -> tuple[Singles, Singles, Singles]:

@@ -51,19 +51,24 @@ def terminator(
     triangle: (size²,), −1 for a miss; shadowed, receivers: (size²,) bool, by the light's centre.
     """
     geometry = scene.geometry
-    mesh = np.repeat(np.arange(len(scene.meshes)), [len(each.faces) for each in scene.meshes])
-    smooth = geometry.receives & np.array([each.normals is not None for each in scene.meshes])[mesh]
-    smooth = np.append(smooth, False)  # the last entry is that of index −1, a miss
+    ends = np.cumsum([len(each.faces) for each in scene.meshes])
+    smooth = np.array([each.receives and each.normals is not None for each in scene.meshes])
+
+    def mesh_of(triangles: Indices) -> Indices:
+        mesh: Indices = np.searchsorted(ends, triangles, side="right")
+        return mesh
 
     def trace_rows(rows: slice) -> tuple[NDArray[np.float32], Mask]:
         part = slice(rows.start * rays.size, rows.stop * rays.size)
         hit = triangle[part]
-        seen = np.flatnonzero(smooth[hit])
+        seen = np.flatnonzero((hit >= 0) & smooth[mesh_of(hit)])
         own, point = hit[seen], rays.points(rays.directions(rows).take(seen, axis=1), hit[seen])
         to_light, distance = rays.toward_light(point)
         normals = rays.normals(own)
         flat = Receivers(seen, own, point, to_light, distance, dot(normals, to_light))
-        corners = geometry.vertices[geometry.faces[own]], geometry.shading_normals[own].astype(np.float64)
+        each, which = np.unique(own, return_inverse=True)
+        shape = geometry.select(each)
+        corners = shape.vertices.reshape(-1, 3, 3)[which], shape.shading_normals[which].astype(np.float64)
         surface = smooth_points(point, *corners, normals)
         shading = np.where(rays.in_cone(to_light), dot(surface.normal, to_light), 0.0)
         cosine, facets = np.zeros(len(hit), dtype=np.float32), np.zeros(len(hit), dtype=np.bool_)
@@ -78,7 +83,7 @@ def terminator(
         facets[seen[free]] = True
         faced = flat.select(free[receivers[part][seen[free]]])
         nearest = rays.nearest_casters(faced, delta)
-        facets[faced.rays] = (nearest < 0) | (mesh[nearest] == mesh[faced.triangle])
+        facets[faced.rays] = (nearest < 0) | (mesh_of(nearest) == mesh_of(faced.triangle))
         return cosine, facets
 
     cosine, facets = zip(*over_slices(trace_rows, rays.size, rows_a_slice(rays.size)), strict=True)

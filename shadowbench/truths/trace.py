@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.files import png_of
-from shadowbench.scenes.geometry import bounds_of, used_by
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.embree import over_slices, rows_a_slice
@@ -109,7 +108,7 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
 
         arrays = hard_shadows(rays, NearCasters(placed.scene.geometry), triangle, delta, pixel_samples)
     arrays["undecided"] |= edge_on
-    if placed.scene.geometry.corner_normals is not None:
+    if placed.scene.geometry.smooth:
         shadowed, receivers = arrays["visibility"] < 0.5, arrays["receivers"]
         smooth = terminator(placed.scene, rays, triangle, shadowed, receivers, delta)
         for name in ("visibility", "irradiance", "area"):
@@ -136,7 +135,7 @@ def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float
         directions = rays.directions(rows)
         triangle, left_open = rays.visible(directions)
         seen = np.flatnonzero(triangle >= 0)
-        seen = seen[geometry.receives[triangle[seen]]]
+        seen = seen[geometry.receives_at(triangle[seen])]
         points = rays.points(directions.take(seen, axis=1), triangle[seen])
         ends = np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
         return triangle, left_open | rays.edge_on(directions, triangle), ends
@@ -146,8 +145,8 @@ def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float
     if not (triangle >= 0).any():
         raise InputError(f"camera {view.camera.name!r} of {view.scene.name} shows nothing: no pixel shows a triangle")
     low, high = np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]
-    if len(geometry.caster_faces):
-        casters = bounds_of(used_by(geometry.caster_faces, geometry.vertices))
+    if geometry.caster_count:
+        casters = geometry.caster_bounds
         low, high = np.minimum(low, casters[0]), np.maximum(high, casters[1])
     if not np.isfinite(low).all():
         low, high = geometry.bounds

@@ -131,7 +131,7 @@ def test_declared_versions_and_libraries_are_in_the_key(monkeypatch: pytest.Monk
 def test_a_view_differs_with_all_that_can_move_a_shadow(cube: View) -> None:
     camera, light, scene = cube.camera, cube.light, cube.scene
     plane = scene.meshes[0]
-    lower = replace(scene, meshes=(replace(plane, vertices=plane.vertices - [0, 1e-12, 0]), *scene.meshes[1:]))
+    lower = replace(scene, meshes=(replace(plane, points=plane.vertices - [0, 1e-12, 0]), *scene.meshes[1:]))
     views = [
         cube,
         replace(cube, size=65),

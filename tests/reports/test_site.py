@@ -84,6 +84,7 @@ def test_every_link_leads_to_a_file_and_a_place_in_it_and_none_outside(site: Pat
     for name, page in pages.items():
         links = [html.unescape(link) for link in LINK.findall(page.partition('<script type="application/json"')[0])]
         assert "index.html" in " ".join(links)
+        assert name != "engines.html" or "scenes/stairs.html" in links
         for link in links:
             assert not re.match(r"(\w+:)?//", link), link
             path, _, place = link.partition("#")
@@ -165,3 +166,12 @@ def test_a_folder_without_truth_has_no_pictures(folders: list[Path], tmp_path: P
     write_site([bare], tmp_path / "site")
     assert list((tmp_path / "site" / "pictures").iterdir()) == []
     assert "No picture" in (tmp_path / "site" / "engines.html").read_text(encoding="utf-8")
+
+
+def test_the_first_page_names_a_cheapest_setting_by_times_of_a_gpu_alone(
+    tmp_path: Path, pages: Mapping[str, str]
+) -> None:
+    records = [record for cell in CELLS for record in cell.records()]
+    write_site([write_folder(tmp_path / "gpu", records, run_file(False, "A"), False)], tmp_path)
+    assert "is the cheapest" in (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "is the cheapest" not in pages["index.html"] and "software renderer" in pages["index.html"]

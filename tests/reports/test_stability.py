@@ -229,7 +229,7 @@ def test_csv_has_the_cells_of_sweeps_beside_those_of_runs(run_folder, sweep_fold
 def test_png_has_the_heat_map_and_a_file_for_each_axis(sweep_folder, shadowbench, tmp_path) -> None:
     points = [one for one in POINTS if one.axis == "mesh"]
     assert shadowbench("report", sweep_folder(points), "--format", "png", "-o", tmp_path / "charts").code == 0
-    files = sorted(file.name for file in (tmp_path / "charts").iterdir())
+    files = sorted(file.name for file in (tmp_path / "charts").glob("*.png"))
     assert files == ["stability.mesh.png", "stability.png"]
     for file in files:
         with Image.open(tmp_path / "charts" / file) as image:

@@ -77,7 +77,7 @@ def test_traced_pixels_are_those_of_exact_triangles(name, light, studio, mask, t
     on_cards, same = truth.triangle >= ground, np.where(seen < ground, seen, ground) == truth.triangle.clip(max=ground)
     assert (decided & ((seen >= ground) != on_cards)).sum() <= 1, "the rasteriser rounds places in a texture too"
     assert (decided & (truth.visibility == 0)).sum() > 30
-    for spec in ("ray-traced:where=gpu", "hybrid:size=256"):
+    for spec in ("ray-traced:where=gpu", "hybrid:size=256", "hybrid:size=1024"):
         assert (mask(spec, cut) != truth.visibility)[decided & same].sum() == 0
 
 
@@ -93,6 +93,35 @@ def test_rays_are_the_truth_s(spec, nearest, light, studio, mask) -> None:
     decided &= triangle == truth.triangle
     assert 0.05 < (truth.visibility[decided] == 0).mean() < 0.9
     assert (mask(spec, view) != truth.visibility)[decided].sum() <= 1
+
+
+@pytest.mark.parametrize("size", [64, 512])
+def test_hybrid_traces_where_a_texture_changes_between_triangles(size, light, studio, mask) -> None:
+    """A sheet of triangles, each with a place of its own in a texture that is half opaque, half clear."""
+    x, z = np.meshgrid(*2 * [np.linspace(-1.5, 1.5, 11)], indexing="xy")
+    k = np.arange(100) // 10 * 11 + np.arange(100) % 10
+    faces = np.stack([k, k + 1, k + 11, k + 1, k + 12, k + 11], axis=1).reshape(-1, 3).astype(np.int32)
+    alpha = np.repeat(np.array([[0, 255]], np.uint8), 8, axis=1)
+    places = np.random.default_rng(3).choice([0.2, 0.4, 0.6, 0.8], (200, 1, 1)) + np.zeros((200, 3, 2))
+    places += 0.15 * np.random.default_rng(4).random((200, 3, 2))
+    vertices = np.stack([x, 0.9 + 0.1 * np.sin(4 * x) * np.cos(3 * z), z], axis=2).reshape(-1, 3)
+    sheet = Mesh("sheet", vertices, faces, cutout=Cutout(alpha), coordinates=places.astype(np.float32))
+    view = leaves_view(light, sheet)
+    truth, triangle = trace(view, pixel_samples=1), studio.shot(view).triangle
+    decided = truth.receivers & ~truth.undecided & (triangle == truth.triangle)
+    assert 0.05 < (truth.visibility[decided] == 0).mean() < 0.9
+    assert (mask(f"hybrid:size={size}", view) != truth.visibility)[decided].sum() == 0
+
+
+def test_hybrid_traces_fewer_rays_where_texels_are_opaque_or_clear_throughout(studio, build) -> None:
+    view = leaves_view(LIGHTS["spot"], cards(20, Cutout(alpha_of("leaf"), nearest=True, wrap=("clamp", "clamp"))))
+    shot, rays = studio.shot(view), {}
+    for spec in ("ray-traced", "hybrid:rest=embree,size=64", "hybrid:rest=embree,size=2048"):
+        one = build(spec, shot)
+        one.draw(shot)
+        rays[spec] = one.technique.facts()["rays"]
+    every, coarse, fine = rays.values()
+    assert 0 < fine < 0.5 * coarse < 0.5 * every
 
 
 MAPS = [
@@ -123,7 +152,7 @@ def test_maps_hold_the_leaves_that_triangles_make(kind, spec, mask) -> None:
 def test_cut_out_casters_are_culled_as_others_are(kind, name, kept, shape, studio, build, mask) -> None:
     """Before, between and after opaque ones in the file, near ones and far ones, which one face of a cube has."""
     away = cards(200, NOISE)
-    away = replace(away, vertices=away.vertices + np.array([40.0, 0.0, 5.0]))
+    away = replace(away, points=away.vertices + np.array([40.0, 0.0, 5.0]))
     near, far, last = (shape("sphere", 0.4, at) for at in ((-0.9, 0.5, 0.2), (41.0, 0.5, 5.0), (0.8, 0.3, -0.4)))
     view = leaves_view(LIGHTS[kind], away, near, far, LEAVES, last)
     shot = studio.shot(view)

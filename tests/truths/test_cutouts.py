@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core import caching
 
 from shadowbench.scenes.cutouts import WRAPS, Cutout, Wrap
 from shadowbench.scenes.model import Light, Mesh, Scene, view_of
 from shadowbench.truths import packets
+from shadowbench.truths.cutout_filter import filter_address
 from shadowbench.truths.cutouts import OPAQUE, cutout_arrays, decide
 from shadowbench.truths.embree import INFINITE, Tracer
 from shadowbench.truths.trace import trace
@@ -131,3 +133,9 @@ def test_vertex_alphas_that_are_equal_are_not_rounded_where_they_are_interpolate
         assert geometry.cutouts.opaque(np.zeros(2000, int), weights).all()
         cut = cutout_arrays(geometry.cutouts, geometry.vertices, geometry.faces)
         assert all(decide(cut, 0, second, third, 0.0) == OPAQUE for _, second, third in weights)
+
+
+def test_the_filter_is_compiled_where_nothing_can_be_cached(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(caching.CodeLibraryCacheImpl, "_locator_classes", [])
+    monkeypatch.setattr(caching.CompileResultCacheImpl, "_locator_classes", [])
+    assert filter_address.__wrapped__() != 0

@@ -1,0 +1,15 @@
+// The normal of a triangle at a point of it, and the smooth surface that it stands for.
+#include "gbuffer/smooth.glsl"
+uniform sampler2D normals;  // by triangle; w = 1 for triangles that receive shadows
+uniform vec3 eye;
+#ifndef NORMAL_AT
+#define NORMAL_AT 1
+#endif
+layout(location = NORMAL_AT) out vec4 surface_normal;
+
+void write_surface(int triangle, vec3 world) {
+    // Read per triangle: screen derivatives of the position are wrong at silhouettes.
+    vec4 normal = texelFetch(normals, texel_of(triangle), 0);
+    surface_normal = vec4(dot(normal.xyz, eye - world) < 0.0 ? -normal.xyz : normal.xyz, normal.w);
+    write_smooth_surface(triangle, world, surface_normal);
+}
