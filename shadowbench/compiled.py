@@ -15,7 +15,10 @@ _log = logging.getLogger(__name__)
 _own: list[Any] = []  # what `compiled` has returned
 
 COMPILING = "compiling loops: 10 s in all, a minute with cut-outs, once on a machine"
-UNCACHED = "compiling loops: 10 s in all, a minute with cut-outs, in every process, since Numba finds no folder to cache in: set NUMBA_CACHE_DIR"
+UNCACHED = (
+    "compiling loops: 10 s in all, a minute with cut-outs, in every process, since Numba finds no folder to cache in: "
+    "set NUMBA_CACHE_DIR"
+)
 
 
 def compiled(**options: Any) -> Callable[[Any], Any]:
