@@ -142,6 +142,8 @@ def judged(pixel_rays: Callable[[View], tuple[Floats, Floats]]) -> Callable[...,
         pixels = sampled_pixels(truth, count) if pixels is None else pixels
         receiver, lit = answers(view, pixel_rays(view)[1][pixels])
         decided = ~truth.undecided.ravel()[pixels]
+        if truth.shading_cosine is not None:  # visibility is 0 where triangles alone face away from the light
+            lit = lit & (receiver | (truth.shading_cosine.ravel()[pixels] <= 0))
         wrong = (truth.receivers.ravel()[pixels] != receiver) | ((truth.visibility.ravel()[pixels] == 1) != lit)
         return Judged(receiver[decided], lit[decided], decided, int((wrong & decided).sum()))
 
