@@ -151,7 +151,7 @@ def test_pictures_masks_and_truths_lie_in_the_folder(run: Run, records: Records)
     assert {file.name for file in (run.folder / "pictures").iterdir()} == {f"{key}.png" for key in keys}
     views = ["cube-on-plane.camera.light.96", "room-with-lamp.camera.light.96"]
     assert {file.name for file in (run.folder / "truth").iterdir()} == {
-        f"{view}{kind}.png" for view in views for kind in ("", ".undecided", ".lit", ".ambient")
+        f"{view}{kind}.png" for view in views for kind in ("", ".undecided", ".facets", ".lit", ".ambient")
     }
     for file in (run.folder / "pictures").iterdir():
         with Image.open(file) as picture:

@@ -8,6 +8,7 @@ from random import Random
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 
 from shadowbench.measure.scoring import prepare_truth
@@ -160,6 +161,7 @@ def test_only_answers_to_the_last_question_are_taken(viewer: Viewer) -> None:
 
 def test_why_nothing_is_scored_is_said(viewer: Viewer, clock: Any) -> None:
     viewer.step()
+    psutil.Process(viewer.judge.task._process.pid).suspend()  # so that it has no answer before it is killed
     clock.now += 1.0
     viewer.step()
     viewer.step()
