@@ -60,6 +60,7 @@ def test_layers_of_an_exponential_shadow_map_are_as_sharp_as_one_of_a_larger_exp
     assert abs(blunt - sharp) > 5e-4
 
 
+@pytest.mark.slow
 def test_sphere_proxies_are_right_for_a_ball_and_wrong_for_a_cube(iou: Callable[..., Any], tmp_path: Path) -> None:
     (tmp_path / "ball.toml").write_text(BALL, encoding="utf-8")
     exact = f"sphere-proxies:scale={3**-0.5!r}"  # the half diagonal of a ball's bounds is √3 of its radius

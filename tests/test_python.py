@@ -210,6 +210,7 @@ def test_close_waits_for_the_calls_of_other_threads() -> None:
     assert _Shared.worker is None
 
 
+@pytest.mark.slow
 def test_threads_with_other_plug_ins_do_not_end_each_other_s_worker(half: Path) -> None:
     def mean(spec: str) -> float:
         plugins = [half] if spec == "half" else []

@@ -172,6 +172,7 @@ def test_on_this_machine_times_rank_and_an_impossible_budget_is_not_met(
     assert found["ranked_by"] == "frame_ms" and found["choice"]["cost"] > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("iqr", "mark"), [(0.0, False), (9.0, True)])
 def test_a_time_that_varied_much_is_marked(
     shadowbench: Callable[..., Any], tmp_path: Path, iqr: float, mark: bool
@@ -217,6 +218,7 @@ def test_in_a_picture_wholly_in_shadow_drawing_no_shadow_meets_no_target(
     assert projected == ([1.0] if ground == 40.0 else [])
 
 
+@pytest.mark.slow
 def test_a_penumbra_is_judged_by_its_rmse(
     shadowbench: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -186,6 +186,7 @@ def test_tune_prints_and_saves_its_result(shadowbench: Callable[..., Any], tmp_p
     assert str(tmp_path) not in quiet.out
 
 
+@pytest.mark.slow
 def test_a_setting_that_fails_costs_its_own_trial_only(
     shadowbench: Callable[..., Any], half: Path, tmp_path: Path
 ) -> None:

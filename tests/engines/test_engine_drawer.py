@@ -84,6 +84,7 @@ def test_a_picture_one_frame_late_fails_the_cell(engine: type[Engine], view: Vie
         drawn(engine, view, "late")
 
 
+@pytest.mark.slow
 def test_an_engine_that_hangs_is_ended(engine: type[Engine], view: View) -> None:
     engine.seconds = 3.0
     with pytest.raises(CellFailed, match="no answer to 'draw' within 3 s"):

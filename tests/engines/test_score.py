@@ -584,6 +584,7 @@ def test_a_stored_truth_is_scored_without_embree_and_gl(shadowbench: Callable, m
     assert done.returncode == 0 and "score, mask and difference of mine added" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="only Linux tells which libraries are loaded")
 def test_export_and_score_load_no_library_of_gl(mask: Path, tmp_path: Path) -> None:
     code = (

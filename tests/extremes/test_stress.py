@@ -180,6 +180,7 @@ def test_a_crash_costs_only_its_own_cells(swept: Swept) -> None:
     assert len(swept.steps) == swept.total == 15
 
 
+@pytest.mark.slow
 def test_a_hang_is_recorded_as_a_row(bench: Any, tmp_path: Path) -> None:
     bench.worker.limits = Limits(seconds=5)
     swept = Swept(bench, tmp_path, ["does:what=hang", "half"], short(ELEVATION))

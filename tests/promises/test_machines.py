@@ -138,6 +138,7 @@ def test_a_search_has_the_same_trials(compare: Callable[..., None]) -> None:
     compare("tune", "-t", "shadow-map", *scenes, "--trials", "3", "--phases", "1", *SMALL)
 
 
+@pytest.mark.slow
 def test_times_are_taken_where_asked_and_nowhere_else(
     shadowbench: Command, records: Records, address: str, tmp_path: Path
 ) -> None:

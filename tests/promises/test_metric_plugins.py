@@ -32,6 +32,7 @@ def test_a_metric_of_a_plug_in_is_listed_printed_tabled_and_compared(shadowbench
     assert answer.returncode == 1 and "shadow-area" in answer.stdout
 
 
+@pytest.mark.slow
 def test_rows_are_measured_again_for_a_metric_that_is_new_or_has_changed(
     shadowbench: Command, records: Callable[..., list[Record]], tmp_path: Path
 ) -> None:

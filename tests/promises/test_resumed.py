@@ -61,6 +61,7 @@ def test_rounds_come_later_without_scoring_again(study: Study) -> None:
     assert {row["reference_key"] for row in times[:6]} == {keys["unshadowed"]}, "that of its own row"
 
 
+@pytest.mark.slow
 def test_a_changed_default_measures_only_what_changed(study: Study, half: Path, tmp_path: Path) -> None:
     """Also of the reference: its times are then another's denominator."""
     plugin = tmp_path / "half.py"

@@ -75,6 +75,7 @@ def test_a_box_behind_a_spot_is_left_out() -> None:
 places = st.tuples(st.floats(-3, 3), st.floats(-1, 3), st.floats(-3, 3))
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.floats(0.05, 1.0), places), min_size=1, max_size=6), st.sampled_from(LIGHTS))
 @example([(0.65625, (1.0, 1.75, 1.8125))], next(light for light in LIGHTS if light.kind == "spot"))

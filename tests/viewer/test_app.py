@@ -62,6 +62,7 @@ def test_a_travelling_light_moves_by_the_clock_and_undo_returns(viewer: Viewer, 
     assert viewer.state.light == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["acne", "lamp-far-away", "eye-in-volume"])
 def test_an_artefact_is_shown_beside_its_cure_and_undone_at_once(viewer: Viewer, settle: Settle, scene: str) -> None:
     settle(viewer)
@@ -209,6 +210,7 @@ def live_objects() -> Counter[str]:
     return Counter(type(one).__name__ for one in found if not isinstance(one.mglo, moderngl.InvalidObject))
 
 
+@pytest.mark.slow
 def test_nothing_is_left_behind_by_frames_and_other_techniques(viewer: Viewer, settle: Settle) -> None:
     specs = [parse_spec(text, KNOWN) for text in ("shadow-map:size=64", "cascades:size=64", "shadow-volume")]
 
