@@ -28,7 +28,7 @@ from PIL import Image
 from shadowbench.measure.rows import Record
 from shadowbench.reports.engine_defects import strip_rows
 from shadowbench.results.engine_settings import engine_results
-from shadowbench.results.folder import identity, read_runs
+from shadowbench.results.folder import identity, read_runs, view_name
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import is_soft
 
@@ -127,7 +127,7 @@ def _pictured(folder: Path) -> list[str]:
 
 def _keep_truth(folder: Path, target: Path, row: Record) -> None:
     """Keep the images of a row's view that are not kept yet: of an engine's the truth, which its page shows."""
-    view = ".".join(str(row[part]) for part in ("scene", "view", "light", "view_size"))
+    view = view_name(row)
     grey = dict.fromkeys((".png", ".undecided.png", ".facets.png"), _grey)
     ends = grey | {".lit.png": _color, ".ambient.png": _color}
     for end, keep in list(ends.items())[: 1 if "engine" in row else None]:

@@ -11,7 +11,7 @@ from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_facets, read_view
 from shadowbench.results.baseline import CheckResult
-from shadowbench.results.folder import Run, identity
+from shadowbench.results.folder import Run, identity, view_name
 from shadowbench.scores.difference import with_legend
 from shadowbench.scores.metrics import is_soft
 
@@ -54,7 +54,7 @@ def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
 
 def _difference(run: Run, score: Record, traced: Run) -> NDArray[np.uint8] | None:
     """Difference picture of a cell's mask and the truth in a run folder; None if a file is missing."""
-    view = ".".join(str(score[name]) for name in ("scene", "view", "light", "view_size"))
+    view = view_name(score)
     truth = traced.folder / "truth" / f"{view}.png"
     files = run.folder / "masks" / f"{score['key']}.png", truth, truth.with_suffix(".undecided.png")
     if not all(file.exists() for file in files):

@@ -13,6 +13,7 @@ from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import read_view
 from shadowbench.reports.words import COLUMNS, optional
 from shadowbench.results.engine_settings import ERROR, EngineResults, names_of
+from shadowbench.results.folder import view_name
 from shadowbench.scores.metrics import METRICS
 
 TITLE = METRICS[ERROR].error_label
@@ -73,7 +74,7 @@ def _strip(one: EngineResults, target: Path) -> list[str]:
     """A picture of the truth beside the masks of `strip_rows`."""
     name, folder, rows = one.engine.name, one.run.folder, strip_rows(one)
     first = next(iter(rows.values()))
-    stem = ".".join(str(first[part]) for part in ("scene", "view", "light", "view_size"))
+    stem = view_name(first)
     files = {"truth": folder / "truth" / f"{stem}.png"}
     files |= {label: folder / "masks" / f"{row['key']}.png" for label, row in rows.items()}
     if lacking := [file for file in files.values() if not file.exists()]:

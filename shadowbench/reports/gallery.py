@@ -22,6 +22,7 @@ from shadowbench.measure.rows import Record
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits, fault_lines, median_text
 from shadowbench.results.configurations import Configuration, Section
+from shadowbench.results.folder import view_name
 from shadowbench.results.ranges import value_text
 from shadowbench.scores.difference import difference_over, weight, with_facets
 from shadowbench.scores.masks import read_mask
@@ -145,7 +146,7 @@ def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str
 
 
 def _view(folder: Path, row: Record, place: Place) -> dict[str, Any]:
-    name, size = ".".join(str(row[part]) for part in ("scene", "view", "light", "view_size")), row["view_size"]
+    name, size = view_name(row), row["view_size"]
     return {
         "truth": _image(folder / f"{name}.png", size, place),
         "undecided": _image(folder / f"{name}.undecided.png", size, place),

@@ -24,7 +24,7 @@ from shadowbench.reports.site_data import write_data
 from shadowbench.reports.site_rows import MAP_SIZE, SiteRow, level, scene_file, site_rows
 from shadowbench.reports.vega import Chart, styles_of
 from shadowbench.results.configurations import Section, sections
-from shadowbench.results.folder import Run, read_runs
+from shadowbench.results.folder import Run, read_runs, view_name
 from shadowbench.results.ranking import mean_section
 from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
 
@@ -110,7 +110,7 @@ class _Site:
 def _picture(folder: Path, row: SiteRow) -> SiteRow | None:
     """Write the difference of a row's mask from the truth, and return the row; None if either is not kept."""
     score, truth = row.score, row.run.folder / "truth"
-    view = ".".join(str(score[part]) for part in ("scene", "view", "light", "view_size"))
+    view = view_name(score)
     if row.mask is None or not (truth / f"{view}.undecided.png").exists():
         return None
     mask, right, undecided = (

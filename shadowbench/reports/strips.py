@@ -13,6 +13,7 @@ from shadowbench.reports.gallery import difference, read_facets, read_view, scor
 from shadowbench.reports.verdict import real_time
 from shadowbench.reports.words import median_text
 from shadowbench.results.configurations import Configuration, Section
+from shadowbench.results.folder import view_name
 from shadowbench.results.ranking import candidates, cost_row, targets_of
 
 _MOST = 3  # techniques beside the truth, so that a strip fits a page's width
@@ -42,7 +43,7 @@ def strip_of(section: Section, labels: Sequence[str] = ()) -> Strip | None:
     if not found:
         return None
     folder, first, size = section.run.folder, found[0][1], found[0][1]["view_size"]
-    stem = ".".join(str(first[name]) for name in ("scene", "view", "light", "view_size"))
+    stem = view_name(first)
     truth_file = folder / "truth" / f"{stem}.png"
     masks = [(one, folder / "masks" / f"{row['key']}.png") for one, row in found]
     undecided_file = truth_file.with_suffix(".undecided.png")

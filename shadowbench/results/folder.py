@@ -41,6 +41,11 @@ def identity(record: Record) -> tuple[Any, ...]:
     return _parts_of(record["full_spec"]), *_identity_of(record)
 
 
+def view_name(record: Record) -> str:
+    """Name of a row's view, as `View.name`, with which the files of its truth begin."""
+    return ".".join(map(str, _view_of(record)))
+
+
 @lru_cache(1 << 12)
 def _parts_of(full_spec: str) -> tuple[str, ...]:
     name, _, parameters = without_retired(full_spec).partition(":")
