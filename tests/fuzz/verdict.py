@@ -34,8 +34,8 @@ MOST_MEMORY = 4 << 30
 LONGEST_LINE = 3000
 """Characters of a refusal: it must be read by somebody."""
 FORBIDDEN = re.compile(r"socket\.(connect|bind|getaddrinfo)|os\.(system|remove|rename|mkdir|symlink|truncate)|urllib.*")
-COMPILED = re.compile(r"\.nb[ic]\b")
-"""Files of Numba's cache, which it reads and writes when a loop first runs."""
+COMPILED = re.compile(r"\b__pycache__\b|\.nb[ic]\b")
+"""Files and folders of Python's and Numba's caches, made when a module is imported or a loop run for the first time."""
 
 
 class Verdict(NamedTuple):
