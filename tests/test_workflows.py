@@ -6,6 +6,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 ENGINES = ROOT / "docs" / "how-to" / "ci-for-engines.yml"
 FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
 COMMAND = re.compile(r"(?m)^(?:# +| +(?:- )?run: )(shadowbench [^#\n]+)")  # in a step, or in a comment by itself
+
+RELEASE = re.compile(r"(?m)^## \[(\d\S*)\] - (\d{4}-\d\d-\d\d)$")  # of Keep a Changelog
 
 
 def parse(line: str) -> None:
@@ -103,4 +106,14 @@ def test_issue_forms_have_required_fields(file: Path) -> None:
 
 
 def test_the_citation_is_of_this_version() -> None:
-    assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == __version__
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert citation["version"] == __version__ and citation["license"] == project["license"]
+    assert [one["name"].lower() for one in citation["authors"]] == [one["name"].lower() for one in project["authors"]]
+
+
+def test_the_citation_has_the_date_of_the_release_and_none_before_it() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    releases = dict(RELEASE.findall((ROOT / "CHANGELOG.md").read_text(encoding="utf-8")))
+    assert str(citation.get("date-released")) == releases.get(__version__, "None")
+    assert releases or not citation.keys() & {"doi", "identifiers"}  # nothing to identify
