@@ -24,6 +24,13 @@ def labelled(tile: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
     return np.asarray(image)
 
 
+def grid(tiles: Sequence[NDArray[np.uint8]], columns: int) -> NDArray[np.uint8]:
+    """One (H, W, 3) picture of equal tiles in rows of `columns`, the last filled with white."""
+    columns = min(columns, len(tiles))
+    filled = [*tiles, *[np.full_like(tiles[0], 255)] * (-len(tiles) % columns)]
+    return np.vstack([np.hstack(filled[at : at + columns]) for at in range(0, len(filled), columns)])
+
+
 def png(frames: Sequence[NDArray[np.uint8]], largest: int) -> bytes:
     """PNG of (H, W, 3) frames, animated if there are several; with 256 or 16 colours if it would be too large.
 
