@@ -17,6 +17,7 @@ html_sidebars = {  # the theme's, below a link to the site of results when they 
         *(f"sidebar/{one}.html" for one in ("brand", "search", "scroll-start", "navigation", "scroll-end")),
     ]
 }
+myst_enable_extensions = ["html_image"]  # pictures with a width, in tables
 myst_heading_anchors = 3  # links to headings as on GitHub
 default_role = "code"  # docstrings mark names with single backquotes
 autodoc_member_order = "bysource"

@@ -1,5 +1,6 @@
 """The documentation agrees with the code, and its links are valid."""
 
+import math
 import re
 import shutil
 import subprocess
@@ -20,8 +21,11 @@ NO_LINKS = {"changelog.md", "contributing.md", "commands.md"}  # what they inclu
 GENERATED = ("technique_docs.py", "reference_docs.py")  # the tools of other pages have tests of their own
 
 
-def page() -> str:
-    return (ROOT / "docs" / "reference" / "techniques.md").read_text(encoding="utf-8")
+TECHNIQUES = ROOT / "docs" / "reference" / "techniques"
+
+
+def page(technique: str) -> str:
+    return (TECHNIQUES / f"{technique}.md").read_text(encoding="utf-8")
 
 
 def anchors(file: Path) -> set[str]:
@@ -47,7 +51,7 @@ def test_generated_pages_are_up_to_date(tool: str) -> None:
 
 
 def test_a_changed_default_makes_the_page_stale_and_a_changed_number_does_not(tmp_path: Path) -> None:
-    made, file = page(), tmp_path / "techniques.md"
+    made, file = page("shadow-map"), tmp_path / "shadow-map.md"
     assert compare(file, made, "tool") == 1
     file.write_text(made, encoding="utf-8")
     assert compare(file, made, "tool") == 0
@@ -59,11 +63,11 @@ def test_a_changed_default_makes_the_page_stale_and_a_changed_number_does_not(tm
 
 @pytest.mark.parametrize("technique", own_techniques(), ids=lambda technique: technique.name)
 def test_every_technique_has_its_parameters_presets_and_picture(technique) -> None:
-    section = re.split(r"(?m)^## ", page().split(f"\n## {technique.name}\n")[1])[0]
+    section = page(technique.name)
     assert all(f"| `{key}` |" in section for key in technique.Params.model_fields)
     assert all(f"| `{name}` | `{items}` |" in section for name, items in technique.presets.items())
     assert all(f"| {kind} |" in section for kind in ("directional", "spot", "point"))
-    assert f"](../pictures/techniques/{technique.name}.png)" in section
+    assert f"](../../pictures/techniques/{technique.name}.png)" in section
     file = ROOT / "docs" / "pictures" / "techniques" / f"{technique.name}.png"
     assert file.stat().st_size < 250_000
     with Image.open(file) as picture:
@@ -80,6 +84,22 @@ def test_every_link_leads_to_a_file_and_a_heading(file: Path) -> None:
         there = (file.parent / path).resolve() if path else file
         assert there.exists(), link
         assert not anchor or anchor in anchors(there), link
+
+
+FIRST, COLUMNS = 50, 90  # lines before the first example, and characters of a line: less than two screens
+EXAMPLE = re.compile(r"(?m)^```|!\[|<img ")
+LIST = "changelog.md"
+
+
+@pytest.mark.parametrize("file", [page for page in PAGES if page.name.lower() != LIST], ids=lambda file: file.name)
+def test_a_page_shows_an_example_within_two_screens(file: Path) -> None:
+    text = INCLUDED.sub(
+        lambda name: (file.parent / name[1]).read_text(encoding="utf-8"), file.read_text(encoding="utf-8")
+    )
+    text = re.sub(r"(?ms)^```\{(toctree|eval-rst)\}.*?^```$", "", text)
+    example = EXAMPLE.search(text)
+    assert example, "no example"
+    assert sum(max(1, math.ceil(len(line) / COLUMNS)) for line in text[: example.start()].splitlines()) <= FIRST
 
 
 def test_every_picture_is_shown_on_a_page() -> None:
