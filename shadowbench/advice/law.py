@@ -94,7 +94,7 @@ def find_law(name: str) -> Law:
     words = re.split(r"[\W_]+", name.lower())
     found = [law for device, law in laws().items() if all(word in device.lower() for word in words)]
     if len(found) != 1:
-        raise InputError(f"{name!r:.60}: names {len(found)} devices with times; allowed: {', '.join(laws())}")
+        raise InputError(f"--device: {name!r:.60} names {len(found)} devices with times; allowed: {', '.join(laws())}")
     return found[0]
 
 

@@ -72,7 +72,7 @@ def test_the_laws_on_record_hold_for_maps_and_volumes_in_other_scenes(device: st
 
 def test_a_device_is_found_by_words_of_its_name() -> None:
     assert find_law("h100").device == "NVIDIA H100 80GB HBM3"
-    with pytest.raises(InputError, match=r"^'radeon': names 0 devices with times; allowed: NVIDIA H100"):
+    with pytest.raises(InputError, match=r"^--device: 'radeon' names 0 devices with times; allowed: NVIDIA H100"):
         find_law("radeon")
 
 
