@@ -1,6 +1,6 @@
 # Everything runs from .venv, which `setup` keeps ready; nothing needs to be installed before `make`.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo view test test-slow test-all lint docs site published wheel clean
+.PHONY: help setup demo view test test-slow test-all lint docs site published dataset wheel clean
 
 # `make test PYTHON=python3.13` tests that Python, in an environment beside the usual one.
 ifeq ($(origin PYTHON),command line)
@@ -36,6 +36,7 @@ help:
 	@echo "make docs       the documentation into build/docs/, a warning or a broken link being an error"
 	@echo "make site       the published results as a site, build/site/index.html, and the documentation in it"
 	@echo "make published  measure what results/published/ lacks of benchmarks/published/: some minutes for all of it"
+	@echo "make dataset    truths, masks and scenes as a data set, build/dataset/, measured first: some seven minutes"
 	@echo "make wheel      sdist and wheel into dist/, once the wheel has run in an empty environment"
 	@echo "make setup      what the others do first: system packages and .venv"
 	@echo "make clean      remove .venv, caches, and the folders that commands write into results/"
@@ -89,6 +90,14 @@ site: setup
 
 published: setup
 	$(bin)/python tools/publish.py
+
+measured := build/measured
+run := $(bin)/shadowbench run --rounds 0 --quiet >/dev/null
+dataset: setup
+	$(run) -s benchmarks/published/techniques.toml -o $(measured)/techniques
+	$(run) -s benchmarks/published/plants.toml -o $(measured)/plants
+	$(run) -s filters --view-size 512 -o $(measured)/soft
+	$(bin)/python tools/dataset.py $(measured)/techniques $(measured)/plants $(measured)/soft -o build/dataset
 
 wheel: setup
 	$(bin)/python tools/wheel.py

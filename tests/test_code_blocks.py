@@ -38,7 +38,10 @@ SMALLER = {  # by command, the largest values of options
     "run": ("--view-size", str(SIZE), "--rounds", "1"),
     **dict.fromkeys(("export", "render", "truth", "needs", "recommend"), ("--view-size", str(SIZE))),
 }
-OTHER_PROGRAMS = {"pytest": [sys.executable, "-m", "pytest", "-p", "no:cacheprovider"], "sed": ["sed"]}
+OTHER_PROGRAMS = {
+    "pytest": [sys.executable, "-m", "pytest", "-p", "no:cacheprovider"],
+    **{name: [name] for name in ("cut", "ls", "sed")},
+}
 TECHNIQUES = "|".join([*(one.name for one in own_techniques()), "my-shadows", "sphere-proxies"])
 KINDS = [  # what may differ between two outputs of the same kind, and the word that stands for it
     (r"\b[0-9a-f]{8,}\b", "#"),
@@ -179,10 +182,10 @@ def test_the_readme_is_short_and_few_blocks_are_not_run() -> None:
     assert len(not_run) <= MOST_NOT_RUN, not_run
 
 
-def test_python_is_a_file_that_the_page_names_or_stands_on_the_page_that_is_a_script() -> None:
+def test_python_is_a_file_that_the_page_names_or_stands_on_a_page_that_is_a_script() -> None:
     python = [block for block in BLOCKS if block.language == "python"]
     others = {block.page.name for block in python if not block.text.startswith("# test_")}
-    assert others == {"python.md"}  # tests/test_python.py runs it
+    assert others == {"api.md", "python.md"}  # tests/test_python.py runs them
 
 
 @pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "toml"], ids=lambda block: block.page.stem)

@@ -1,5 +1,6 @@
 """The documentation agrees with the code, and its links are valid."""
 
+import math
 import re
 import shutil
 import subprocess
@@ -83,6 +84,22 @@ def test_every_link_leads_to_a_file_and_a_heading(file: Path) -> None:
         there = (file.parent / path).resolve() if path else file
         assert there.exists(), link
         assert not anchor or anchor in anchors(there), link
+
+
+FIRST, COLUMNS = 50, 90  # lines before the first example, and characters of a line: less than two screens
+EXAMPLE = re.compile(r"(?m)^```|!\[|<img ")
+LIST = "changelog.md"
+
+
+@pytest.mark.parametrize("file", [page for page in PAGES if page.name.lower() != LIST], ids=lambda file: file.name)
+def test_a_page_shows_an_example_within_two_screens(file: Path) -> None:
+    text = INCLUDED.sub(
+        lambda name: (file.parent / name[1]).read_text(encoding="utf-8"), file.read_text(encoding="utf-8")
+    )
+    text = re.sub(r"(?ms)^```\{(toctree|eval-rst)\}.*?^```$", "", text)
+    example = EXAMPLE.search(text)
+    assert example, "no example"
+    assert sum(max(1, math.ceil(len(line) / COLUMNS)) for line in text[: example.start()].splitlines()) <= FIRST
 
 
 def test_every_picture_is_shown_on_a_page() -> None:

@@ -1,4 +1,4 @@
-"""The Python API: the examples of docs/how-to/python.md, and the promises of its functions."""
+"""The Python API: the examples of its pages, and the promises of its functions."""
 
 import os
 import re
@@ -17,8 +17,9 @@ import shadowbench as sb
 from shadowbench.results.tables import over_phases
 from shadowbench.shared_worker import _Shared, shared_worker
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "python.md"
-CODE = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "docs" / name for name in ("how-to/python.md", "reference/api.md")]
+CODE = re.findall(r"```python\n(.*?)```", "".join(page.read_text(encoding="utf-8") for page in PAGES), re.DOTALL)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -28,7 +29,7 @@ def end() -> None:
 
 
 @pytest.mark.slow
-def test_the_page_runs_as_a_script_without_a_guard(tmp_path: Path) -> None:
+def test_the_pages_run_as_a_script_without_a_guard(tmp_path: Path) -> None:
     (tmp_path / "page.py").write_text("\n".join(CODE), encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "page.py"], cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False
@@ -42,7 +43,7 @@ def test_the_page_runs_as_a_script_without_a_guard(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of Jupyter's own
-def test_the_page_runs_in_a_notebook_and_a_truth_is_a_picture_there(tmp_path: Path) -> None:
+def test_the_pages_run_in_a_notebook_and_a_truth_is_a_picture_there(tmp_path: Path) -> None:
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(part) for part in CODE])
     nbclient.NotebookClient(book, timeout=240, resources={"metadata": {"path": str(tmp_path)}}).execute()
     shown = [output.get("data", {}) for cell in book.cells for output in cell.outputs]
@@ -118,7 +119,7 @@ def test_calls_share_one_process_until_it_is_closed_or_others_plug_ins_are_asked
     first = _Shared.worker
     sb.render("stairs", "unshadowed", view_size=16)
     assert _Shared.worker is first
-    example = PAGE.parents[2] / "examples" / "sphere_proxies.py"
+    example = ROOT / "examples" / "sphere_proxies.py"
     sb.render("cube-on-plane", "sphere-proxies", view_size=16, plugins=[example])
     assert _Shared.worker is not first
     sb.close()

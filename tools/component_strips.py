@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pages import labelled
+from pages import grid, labelled
 from PIL import Image
 
 from shadowbench.measure.session import CellRequest, Session
@@ -54,5 +54,4 @@ def strip(worker: Worker, members: Iterable[str], shown: Strip) -> list[NDArray[
             picture = Image.fromarray(worker.call(Session.draw, view, request, tinted=True).picture)
             part = picture.crop((left, top, left + side, top + side)).resize((TILE, TILE), Image.Resampling.NEAREST)
             tiles.append(labelled(np.asarray(part), name))
-    tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % min(COLUMNS, len(tiles)))
-    return [np.vstack([np.hstack(tiles[at : at + COLUMNS]) for at in range(0, len(tiles), COLUMNS)])]
+    return [grid(tiles, COLUMNS)]

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import ages
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
@@ -22,6 +23,13 @@ def labelled(tile: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
     draw.rectangle((0, 0, image.width, LABEL), fill=(255, 255, 255))
     draw.text((6, 4), text, fill=(0, 0, 0), font=ImageFont.load_default(13))
     return np.asarray(image)
+
+
+def grid(tiles: Sequence[NDArray[np.uint8]], columns: int) -> NDArray[np.uint8]:
+    """One (H, W, 3) picture of equal tiles in rows of `columns`, the last filled with white."""
+    columns = min(columns, len(tiles))
+    filled = [*tiles, *[np.full_like(tiles[0], 255)] * (-len(tiles) % columns)]
+    return np.vstack([np.hstack(filled[at : at + columns]) for at in range(0, len(filled), columns)])
 
 
 def png(frames: Sequence[NDArray[np.uint8]], largest: int) -> bytes:
@@ -42,8 +50,9 @@ def png(frames: Sequence[NDArray[np.uint8]], largest: int) -> bytes:
 
 
 def without_numbers(page: str) -> str:
-    """A page with the numbers in its lines of measurements removed, for `compare`."""
-    return "\n".join(NUMBERS.sub("…", line) if line.startswith("Measured") else line for line in page.splitlines())
+    """A page without the numbers in its lines of measurements, and without records of them, for `compare`."""
+    lines = (line for line in page.splitlines() if not line.startswith(ages.START))
+    return "\n".join(NUMBERS.sub("…", line) if line.startswith("Measured") else line for line in lines)
 
 
 def compare(file: Path, generated: str, tool: str) -> int:

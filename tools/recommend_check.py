@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import ages
+
 from shadowbench.advice.recommend import MARGINS, find_cheapest, trial_of
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import full_space, grid_of
@@ -40,6 +42,18 @@ MAX_RATIO, MAX_SHARE = 1.15, 0.2  # largest cost relative to the cheapest, and l
 
 HEAD = """\
 # Recommendations
+
+{record}
+
+```console
+$ shadowbench recommend room-with-lamp
+room-with-lamp, IoU ≥ 0.99, by work; times of a software renderer are not those of a GPU
+        spec                             map     iou        work  × choice   MiB  key
+choice  shadow-volume                              1     755,289         1  3.07  cec06d7cd1ec25be3e4d42e1
+next    cube-map:depth=d16,filter=hard  1024  0.9914  15,356,314      20.3  13.2  b78255cd76dcd2e106c254f8
+misses  planar-projection                     0.9789   6,497,904       8.6  1.04  4672d463e3ee205d67a70ebe
+…
+```
 
 `shadowbench recommend SCENE` searches for the cheapest technique, parameters and map size that meet a target. Cost is
 the frame time on a GPU; on a software renderer, whose times are not those of a GPU, it is `work_cost` (shader
@@ -176,7 +190,18 @@ def page(lines: Mapping[Target, Sequence[Line]], size: int) -> str:
     """The whole page."""
     (same, other), (edges, _) = MARGINS["iou"], MARGINS["edge_px"]
     space = "\n".join(_space())
-    parts = [HEAD.format(space=space, same=same, other=other, edges=edges, size=size, ratio=MAX_RATIO, share=MAX_SHARE)]
+    parts = [
+        HEAD.format(
+            record=ages.record(f"python tools/{Path(__file__).name}"),
+            space=space,
+            same=same,
+            other=other,
+            edges=edges,
+            size=size,
+            ratio=MAX_RATIO,
+            share=MAX_SHARE,
+        )
+    ]
     for target, found in lines.items():
         parts += [
             f"### {_heading(target)}\n",

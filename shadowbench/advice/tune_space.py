@@ -154,7 +154,9 @@ def span(info: FieldInfo) -> tuple[float, float, bool] | None:
         return told[0], told[1], False
     if info.annotation not in (int, float) or in_metres(info):
         return None
-    low, high = _limit(info, "ge", "gt"), _limit(info, "le", "lt")
+    low, high, below = _limit(info, "ge", "gt"), _limit(info, "le"), _limit(info, "lt")
+    if below is not None:  # which rounding must not reach
+        high = below * (1 - 10**-DIGITS)
     if info.default <= 0:
         return None if low is None or high is None else (low, high, False)
     least, most = info.default / SEARCH_FACTOR, info.default * SEARCH_FACTOR

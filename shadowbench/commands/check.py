@@ -1,20 +1,19 @@
 """`check`: compare a run with a baseline; `--update` makes the run the baseline, `--repeat` compares two equal runs."""
 
+import json as json_module
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from shadowbench.commands import console, options
-from shadowbench.errors import InputError, alternatives, counted
+from shadowbench.errors import InputError, alternatives, counted, number
 from shadowbench.options import option
 
 if TYPE_CHECKING:
-    from shadowbench.results.baseline import Change, Findings, Verdict
-
-_LINES = 40  # of a table, one per cell
-_LONGEST = 40  # characters of a status
+    from shadowbench.results.baseline import CheckResult, Findings
 
 
 @dataclass(frozen=True)
@@ -24,6 +23,10 @@ class CheckOptions:
     baseline: Path | None = option("The baseline, or another run folder, to compare with  [only of --repeat].", "DIR")
     time: bool = options.flag("Also fail if a cell is slower, on the same machine.")
     update: bool = options.flag("Make this run the baseline, and print the changes.")
+    masks: bool = options.flag("With --update: keep the masks too, so that pictures show them beside later ones.")
+    github: bool = options.flag(
+        "Also print errors as annotations of a GitHub workflow, and append the summary to $GITHUB_STEP_SUMMARY."
+    )
     repeat: bool = options.flag(
         "Instead, fail if two runs of one study on one machine rank cells differently by time, or differ in work: DIR "
         "and the baseline, or the last two times of each cell in DIR (`run --time-again`)."
@@ -52,9 +55,11 @@ def check(
 
     Compares metrics, work and status of each cell with the baseline's cell of the same scene, view, light, phase, spec,
     map size and view size. Exit code 1 if a cell regressed or is missing, 2 if run and baseline share no cell.
-    Difference pictures of the worst cells are written to DIR/check. Work is compared on the same renderer only: draws,
-    primitives, texture reads, rays and GPU memory exactly, shader invocations within 2%. Times are compared on the same
-    machine only, as ratios to the reference.
+    If one regressed, DIR/check has summary.md, summary.json, and pictures of the worst cells: the truth, the mask
+    before, if the baseline keeps it, and now, with the place that became worst enlarged.
+
+    Work is compared on the same renderer only: draws, primitives, texture reads, rays and GPU memory exactly, shader
+    invocations within 2%. Times are compared on the same machine only, as ratios to the reference.
 
     With --repeat, exit code 1 if Kendall's tau of any ranking is below 0.95, or if work differs.
 
@@ -73,7 +78,6 @@ def check(
       τ of all pairs  Kendall's tau over all pairs, noise included
     """
     from shadowbench.measure.plugin_output import subjects_with, techniques_with
-    from shadowbench.reports.check_pictures import write_pictures
     from shadowbench.results.baseline import check as compared
     from shadowbench.results.baseline import write_baseline
     from shadowbench.studies.study_copy import copy_study
@@ -85,32 +89,74 @@ def check(
         return _check_repeat(folder, asked.baseline, json, quiet)
     if asked.baseline is None:
         raise InputError("check: found no --baseline; allowed: --baseline DIR, or --repeat")
+    if asked.github and json:
+        raise InputError("--github: found with --json; allowed: one of them, DIR/check/summary.json has the same")
+    if asked.masks and not asked.update:
+        raise InputError("--masks: found without --update; allowed: with it")
     found = compared(folder, asked.baseline, _tolerances(asked.tolerance), asked.time, asked.update)
     findings = found.findings
-    pictures = [] if asked.update else write_pictures(found)
+    failed = bool(findings.of("regressed") or (asked.time and findings.of("slower")))
+    pictures = {} if asked.update else _write_files(found, folder, asked, failed)
     if json:
-        files = [file for file, _ in pictures]
-        console.print_json({**findings.json, "notes": findings.notes, "pictures": files})
+        console.print_json(_json(findings, pictures))
     else:
         _print(findings, asked.baseline, asked.time)
     last = None
     if asked.update:
-        write_baseline(found.run.results, asked.baseline)
+        write_baseline(found.run.results, asked.baseline, found.run.folder / "masks" if asked.masks else None)
         study = copy_study(found.run, asked.baseline, subjects_with(()))
         cells = counted(len(found.run.results), "cell")
         copied = f"; study.toml is a copy of {study}" if study else ""
         last = f"{asked.baseline / 'rows.jsonl'}: {cells}, the baseline from now on{copied}"
-    elif pictures:
-        what = "before and after" if any(before for _, before in pictures) else "after"
-        many = f"{counted(len(pictures), 'picture')}, {what}"
-        last = f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue"
+    elif failed:
+        last = f"{folder / 'check'}: summary.md, summary.json, {counted(len(pictures), 'picture')}"
+    if asked.github and not asked.update:
+        _annotate(findings, folder, asked, pictures)
     if not quiet:
         for note in findings.notes:
             console.print_error(f"note: {note}")
         if last and not json:
             console.print_line(last)
-    failed = findings.of("regressed") or (asked.time and findings.of("slower"))
     return 1 if failed and not asked.update else 0
+
+
+def _write_files(found: "CheckResult", run: Path, asked: CheckOptions, failed: bool) -> dict[str, Path]:
+    """Write the summaries and pictures of a check that failed, in place of those of an earlier one; the pictures."""
+    from shadowbench.files import make_folder, replace_file
+    from shadowbench.reports.check_pictures import write_pictures
+    from shadowbench.reports.check_summary import markdown
+
+    folder = run / "check"
+    for stale in [*folder.glob("*.png"), *folder.glob("summary.*")]:
+        stale.unlink()
+    if not failed or asked.baseline is None:
+        return {}
+    make_folder(folder)
+    pictures = write_pictures(found, folder)
+    text = markdown(found.findings, asked.baseline, run, pictures, asked.time)
+    values = json_module.dumps(_json(found.findings, pictures), indent=2, allow_nan=False, default=str)
+    for name, content in (("summary.md", text), ("summary.json", values + "\n")):
+        with replace_file(folder / name) as temporary:
+            temporary.write_text(content, encoding="utf-8")
+    return pictures
+
+
+def _json(findings: "Findings", pictures: Mapping[str, Path]) -> dict[str, object]:
+    found = findings.json
+    for change, entry in zip(findings.of("regressed"), found["regressed"], strict=True):
+        entry["picture"] = pictures.get(change.score["key"])
+    return {**found, "notes": findings.notes, "pictures": list(pictures.values())}
+
+
+def _annotate(findings: "Findings", run: Path, asked: CheckOptions, pictures: Mapping[str, Path]) -> None:
+    """Print annotations of GitHub's log, and append the summary where a step's summary is collected."""
+    from shadowbench.reports.check_summary import annotations, markdown
+
+    for line in annotations(findings, pictures, asked.time):
+        console.print_line(line)
+    if (summary := os.environ.get("GITHUB_STEP_SUMMARY")) and asked.baseline is not None:
+        with Path(summary).open("a", encoding="utf-8") as file:
+            file.write(markdown(findings, asked.baseline, run, pictures, asked.time))
 
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:
@@ -144,7 +190,7 @@ def _check_repeat(folder: Path, other: Path | None, json: bool, quiet: bool) -> 
         return code
     block, numbers = "scene, view, light, phase", ("cells", "pairs", "swapped", "τ", "τ of all pairs")
     rows = [
-        (one.block, str(one.cells), str(one.sharp), str(one.swapped), *map(console.number, (one.tau, one.tau_of_all)))
+        (one.block, str(one.cells), str(one.sharp), str(one.swapped), *map(number, (one.tau, one.tau_of_all)))
         for one in found.rankings
     ]
     console.print_table("", (block, *numbers), rows, numbers=numbers, whole=(block,))
@@ -163,63 +209,13 @@ def _check_repeat(folder: Path, other: Path | None, json: bool, quiet: bool) -> 
 
 def _print(findings: "Findings", baseline: Path, time: bool) -> None:
     """A table of changes of each kind, and a summary."""
-    from shadowbench.results.baseline import MISSING
+    from shadowbench.reports.check_summary import COLUMNS, LINES, counts, tables
 
-    times = "; ratios to the reference" + ("" if time else "; a warning only (--time makes it fail)")
-    titles: dict[Verdict, str] = {
-        "regressed": "regressed, worst first",
-        "slower": f"slower{times}",
-        "improved": "improved, largest change first",
-        "faster": f"faster{times}",
-    }
-    cells = {kind: _by_cell(findings.of(kind)) for kind in titles}
-    for kind, title in titles.items():
-        if cells[kind]:
-            _print_changes(title, cells[kind])
-    missing = sum(change.after == MISSING for change in findings.changes)
+    for title, rows in tables(findings, time):
+        numbers = ("map", "before", "", "after", "× tolerance")
+        console.print_table(title, COLUMNS, rows[:LINES], numbers=numbers, whole=("what",))
+        if len(rows) > LINES:
+            console.print_line(f"  and {len(rows) - LINES} more; --json lists all")
+        console.print_text("")
     if findings.compared or findings.changes:
-        counts = {
-            "regressed": len(cells["regressed"]) - missing,
-            "missing": missing,
-            "improved": len(cells["improved"]),
-            "slower": len(cells["slower"]),
-        }
-        parts = [f"{count} {what}" for what, count in counts.items() if count or what in ("regressed", "improved")]
-        same = f", {findings.equal} of them identical" if findings.equal else ""
-        compared = f"{counted(findings.compared, 'cell')} compared with {baseline}{same}"
-        console.print_line(f"{compared}: {', '.join(parts)}")
-
-
-def _by_cell(changes: "Sequence[Change]") -> "list[list[Change]]":
-    cells: dict[int, list[Change]] = {}  # by the record, which the changes of a cell share
-    for change in changes:
-        cells.setdefault(id(change.score), []).append(change)
-    return list(cells.values())
-
-
-def _print_changes(title: str, cells: "list[list[Change]]") -> None:
-    """One line per cell: the largest change, and the names of the other changed values."""
-    rows = []
-    for worst, *others in cells[:_LINES]:
-        score = worst.score
-        phase = f" phase {score['phase']}" if score["phase"] else ""
-        place = f"{score['scene']} {score['view']} {score['light']}{phase}"
-        excess = "" if math.isinf(worst.excess) else f"{worst.excess:.1f}"
-        also = " ".join(change.what for change in others)
-        before, after = _value(worst.before), _value(worst.after)
-        map_size = str(score["map_size"] or "")
-        rows.append((place, score["spec"], map_size, worst.what, before, "→", after, excess, also))
-    columns = ("scene, view, light", "spec", "map", "what", "before", "", "after", "× tolerance", "also")
-    numbers = ("map", "before", "", "after", "× tolerance")
-    console.print_table(title, columns, rows, numbers=numbers, whole=("what",))
-    if len(cells) > _LINES:
-        console.print_line(f"  and {len(cells) - _LINES} more; --json lists all")
-    console.print_text("")
-
-
-def _value(value: Any) -> str:
-    if value is None:
-        return "none"
-    if isinstance(value, str):
-        return value if len(value) <= _LONGEST else f"{value[: _LONGEST - 1]}…"
-    return str(value) if isinstance(value, int) else console.number(value)
+        console.print_line(counts(findings, baseline))

@@ -202,12 +202,3 @@ def print_json(value: Any) -> None:
     import json
 
     print(json.dumps(value, indent=2, allow_nan=False, default=str))
-
-
-def number(value: float | None) -> str:
-    """Four significant digits, without an exponent from 1e-4 up; – for None. More if below 1, but 1 with four."""
-    if value is None:
-        return "–"
-    if 0.99995 <= value < 1:
-        return next(text for places in range(5, 18) if float(text := f"{value:.{places}g}") < 1)
-    return f"{value:.4g}" if value == 0 or abs(value) >= 1e-4 else f"{value:.2e}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
 from shadowbench.commands.executors import campaigns
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, number
 from shadowbench.options import ViewOptions, option, view_size
 
 if TYPE_CHECKING:
@@ -240,7 +240,7 @@ def _cells(found: "Recommendation", one: "Trial") -> list[str]:
         one.spec.sizeless_text,
         str(one.spec.map_size or ""),
         "" if value is None else METRICS[found.target.metric].text(value, found.target.digits, row),
-        f"{one.cost:,.0f}" if found.unit == "work" else "~" * _is_rough(found, one) + console.number(one.cost),
+        f"{one.cost:,.0f}" if found.unit == "work" else "~" * _is_rough(found, one) + number(one.cost),
         f"{one.cost / found.choice.cost:.3g}" if found.choice else "",
         f"{one.bytes / 2**20:.3g}",
         str(row["key"]),

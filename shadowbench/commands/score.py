@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from shadowbench.commands import console, options
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, number
 from shadowbench.options import ViewOptions, option
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def _print(accuracy: "Accuracy") -> None:
         if metric.suits(soft) and (value is not None or metric.kind != "soft"):
             # The first sentence of a metric of soft shadows is not enough.
             about = metric.help if metric.kind == "soft" else metric.help.split(". ")[0]
-            shown = metric.text(value, console.number, accuracy.record)
+            shown = metric.text(value, number, accuracy.record)
             rows.append((metric.name, shown, metric.better, metric.kind, about))
     columns = ("metric", "", "better", "shadows", "what it is")
     console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better", "shadows"))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console
-from shadowbench.errors import counted
+from shadowbench.errors import counted, number
 
 if TYPE_CHECKING:
     from shadowbench.results.configurations import Configuration, Section
@@ -153,10 +153,10 @@ def _cell(one: "Configuration", key: str) -> str:
     """The error with its interval, else the median; 1 − IoU for `iou`."""
     value = one.value(key)
     if key == "error":
-        return one.error_text(console.number)
+        return one.error_text(number)
     if value is not None and key in ("iou", "gpu_bytes"):
-        return console.number(1 - value) if key == "iou" else f"{value / 2**20:.1f}"
-    return one.text(key, console.number)
+        return number(1 - value) if key == "iou" else f"{value / 2**20:.1f}"
+    return one.text(key, number)
 
 
 def print_verdict(sections: "Sequence[Section]") -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from shadowbench.commands import console, options
 from shadowbench.commands.executors import campaigns
-from shadowbench.errors import counted
+from shadowbench.errors import counted, number
 from shadowbench.options import PHASES, Bounds, SceneOptions, option, view_size
 
 if TYPE_CHECKING:
@@ -104,4 +104,4 @@ def _print(found: "Tuning") -> None:
 
 def _line(name: str, one: "Setting") -> list[str]:
     values = (one.tuning, one.held_out, one.acne, one.leak, one.contact)
-    return [name, one.spec.sizeless_text, f"{one.cost:.2f}", *map(console.number, values)]
+    return [name, one.spec.sizeless_text, f"{one.cost:.2f}", *map(number, values)]

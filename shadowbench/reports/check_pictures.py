@@ -1,6 +1,7 @@
-"""Difference pictures of the cells that became worse, before beside after."""
+"""Strips of the cells that became worse: the truth beside the masks before and now."""
 
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,56 +10,58 @@ from numpy.typing import NDArray
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.rows import Record
-from shadowbench.reports.gallery import difference, read_facets, read_view
-from shadowbench.results.baseline import CheckResult
+from shadowbench.reports.annotated import annotated, read_truth
+from shadowbench.reports.check_summary import by_cell, cell_name, value_text
+from shadowbench.reports.gallery import read_view
+from shadowbench.results.baseline import Change, CheckResult
 from shadowbench.results.folder import Run, identity, view_name
-from shadowbench.scores.difference import with_legend
 from shadowbench.scores.metrics import is_soft
 
 _MOST = 8  # pictures
+_TOLD = 3  # changes of a cell above its picture
 _UNSAFE = re.compile(r"[^\w.+=-]+")  # not allowed in file names everywhere
-_GAP = 8  # white pixels between before and after
 
 
-def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
-    """Write difference pictures of the worst cells that have masks into the run's folder `check`.
-
-    Returns each file, and whether it shows the baseline's difference beside the new one.
-    """
+def write_pictures(result: CheckResult, folder: Path) -> dict[str, Path]:
+    """Write a strip of each of the worst cells that have a mask into a folder; the files by the rows' keys."""
     run, baseline = result.run, result.baseline
     if baseline is None:
-        return []
-    folder = run.folder / "check"
-    for stale in folder.glob("*.png"):
-        stale.unlink()
-    before = {identity(row): row for row in baseline.rows}
+        return {}
+    old = {identity(row): row for row in baseline.rows}
     regressed = (change for change in result.findings.of("regressed") if change.what in ROW_METRICS)
-    written: list[tuple[Path, bool]] = []
-    for score in {id(change.score): change.score for change in regressed}.values():
-        picture = _difference(run, score, run)
-        if picture is None:
-            continue
-        old = _difference(baseline, before[identity(score)], run)
-        beside = old is not None and old.shape == picture.shape
-        if old is not None and beside:
-            picture = np.hstack([old, np.full((len(picture), _GAP, 3), 255, np.uint8), picture])
-        named = f"{len(written) + 1}.{score['scene']}.{score['spec']}.{score['map_size'] or ''}".removesuffix(".")
-        file = folder / f"{_UNSAFE.sub('_', named):.120}.png"
-        folder.mkdir(exist_ok=True)
-        write_picture(file, with_legend(picture) if is_soft(score["metrics"]) else picture)
-        written.append((file, beside))
+    written: dict[str, Path] = {}
+    for cell in by_cell(regressed):
+        score, key = cell[0].score, cell[0].score["key"]
+        picture = _strip(run, baseline, cell, old[identity(score)])
+        if picture is not None:
+            name = f"{len(written) + 1}.{score['scene']}.{score['spec']}.{score['map_size'] or ''}".removesuffix(".")
+            written[key] = folder / f"{_UNSAFE.sub('_', name):.120}.png"
+            write_picture(written[key], picture)
         if len(written) == _MOST:
             break
     return written
 
 
-def _difference(run: Run, score: Record, traced: Run) -> NDArray[np.uint8] | None:
-    """Difference picture of a cell's mask and the truth in a run folder; None if a file is missing."""
-    view = view_name(score)
-    truth = traced.folder / "truth" / f"{view}.png"
-    files = run.folder / "masks" / f"{score['key']}.png", truth, truth.with_suffix(".undecided.png")
-    if not all(file.exists() for file in files):
+def _strip(run: Run, baseline: Run, cell: Sequence[Change], old: Record) -> NDArray[np.uint8] | None:
+    """The truth, the mask before if the baseline has it, and the mask now; None without the truth or that mask."""
+    worst, score = cell[0], cell[0].score
+    truth = read_truth(run.folder / "truth" / f"{view_name(score)}.png", score["view_size"])
+    after, before = (_mask(folder, row) for folder, row in ((run.folder, score), (baseline.folder, old)))
+    if truth is None or after is None:
         return None
-    mask, visibility, undecided = (read_view(file, score["view_size"]) for file in files)
-    facets = read_facets(truth, score["view_size"])
-    return difference(mask, visibility, undecided >= 0.5, is_soft(score["metrics"]), facets)
+    now, then = (f"{worst.what} {value_text(value)}" for value in (worst.after, worst.before))
+    masks: Mapping[str, NDArray[np.float32]] = {f"now: {now}": after}
+    wrong = np.abs(after - truth.visibility)
+    if before is not None:
+        masks = {f"before: {then}": before, **masks}
+        more = np.maximum(wrong - np.abs(before - truth.visibility), 0)
+        wrong = more if more.any() else wrong
+    values = [f"{one.what} was {value_text(one.before)}, is {value_text(one.after)}" for one in cell[:_TOLD]]
+    title = "; ".join([f"{cell_name(score)}: {values[0]}", *values[1:]])
+    title += "" if before is not None else "; the baseline has no mask of it (--update --masks keeps them)"
+    return annotated(title, truth, masks, is_soft(score["metrics"]), wrong, "most became worse")
+
+
+def _mask(folder: Path, row: Record) -> NDArray[np.float32] | None:
+    file = folder / "masks" / f"{row['key']}.png"
+    return read_view(file, row["view_size"]) if file.exists() else None

@@ -1,6 +1,6 @@
 """The report as Markdown tables, for READMEs and papers."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from shadowbench.extremes.model import NAMES
 from shadowbench.reports.html import Scenes
@@ -111,9 +111,10 @@ def _items(found: Iterable[tuple[str, str]]) -> list[str]:
     return [f"- `{label}`: {escaped(text)}" for label, text in found]
 
 
-def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table; empty without rows."""
-    lines = [headings, ["---"] + ["---:"] * (len(headings) - 1), *rows]
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]], texts: Collection[str] = ()) -> list[str]:
+    """A table, numbers to the right; empty without rows. texts: headings of other columns than the first."""
+    rules = ["---" if name in texts or not at else "---:" for at, name in enumerate(headings)]
+    lines = [headings, rules, *rows]
     return ["\n".join(f"| {' | '.join(map(escaped, line))} |" for line in lines)] if rows else []
 
 

@@ -17,11 +17,14 @@ from shadowbench.results.folder import view_name
 from shadowbench.results.ranking import candidates, cost_row, targets_of
 
 _MOST = 3  # techniques beside the truth, so that a strip fits a page's width
-_GAP = 8  # white pixels between pictures
-_ENLARGED = 8  # how many times
+GAP = 8
+"""White pixels between pictures."""
+ENLARGED = 8
+"""How many times the worst place is enlarged."""
 _LEAST = 8  # pixels of what is enlarged
 _FRAME = (230, 159, 0)  # Okabe & Ito 2008: orange
-_BELOW = {False: "false shadow is vermillion, false light blue", True: "too dark is vermillion, too light blue"}
+COLORS = {False: "false shadow is vermillion, false light blue", True: "too dark is vermillion, too light blue"}
+"""What the colours of a difference mean, of hard shadows and of soft ones."""
 
 
 class Strip(NamedTuple):
@@ -53,15 +56,12 @@ def strip_of(section: Section, labels: Sequence[str] = ()) -> Strip | None:
     facets = read_facets(truth_file, size)
     shown = [truth, *(read_view(file, size) for _, file in masks)]
     wrong = sum(np.abs(np.where(undecided, 0, mask - truth)) for mask in shown[1:])
-    side = max(_LEAST, size // _ENLARGED)
-    top, left = _worst_place(np.asarray(wrong), side)
+    place = worst_place(np.asarray(wrong))
     columns = [
-        _column(_shaded(truth_file, mask), difference(mask, truth, undecided, section.soft, facets), top, left, side)
+        column(shaded(truth_file, mask), difference(mask, truth, undecided, section.soft, facets), place)
         for mask in shown
     ]
-    gap = np.full((len(columns[0]), _GAP, 3), 255, dtype=np.uint8)
-    picture = np.hstack([part for column in columns for part in (gap, column)][1:])
-    return Strip(picture, _caption(section, [one for one, _ in found], size))
+    return Strip(beside(columns), _caption(section, [one for one, _ in found], size))
 
 
 def _cheapest(section: Section) -> list[Configuration]:
@@ -78,34 +78,58 @@ def _named(section: Section, labels: Sequence[str]) -> list[Configuration]:
     return [known[label] for label in labels]
 
 
-def _worst_place(wrong: NDArray[np.floating], side: int) -> tuple[int, int]:
-    """Top and left of the square in which most is wrong, of those half a side apart."""
+class Place(NamedTuple):
+    """A square in a picture, in pixels."""
+
+    top: int
+    left: int
+    side: int
+
+    @property
+    def pixels(self) -> tuple[slice, slice]:
+        """Its rows and columns."""
+        return slice(self.top, self.top + self.side), slice(self.left, self.left + self.side)
+
+
+def worst_place(wrong: NDArray[np.floating]) -> Place:
+    """The square with the largest sum, of those half a side apart, whose side is an eighth of (N, N) errors."""
+    side = max(_LEAST, len(wrong) // ENLARGED)
     total = np.pad(wrong, ((1, 0), (1, 0))).cumsum(0).cumsum(1)
     step = max(1, side // 2)
     at = np.arange(0, len(wrong) - side + 1, step)
     low, high = np.ix_(at, at), np.ix_(at + side, at + side)
     sums = total[high] - total[low[0], high[1]] - total[high[0], low[1]] + total[low]
     row, column = np.unravel_index(int(sums.argmax()), sums.shape)
-    return int(at[row]), int(at[column])
+    return Place(int(at[row]), int(at[column]), side)
 
 
-def _column(picture: NDArray[np.uint8], wrong: NDArray[np.uint8], top: int, left: int, side: int) -> NDArray[np.uint8]:
+def framed(picture: NDArray[np.uint8], place: Place) -> NDArray[np.uint8]:
+    """A (N, N, 3) picture with a frame around a place."""
+    found, line = picture.copy(), max(1, len(picture) // 256)
+    top, left, side = place
+    found[max(0, top - line) : top + side + line, max(0, left - line) : left + side + line] = _FRAME
+    found[place.pixels] = picture[place.pixels]
+    return found
+
+
+def column(picture: NDArray[np.uint8], wrong: NDArray[np.uint8], place: Place) -> NDArray[np.uint8]:
     """A picture with the worst place framed, that place enlarged, and there the difference from the truth."""
-    place = slice(top, top + side), slice(left, left + side)
     width = len(picture)
     below = [
-        np.asarray(Image.fromarray(of[place]).resize((width, width), Image.Resampling.NEAREST))
+        np.asarray(Image.fromarray(of[place.pixels]).resize((width, width), Image.Resampling.NEAREST))
         for of in (picture, wrong)
     ]
-    framed, line = picture.copy(), max(1, width // 256)
-    inner = framed[place].copy()
-    framed[max(0, top - line) : top + side + line, max(0, left - line) : left + side + line] = _FRAME
-    framed[place] = inner
-    gap = np.full((_GAP, width, 3), 255, dtype=np.uint8)
-    return np.vstack([framed, gap, below[0], gap, below[1]])
+    gap = np.full((GAP, width, 3), 255, dtype=np.uint8)
+    return np.vstack([framed(picture, place), gap, below[0], gap, below[1]])
 
 
-def _shaded(truth_file: Path, mask: NDArray[np.float32]) -> NDArray[np.uint8]:
+def beside(columns: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Columns of one height side by side, with gaps."""
+    gap = np.full((len(columns[0]), GAP, 3), 255, dtype=np.uint8)
+    return np.hstack([part for one in columns for part in (gap, one)][1:])
+
+
+def shaded(truth_file: Path, mask: NDArray[np.float32]) -> NDArray[np.uint8]:
     """(N, N, 3) sRGB: the view between full shadow and none; the mask in greys without these pictures."""
     files = [truth_file.with_suffix(f".{name}.png") for name in ("ambient", "lit")]
     if not all(file.exists() for file in files):
@@ -123,9 +147,9 @@ def _linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _caption(section: Section, shown: Sequence[Configuration], size: int) -> str:
-    metric, times = section.ranked_by, size // max(_LEAST, size // _ENLARGED)
+    metric, times = section.ranked_by, size // max(_LEAST, size // ENLARGED)
     named = "; ".join(f"{one.label} ({metric.label} {median_text(one, metric.name)})" for one in shown)
     return (
         f"{section.title}. From left to right: ray-traced truth; {named}. Below, enlarged {times} times, the framed "
-        f"place, where these are most wrong, and there the difference from the truth: {_BELOW[section.soft]}."
+        f"place, where these are most wrong, and there the difference from the truth: {COLORS[section.soft]}."
     )

@@ -5,6 +5,7 @@ Scores are compared if both sides have them, work counts on the same renderer on
 
 import json
 import math
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -256,8 +257,11 @@ def _standard_error(time: Record) -> float:
     return math.sqrt(math.pi / 2) * iqr / 1.349 / math.sqrt(n)
 
 
-def write_baseline(results: Sequence[Result], folder: Path) -> None:
-    """Write a baseline's `rows.jsonl` atomically. Raises InputError without a cell, and if one failed."""
+def write_baseline(results: Sequence[Result], folder: Path, masks: Path | None = None) -> None:
+    """Write a baseline's `rows.jsonl` atomically, and copy its cells' masks from a folder, in place of earlier ones.
+
+    Raises InputError without a cell, and if one failed.
+    """
     if not results:
         raise InputError("--update: found no cell; allowed: a run whose last command measured one or more")
     failed = [result for result in results if result.status.startswith("failed")]
@@ -273,3 +277,9 @@ def write_baseline(results: Sequence[Result], folder: Path) -> None:
     with replace_file(folder / "rows.jsonl") as temporary:
         lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
         temporary.write_text("".join(lines), encoding="utf-8")
+    shutil.rmtree(folder / "masks", ignore_errors=True)
+    if masks is not None:
+        make_folder(folder / "masks")
+        for file in (masks / f"{result.score['key']}.png" for result in results):
+            if file.exists():
+                shutil.copyfile(file, folder / "masks" / file.name)

@@ -25,6 +25,7 @@ from shadowbench.advice.tune_space import (
     SEARCH_FACTOR,
     SceneSplit,
     SearchSpace,
+    family_of,
     searched_parameters,
     span,
     split_scenes,
@@ -73,6 +74,21 @@ def test_published_constants_of_the_shadow_map_lie_in_its_space() -> None:
     assert space.point(parse_spec("shadow-map:bias=texel(scale=99)", KNOWN)) is None
     refusing = SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS, {"bias": frozenset({"slope"})})
     assert refusing.point(parse_spec("shadow-map:preset=course", KNOWN)) is None
+
+
+def test_both_ends_of_what_is_searched_of_a_number_are_allowed() -> None:
+    families = [family_of(info) for one in own_techniques() for info in one.Params.model_fields.values()]
+    searched = {
+        (component, name): ends
+        for component in {one for family in families for one in family}
+        for name, info in component.model_fields.items()
+        if (ends := span(info))
+    }
+    assert len(searched) > 20
+    for (component, name), (low, high, _) in searched.items():
+        for end in (low, high):
+            rounded = type(component.model_fields[name].default)(min(max(float(f"{end:.3g}"), low), high))
+            assert getattr(component(**{name: rounded}), name) == rounded
 
 
 @given(seed=st.integers(0, 10_000))

@@ -19,6 +19,7 @@ from scipy.ndimage import binary_dilation
 
 from shadowbench import __version__
 from shadowbench.commands import console
+from shadowbench.errors import number
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import value_label
 from shadowbench.measure import doctor as measure_doctor
@@ -95,7 +96,7 @@ def test_a_narrow_table_says_what_it_leaves_out_and_cuts_no_number(
     )
     table = pd.read_csv(tmp_path / "table.csv")
     for value in [*table["ssim"], *table["ratio"].dropna()]:
-        assert console.number(value) in wide and console.number(value) in narrow
+        assert number(value) in wide and number(value) in narrow
     assert [line for line in narrow.splitlines() if line.startswith("shadow-map")], "the column of specs"
 
 
@@ -428,5 +429,5 @@ def test_a_duration_is_rough(seconds: float, text: str) -> None:
 @pytest.mark.parametrize(("value", "shown"), [(0.99975, "0.9998"), (0.99998749, "0.99999"), (1.0, "1"), (1.0002, "1")])
 def test_what_is_not_exact_is_not_rounded_to_1(value: float, shown: str) -> None:
     """`1 is exact`, say the columns of IoU and SSIM, in the terminal and in the report."""
-    assert console.number(value) == shown
+    assert number(value) == shown
     assert float(digits(value)) == float(shown)

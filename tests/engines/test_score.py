@@ -15,11 +15,11 @@ from PIL import Image
 from scipy import ndimage
 
 from shadowbench import api
-from shadowbench.commands import console
 from shadowbench.engines.accuracy import Accuracy, accuracy_of
 from shadowbench.engines.detection import MaskEncoding
 from shadowbench.engines.error_kinds import error_kinds, soft_error_kinds
 from shadowbench.engines.external_mask import from_screenshots, mask_from_array
+from shadowbench.errors import number
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, score
@@ -93,9 +93,9 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(
 
     outs = [shadowbench("score", scene, file).out for file in (*files, png("coarse.png", shifted))]
     printed = [{words[0]: words[1] for line in out.splitlines() if (words := line.split())} for out in outs]
-    assert printed[0]["rmse"] == f"<{console.number(exact['truth_error'])}"
-    assert printed[0]["rmse_pen"] == printed[0]["noise"] == f"<{console.number(exact['truth_error_pen'])}"
-    assert printed[1]["rmse_pen"] == console.number(other["metrics"]["rmse_pen"])
+    assert printed[0]["rmse"] == f"<{number(exact['truth_error'])}"
+    assert printed[0]["rmse_pen"] == printed[0]["noise"] == f"<{number(exact['truth_error_pen'])}"
+    assert printed[1]["rmse_pen"] == number(other["metrics"]["rmse_pen"])
     assert "penumbra," in printed[0] and "width" in printed[0] and "iou" in printed[0]
     assert not {"contact", "acne", "leak", "edge_p95"} & printed[0].keys(), "made for hard edges"
     assert f"RMSE <{exact['truth_error']:.2g}, in the penumbra <" in outs[0]

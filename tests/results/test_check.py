@@ -49,7 +49,7 @@ def test_regressions_are_listed_worst_first_and_fail(check: Callable[..., Any]) 
     assert lines[3].split() == ["s", *words[1:8], "0.89", "10.0"]
     assert lines[5].strip() == "improved, largest change first"
     assert lines[7].split()[3:] == ["cube-map", "512", "acne", "0.1", "→", "0.01", "90.0"]
-    assert lines[-1].endswith(": 2 regressed, 1 improved")
+    assert lines[-2].endswith(": 2 regressed, 1 improved")
 
 
 def test_json_has_all_columns(check: Callable[..., Any]) -> None:
@@ -66,7 +66,7 @@ def test_json_has_all_columns(check: Callable[..., Any]) -> None:
 def test_a_missing_cell_fails_and_an_extra_one_is_a_note(check: Callable[..., Any]) -> None:
     answer = check([cell()], [cell(), cell("cube-map")])
     assert answer.code == 1
-    assert answer.out.splitlines()[-1].endswith("0 regressed, 1 missing, 0 improved")
+    assert answer.out.splitlines()[-2].endswith("0 regressed, 1 missing, 0 improved")
     answer = check([cell(), cell("cube-map")], [cell()])
     assert (answer.code, answer.err) == (0, "note: 1 cell is not in the baseline\n")
     assert check([cell(), cell("cube-map")], [cell()], "--quiet").err == ""
@@ -86,7 +86,7 @@ def test_a_cell_of_an_earlier_study_does_not_stand_in_for_one_that_is_missing(
     folder = table(tmp_path, key_of("s", "cube-map", 512))
     answer = check([cell(), cell("cube-map"), engine], [cell(), cell("cube-map"), engine])
     assert answer.code == 1
-    assert answer.out.splitlines()[-1].endswith("0 regressed, 1 missing, 0 improved")
+    assert answer.out.splitlines()[-2].endswith("0 regressed, 1 missing, 0 improved")
     assert answer.err == f"note: 1 cell of earlier commands in {folder} left out; run.json lists those of the last\n"
 
 
@@ -148,26 +148,94 @@ def masks(folder: Path, score: Row, visibility: np.ndarray) -> None:
         write_mask(folder / f"{name}.png", values)
 
 
-def test_the_worst_differences_are_drawn_before_beside_after(check: Callable[..., Any], tmp_path: Path) -> None:
+def test_the_worst_cells_are_drawn_beside_the_truth_before_and_now(
+    check: Callable[..., Any], shadowbench: Shadowbench, tmp_path: Path
+) -> None:
     spec = "shadow-map:filter=pcf(taps=5)"
     hard = {"rmse_pen": None}
     bad, good = cell(spec, metrics=WORSE | hard), cell(spec, metrics=GOOD | hard)
     other = cell("cube-map", metrics=GOOD | hard)
-    found, baseline = rows(tmp_path / "now"), rows(tmp_path / "then")
+    found, baseline = rows(tmp_path / "now"), tmp_path / "then"
     (found / "check").mkdir()
     (found / "check" / "of-the-last-time.png").touch()
-    masks(found, bad, np.ones((SIDE, SIDE)))
-    assert "1 picture, after" in check([bad, other], [good, other]).out
-    (picture,) = (found / "check").iterdir()
+    lit, right = np.ones((SIDE, SIDE)), np.repeat([1.0, 0.0], SIDE // 2)[:, np.newaxis] * np.ones(SIDE)
+    masks(found, bad, lit)
+    assert check([bad, other], [good, other]).out.endswith("check: summary.md, summary.json, 1 picture\n")
+    (picture,) = (found / "check").glob("*.png")
     assert picture.name == "1.s.shadow-map_filter=pcf_taps=5_.512.png"
-    after = np.asarray(Image.open(picture))
-    assert (after[8:] == FALSE_LIGHT).all() and not (after[:8] == FALSE_LIGHT).all(axis=-1).any()
+    columns = strip_columns(picture)
+    assert len(columns) == 2
+    assert [(colors(one) & DIFFERENT) for one in columns] == [set(), {FALSE_LIGHT}], "of the truth, and now"
 
-    masks(baseline, good, np.zeros((SIDE, SIDE)))
-    assert "before and after" in check([bad, other], [good, other]).out
-    both = np.asarray(Image.open(picture))
-    assert both.shape == (SIDE, 2 * SIDE + 8, 3)
-    assert (both[:8, :SIDE] == FALSE_SHADOW).all() and (both[:, -SIDE:] == after).all()
+    measured = rows(tmp_path / "measured", good, other)
+    masks(measured, good, right)
+    for kept in (["--masks"], []):
+        shadowbench("check", measured, "--baseline", baseline, "--update", *kept)
+        files = [file.name for file in (baseline / "masks").glob("*")]
+        assert files == ([f"{good['key']}.png"] if kept else []), "none of an earlier update"
+    masks(baseline, good, right)
+    check([bad, other], [good, other])
+    truth, before, now = strip_columns(picture)
+    assert [(colors(one) & DIFFERENT) for one in (truth, before, now)] == [set(), set(), {FALSE_LIGHT}]
+    assert (truth[100:-100] == before[100:-100]).all(), "below the labels"
+    assert check([good, other], [good, other]).code == 0
+    assert not any((found / "check").iterdir()), "nothing is left of a check that failed before"
+
+
+DIFFERENT = {FALSE_SHADOW, FALSE_LIGHT}
+
+
+def strip_columns(file: Path) -> list[np.ndarray]:
+    """The columns of a strip, each a view's width after enlargement."""
+    picture, side = np.asarray(Image.open(file)), 320
+    return [picture[:, left : left + side] for left in range(0, picture.shape[1], side + 8)]
+
+
+def colors(picture: np.ndarray) -> set[tuple[int, ...]]:
+    return set(map(tuple, np.unique(picture.reshape(-1, 3), axis=0).tolist()))
+
+
+def test_the_summary_has_every_value_of_the_worst_cells_and_says_what_to_do(
+    check: Callable[..., Any], tmp_path: Path
+) -> None:
+    bad = cell(metrics=WORSE)
+    masks(rows(tmp_path / "now"), bad, np.ones((SIDE, SIDE)))
+    answer = check([bad, cell(scene="t")], [cell(), cell(scene="t"), cell("cube-map")], "--json")
+    text = (tmp_path / "now" / "check" / "summary.md").read_text(encoding="utf-8")
+    assert text.startswith("## Shadows got worse\n")
+    _, regressed, details = text.split("### ")
+    assert [line.split(" | ")[1] for line in regressed.splitlines() if line.startswith("| s ")] == [
+        "`cube-map`", "`shadow-map`",
+    ]  # fmt: skip
+    assert details.startswith("shadow-map at 512 in s camera sun\n\nPicture: `check/1.s.shadow-map.512.png`\n")
+    assert (
+        "| iou | 0.9 | 0.8 | 100.0 | Intersection over union" in details and "| ssim | 0.9 | 0.85 | 50.0 |" in details
+    )
+    assert f"shadowbench check {tmp_path / 'now'} --baseline {tmp_path / 'then'} --update`" in details
+    found = json.loads((tmp_path / "now" / "check" / "summary.json").read_text(encoding="utf-8"))
+    assert found == json.loads(answer.out)
+    (file,) = found["pictures"]
+    assert [one["picture"] for one in found["regressed"]] == [None, file, file]
+
+
+def test_a_workflow_gets_annotations_and_a_summary(
+    check: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    summary = tmp_path / "summary.md"
+    summary.write_text("of the step before\n")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
+    spec = "shadow-map:filter=pcf(taps=5),wrap=edge"
+    answer = check([cell(spec, metrics=WORSE)], [cell(spec), cell("100%")], "--github")
+    assert answer.code == 1
+    gone, worse = [line for line in answer.out.splitlines() if line.startswith("::")]
+    assert gone == "::error title=100%25 at 512 in s camera sun::status ok → missing"
+    title = "shadow-map%3Afilter=pcf(taps=5)%2Cwrap=edge at 512 in s camera sun"
+    assert worse == f"::error title={title}::iou 0.9 → 0.8; 100.0 times its tolerance; also ssim"
+    assert summary.read_text(encoding="utf-8").startswith("of the step before\n## Shadows got worse\n")
+    summary.unlink()
+    answer = check([cell(), timed(cell(), ratio=2.5)], [cell(), timed(cell())], "--github")
+    assert answer.code == 0 and "::warning title=shadow-map at 512 in s camera sun::time 2 → 2.5;" in answer.out
+    assert summary.read_text(encoding="utf-8").startswith("## Shadows are as good as they were\n")
 
 
 @pytest.mark.parametrize(
@@ -178,6 +246,8 @@ def test_the_worst_differences_are_drawn_before_beside_after(check: Callable[...
         (["--tolerance", "iou=-1"], "'-1'"),
         (["--tolerance", "iou=nan"], "'nan'"),
         (["--baseline", "nowhere"], "nowhere"),
+        (["--json", "--github"], "--github"),
+        (["--masks"], "--masks"),
     ],
 )
 def test_bad_input_is_one_line(check: Callable[..., Any], words: list[str], named: str) -> None:
