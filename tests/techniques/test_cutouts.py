@@ -167,8 +167,8 @@ def test_maps_hold_the_leaves_that_triangles_make(kind, spec, studio, mask) -> N
 def nudged(mesh: Mesh, light: Light) -> list[Mesh]:
     """The mesh moved across the light by two steps of the rasteriser's grid in a map of 1024 texels over 5 m.
 
-    Half a step along either axis are a card's corners moved by it, and half a step those of a texel's triangles; as much
-    again is for maps of wider texels.
+    Half a step along either axis are a card's corners moved by it, and half a step those of a texel's triangles; as
+    much again is for maps of wider texels.
     """
     toward = -np.array(light.direction) if light.kind == "directional" else np.array(light.position)
     across = perpendicular_basis(unit(toward), (0.0, 1.0, 0.0))[:2]
