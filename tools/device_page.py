@@ -18,7 +18,7 @@ def main() -> int:
     """Write or check the page."""
     devices = ["\n".join(_device(one, law_of(one))) for one in known_submissions()]
     text = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
-    text = text.replace("@WORST@", str(WORST)).replace("@DEVICES@", "\n\n".join(devices) + "\n")
+    text = text.replace("@WORST@", str(WORST)).replace("@DEVICES@", "\n\n".join(devices))
     if "--check" in sys.argv:
         stale = FILE.read_text(encoding="utf-8") != text
         print(f"{FILE}: stale: run python tools/device_page.py" if stale else f"{FILE}: up to date")
