@@ -1,4 +1,7 @@
-"""Draws docs/pictures/scenes.png: every built-in scene, ray traced, under its first light, soft if that has a size."""
+"""Draws docs/pictures/scenes.png and held-out.png: the built-in and the held-out scenes, ray traced.
+
+Each is drawn under its first light, soft if that has a size.
+"""
 
 from pathlib import Path
 
@@ -7,16 +10,20 @@ from pages import grid, labelled, png
 
 import shadowbench as sb
 
-FILE = Path(__file__).resolve().parent.parent / "docs" / "pictures" / "scenes.png"
+ROOT = Path(__file__).resolve().parent.parent
 SIZE, COLUMNS, LARGEST = 180, 6, 250_000  # pixels along a side of a tile, tiles in a row, bytes
 
 
 def main() -> None:
-    """Write the picture."""
-    names = sb.catalogue("scenes")["name"]
-    drawn = {name: sb.render(name, "ray-traced:samples=64", view_size=SIZE).picture for name in names}
-    FILE.write_bytes(png([grid([labelled(np.asarray(one), name) for name, one in drawn.items()], COLUMNS)], LARGEST))
-    print(FILE)
+    """Write the pictures."""
+    for file, sources in (
+        ("scenes.png", {name: name for name in sb.catalogue("scenes")["name"]}),
+        ("held-out.png", {path.stem: path for path in sorted((ROOT / "benchmarks" / "held-out").glob("*.toml"))}),
+    ):
+        drawn = {name: sb.render(one, "ray-traced:samples=64", view_size=SIZE).picture for name, one in sources.items()}
+        tiles = [labelled(np.asarray(one), name) for name, one in drawn.items()]
+        (ROOT / "docs" / "pictures" / file).write_bytes(png([grid(tiles, COLUMNS)], LARGEST))
+        print(file)
 
 
 if __name__ == "__main__":
