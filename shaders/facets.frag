@@ -5,6 +5,7 @@ out float visibility;
 
 void main() {
     Receiver r = receiver_here();
-    if (!r.receives || r.facing || dot(shading_normal(r), r.to_light) <= 0.0) discard;
+    // Where the light lies in the triangle's plane, the sign of N·L is that of a rounding error, another on each device.
+    if (!r.receives || r.cosine > 1e-6 || dot(shading_normal(r), r.to_light) <= 0.0) discard;
     visibility = 0.0;
 }

@@ -113,6 +113,8 @@ SEARCHES = {
     "foliage": "Mesh files",
     "LaTeX": "See what accuracy costs",
     "my GPU": "What shadows cost",
+    "notebook": "Notebooks",
+    "texel bias": "Biases",
 }
 
 

@@ -6,6 +6,7 @@ import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 
+import ages
 import numpy as np
 from numpy.typing import NDArray
 from pages import LABEL, compare, labelled, png
@@ -181,7 +182,7 @@ def page(lines: dict[str, str]) -> str:
         own = [one for one in artefacts() if one.chapter == chapter]
         contents.append(f"- {chapter}: {', '.join(f'[{one.name}](#{_anchor(one.name)})' for one in own)}")
         sheets += [f"## {chapter}", "", *(section(one, lines[one.scene]) for one in own)]
-    return "\n".join([HEAD, *contents, "", *sheets])
+    return "\n".join([HEAD, ages.record(f"python tools/{Path(__file__).name}"), "", *contents, "", *sheets])
 
 
 def _anchor(name: str) -> str:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import ages
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
@@ -49,8 +50,9 @@ def png(frames: Sequence[NDArray[np.uint8]], largest: int) -> bytes:
 
 
 def without_numbers(page: str) -> str:
-    """A page with the numbers in its lines of measurements removed, for `compare`."""
-    return "\n".join(NUMBERS.sub("…", line) if line.startswith("Measured") else line for line in page.splitlines())
+    """A page without the numbers in its lines of measurements, and without records of them, for `compare`."""
+    lines = (line for line in page.splitlines() if not line.startswith(ages.START))
+    return "\n".join(NUMBERS.sub("…", line) if line.startswith("Measured") else line for line in lines)
 
 
 def compare(file: Path, generated: str, tool: str) -> int:

@@ -26,6 +26,7 @@ import numpy as np
 from PIL import Image
 
 from shadowbench.measure.rows import Record
+from shadowbench.reports.defect_text import cured_row, defect_of
 from shadowbench.reports.engine_defects import strip_rows
 from shadowbench.results.engine_settings import engine_results
 from shadowbench.results.folder import identity, read_runs, view_name
@@ -120,7 +121,10 @@ def _kept(row: Record, names: dict[str, str]) -> dict[str, Any]:
 def _pictured(folder: Path) -> list[str]:
     """Keys of the rows whose masks are kept: of techniques at SHOWN, of engines those on their page."""
     (run,) = read_runs([folder])
-    strips = {row["key"] for one in engine_results([run]).values() for row in strip_rows(one).values()}
+    found = list(engine_results([run]).values())
+    strips = {row["key"] for one in found for row in strip_rows(one).values()}
+    defects = [defect for one in found if (defect := defect_of(one, found))]
+    strips |= {row["key"] for defect in defects for row in (defect.row, cured_row(defect)) if row}
     drawn = [row for row in run.rows if row["status"] == "ok"]
     return [row["key"] for row in drawn if row["key"] in strips or ("engine" not in row and row["map_size"] in SHOWN)]
 

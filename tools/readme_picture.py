@@ -10,6 +10,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import ages
 import numpy as np
 from pages import png
 from PIL import Image
@@ -20,6 +21,7 @@ from shadowbench.results.configurations import sections
 from shadowbench.results.folder import read_folders
 
 ROOT = Path(__file__).resolve().parent.parent
+COMMAND = f"make demo site; python tools/{Path(__file__).name}"
 PICTURES = ROOT / "docs" / "pictures"
 SITE = ROOT / "build" / "site" / "index.html"
 WIDTH, HEIGHT = 1200, 800  # pixels of the window
@@ -38,6 +40,8 @@ def main() -> None:
             shown = Image.open(io.BytesIO(_first_screen(page))).convert("RGB")
             (PICTURES / name).write_bytes(png([np.asarray(shown)], LARGEST))
             print(PICTURES / name)
+    ages.renew(ROOT / "docs" / "index.md", COMMAND, state=["times"])
+    ages.renew(ROOT / "docs" / "how-to" / "site.md", COMMAND)
 
 
 def _first_screen(file: Path) -> bytes:

@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import ages
+
 from shadowbench.advice.recommend import MARGINS, find_cheapest, trial_of
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import full_space, grid_of
@@ -40,6 +42,8 @@ MAX_RATIO, MAX_SHARE = 1.15, 0.2  # largest cost relative to the cheapest, and l
 
 HEAD = """\
 # Recommendations
+
+{record}
 
 ```console
 $ shadowbench recommend room-with-lamp
@@ -186,7 +190,18 @@ def page(lines: Mapping[Target, Sequence[Line]], size: int) -> str:
     """The whole page."""
     (same, other), (edges, _) = MARGINS["iou"], MARGINS["edge_px"]
     space = "\n".join(_space())
-    parts = [HEAD.format(space=space, same=same, other=other, edges=edges, size=size, ratio=MAX_RATIO, share=MAX_SHARE)]
+    parts = [
+        HEAD.format(
+            record=ages.record(f"python tools/{Path(__file__).name}"),
+            space=space,
+            same=same,
+            other=other,
+            edges=edges,
+            size=size,
+            ratio=MAX_RATIO,
+            share=MAX_SHARE,
+        )
+    ]
     for target, found in lines.items():
         parts += [
             f"### {_heading(target)}\n",

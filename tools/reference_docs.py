@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
 
+import ages
 import typer
 from pages import compare
 
@@ -37,6 +38,8 @@ is the largest change for the worse that `shadowbench check` allows. Terms are i
 """
 SCENES = """\
 # Built-in scenes
+
+{record}
 
 ![The built-in scenes, ray traced](../pictures/scenes.png)
 
@@ -108,7 +111,9 @@ def scenes() -> str:
         (f"[{row['name']}](../../scenes/{row['name']}.toml)", row["light"], row["about"])
         for row in catalogue(what="scenes")["scenes"]
     ]
-    return _listed(SCENES, ("scene", "light", "what it tests"), rows, "shadowbench list scenes")
+    lines = (REFERENCE / "scenes.md").read_text(encoding="utf-8").splitlines()
+    head = SCENES.replace("{record}", next(line for line in lines if line.startswith(ages.START)))  # of the picture
+    return _listed(head, ("scene", "light", "what it tests"), rows, "shadowbench list scenes")
 
 
 def columns() -> str:

@@ -3,27 +3,35 @@
 Each is drawn under its first light, soft if that has a size.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
+import ages
 import numpy as np
 from pages import grid, labelled, png
 
 import shadowbench as sb
 
 ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
 SIZE, COLUMNS, LARGEST = 180, 6, 250_000  # pixels along a side of a tile, tiles in a row, bytes
 
 
 def main() -> None:
     """Write the pictures."""
-    for file, sources in (
-        ("scenes.png", {name: name for name in sb.catalogue("scenes")["name"]}),
-        ("held-out.png", {path.stem: path for path in sorted((ROOT / "benchmarks" / "held-out").glob("*.toml"))}),
-    ):
-        drawn = {name: sb.render(one, "ray-traced:samples=64", view_size=SIZE).picture for name, one in sources.items()}
-        tiles = [labelled(np.asarray(one), name) for name, one in drawn.items()]
-        (ROOT / "docs" / "pictures" / file).write_bytes(png([grid(tiles, COLUMNS)], LARGEST))
-        print(file)
+    draw("scenes.png", DOCS / "reference" / "scenes.md", {name: name for name in sb.catalogue("scenes")["name"]})
+    held_out = {path.stem: path for path in sorted((ROOT / "benchmarks" / "held-out").glob("*.toml"))}
+    draw("held-out.png", DOCS / "how-to" / "held-out.md", held_out)
+
+
+def draw(name: str, page: Path, scenes: Mapping[str, str | Path]) -> None:
+    """Write the picture of scenes by label, and renew its record on its page."""
+    spec = "ray-traced:samples=64"
+    drawn = {label: sb.render(scene, spec, view_size=SIZE).picture for label, scene in scenes.items()}
+    ages.renew(page, f"python tools/{Path(__file__).name}", ["ray-traced"])
+    tiles = [labelled(np.asarray(one), label) for label, one in drawn.items()]
+    (DOCS / "pictures" / name).write_bytes(png([grid(tiles, COLUMNS)], LARGEST))
+    print(name)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+import ages
 import pandas as pd
 from component_strips import STRIPS, strip
 from pages import compare, png
@@ -30,7 +31,9 @@ from shadowbench.scores.metrics import score
 from shadowbench.truths.cache import cached_truth
 
 ROOT = Path(__file__).resolve().parent.parent
+COMMAND = f"python tools/{Path(__file__).name}"
 RANGES = ROOT / "results" / "ranges.csv"  # from a full `shadowbench stress`
+RANGES_MADE = f"{ages.START}'shadowbench stress'; unrecorded, 2026-11-23 -->"
 PAGE, PICTURES = ROOT / "docs" / "reference" / "techniques.md", ROOT / "docs" / "pictures" / "techniques"
 PAGES = PAGE.with_suffix("")
 SIZE, LARGEST = 512, 250_000  # pixels along a side, bytes of a picture
@@ -174,6 +177,8 @@ def _technique(technique: type[Technique], example: Example) -> str:
         f"# {technique.name}",
         "",
         *_paragraphs(inspect.getmodule(technique)),
+        ages.record(COMMAND, [technique.name]),
+        "",
         f"![{technique.name} on {example.scene}](../../pictures/techniques/{technique.name}.png)",
         "",
         f"Measured on `{example.scene}`: {numbers}.",
@@ -200,9 +205,14 @@ def _broken(technique: type[Technique]) -> list[str]:
         return []
     broken = ranges[ranges["breaks_at"].notna()]
     if broken.empty:
-        return [f"Holds along all {ranges['axis'].nunique()} axes of `shadowbench stress`.", ""]
+        return [RANGES_MADE, f"Holds along all {ranges['axis'].nunique()} axes of `shadowbench stress`.", ""]
     lights = [light for light in NAMES if (ranges["light"] == light).any()]
-    lines = [f"| breaks along | {' | '.join(NAMES[light] for light in lights)} |", "|---" * (len(lights) + 1) + "|"]
+    lines = [
+        RANGES_MADE,
+        "",
+        f"| breaks along | {' | '.join(NAMES[light] for light in lights)} |",
+        "|---" * (len(lights) + 1) + "|",
+    ]
     for axis in dict.fromkeys(broken["axis"]):
         texts = ranges[ranges["axis"] == axis].set_index("light")["range"]
         lines.append(f"| {axis} | {' | '.join(str(texts.get(light, '')) for light in lights)} |")
@@ -217,8 +227,11 @@ def _family(family: type[Component], ours: list[type[Technique]]) -> str:
         if isinstance(info.default, family)
     ]
     shown = STRIPS[_file(family)]
+    drawn_by = shown.spec.partition(":")[0]
     lines = [
         f"# {_file(family).capitalize()}",
+        "",
+        ages.record(COMMAND, [drawn_by]),
         "",
         f"Allowed values of `{family.__name__.lower()}` of {', '.join(users)}.",
         "",

@@ -20,7 +20,7 @@ Value = bool | int | float | tuple[float, ...] | NDArray[np.float64]
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _UNIFORM = re.compile(r"\buniform\s+(?:(?:low|medium|high)p\s+)?(\w+)\s+(\w[^;{]*);")
 _MACRO = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+(\w+)", re.MULTILINE)
-_PLACE = re.compile(r"\b0(?::(\d+)(?:\(\d+\))?|\((\d+)\))")  # Mesa: 0:12(5), NVIDIA: 0(12), Apple and AMD: 0:12
+_PLACE = re.compile(r"\b0(?::(\d+)(?:\(\d+\))?|\((\d+)\)(?: (?=:))?)")  # Mesa: 0:12(5):, NVIDIA: 0(12) :, others: 0:12:
 _CANDIDATE = "error:   "  # begins Mesa's list of functions that a call might have meant
 _MOST_ERRORS = 5
 _STENCIL_TEST, _CLIP_DISTANCE, _FRONT, _BACK = 0x0B90, 0x3000, 0x0404, 0x0405

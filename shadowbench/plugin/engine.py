@@ -40,7 +40,8 @@ class Engine(Subject):
     its version; imports, scripts: the page's import map and classic scripts, as paths in its packages; display: whether
     it draws in a window; vulkan: whether by Vulkan; box: whether the map's box is given or the engine's own; encoding:
     of pictures; casts: whether single meshes can be kept from casting and receiving; sources: where the settings of
-    presets are from, and those that are shipped; seconds: limit of a call.
+    presets are from, and those that are shipped; ruled_out: scenes, by preset, whose shadows its documentation or its
+    technique rules out, so that what is wrong there is no defect; seconds: limit of a call.
     """
 
     own = False
@@ -56,6 +57,7 @@ class Engine(Subject):
     encoding: ClassVar[Literal["srgb", "linear"]] = "srgb"
     casts: ClassVar[bool] = False
     sources: ClassVar[Mapping[str, str]] = {}
+    ruled_out: ClassVar[Mapping[str, Sequence[str]]] = {}
     seconds: ClassVar[float] = 120.0
 
     @classmethod

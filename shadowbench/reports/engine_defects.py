@@ -21,7 +21,8 @@ _NAMES = {name: title for title, name in COLUMNS[False].items()}
 DEFECTS = {_NAMES.get(name, name): name for name in ("acne", "leak", "contact", "edge_px")}
 """Metrics that say what is wrong: heading and name."""
 _LARGEST, _GAP, _GREY = 256, 4, 128  # pixels of a picture in a strip and between two, and the level of those between
-_PLACE = ("view", "light", "phase", "view_size", "coordinates")
+PLACE = ("view", "light", "phase", "view_size", "coordinates")
+"""Fields of rows that have the same truth, in a scene."""
 
 RULE = (
     f"The worst defect of an engine is the setting and scene of its largest {TITLE}. What stands out there is the "
@@ -65,7 +66,7 @@ def strip_rows(one: EngineResults) -> dict[str, Record]:
     for setting in one.settings:
         alike = setting.spec in presets and (setting.sides, setting.map_size) == (worst.sides, worst.map_size)
         for row in setting.rows.get(scene, ()) if alike or setting in (worst, cure) else ():
-            if row["status"] == "ok" and all(row[part] == first[part] for part in _PLACE):
+            if row["status"] == "ok" and all(row[part] == first[part] for part in PLACE):
                 found[setting.label] = row
     return found
 

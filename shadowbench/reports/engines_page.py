@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
 
-from shadowbench.errors import counted
+from shadowbench.errors import InputError, counted
 from shadowbench.files import replace_file
 from shadowbench.plugin.spec import has_size
+from shadowbench.reports.defect_text import RULE as TEXT_RULE
+from shadowbench.reports.defect_text import defect_of, write_defect
 from shadowbench.reports.engine_defects import DEFECTS, RULE, TITLE, worst_defect
 from shadowbench.reports.markdown import escaped, table
 from shadowbench.reports.words import optional, run_facts
@@ -54,7 +56,7 @@ _FACTS = (
 
 
 def write_engines_page(runs: Sequence[Run], gaps: Mapping[str, str], target: Path) -> list[EngineResults]:
-    """Write the page of runs with engines' rows, and its pictures beside it, into a folder of its name.
+    """Write the page of runs with engines' rows, and into a folder of its name its pictures and texts of defects.
 
     gaps: why an engine has no rows, by name. Returns what it shows of each other engine. Raises InputError for a
     picture that cannot be read or a file that cannot be written.
@@ -66,9 +68,9 @@ def write_engines_page(runs: Sequence[Run], gaps: Mapping[str, str], target: Pat
     if found:
         blocks += ["## Settings", "Medians over scenes; best first.", *table(*summary(found))]
     blocks += [f"## {TITLE} by scene", *_by_scene(found, missing)]
-    blocks += ["## Defects and cures", RULE] if found else []
+    blocks += ["## Defects and cures", RULE, TEXT_RULE] if found else []
     for one in found:
-        blocks += [f"### {one.engine.name}", *_engine(one), *worst_defect(one, target)]
+        blocks += [f"### {one.engine.name}", *_engine(one), *worst_defect(one, target), *_text(one, found, target)]
     history = errors_by_version(runs)
     blocks += ["## Versions", *_versions(history)] if history else [_ONE_VERSION] if found else []
     for run in runs:
@@ -169,6 +171,20 @@ def _engine(one: EngineResults) -> list[str]:
     same = [names for names in names_of(engine).values() if len(names) > 1]
     sources += [f"- {' and '.join(f'`{name}`' for name in names)} are the same setting" for names in same]
     return [*lines, *(["\n".join(sources)] if sources else [])]
+
+
+def _text(one: EngineResults, found: Sequence[EngineResults], target: Path) -> list[str]:
+    """A link to the text for an engine's issue tracker, which is written beside the page; nothing without a defect."""
+    defect = defect_of(one, found)
+    if defect is None:
+        return []
+    stem = target.with_suffix("") / f"{one.engine.name}-defect"
+    try:
+        write_defect(defect, stem)
+    except InputError as error:  # a row that cannot be made again, such as one of an earlier command
+        return [f"No text for its issue tracker: {escaped(str(error))}."]
+    place = f"{target.stem}/{stem.name}"
+    return [f"[A text for its issue tracker]({place}.md), with [a folder]({place}/README.md) that draws it again."]
 
 
 def _versions(history: Mapping[tuple[str, str, int | None], Mapping[str, Sequence[float]]]) -> list[str]:

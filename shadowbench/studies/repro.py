@@ -73,7 +73,9 @@ def _row(run: Run, start: str) -> Record:
 
 def _scene(run: Run, row: Record) -> str | Path:
     """Name of a built-in scene, or the file of another."""
-    named = [one for one in run.about["study"]["scenes"] if one == row["scene"] or Path(one).stem == row["scene"]]
+    named = [
+        one for one in run.about["study"].get("scenes", ()) if one == row["scene"] or Path(one).stem == row["scene"]
+    ]
     if row["scene"] in named and row["scene"] in builtin_names():
         return str(row["scene"])
     for one in named:

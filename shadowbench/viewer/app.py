@@ -4,7 +4,6 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,50 +11,23 @@ from typing import TypeVar
 
 import moderngl
 
-from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.files import data_folder
+from shadowbench.errors import ShadowbenchError
 from shadowbench.gl.device import Device
 from shadowbench.plugin.spec import Spec
-from shadowbench.scenes.files import read_document
 from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer.drawing import Drawing, Drawn, Mask, moving_size, told
 from shadowbench.viewer.lights import LightPath, travelled
 from shadowbench.viewer.panes import Panes
 from shadowbench.viewer.state import History, Origin, Source, ViewerState
 from shadowbench.viewer.truth import Judge, TruthTask
+from shadowbench.viewer.watched import SHADERS, modified, scene_files
 
 REST_S = 0.15
 """Time without a change after which a motion has ended, in seconds."""
 FILES_S = 0.5
 """How often files are looked at, in seconds."""
 _SHOWN_FRAMES = 120  # in the history of times
-_SHADERS = (".glsl", ".vert", ".frag", ".geom")
 Result = TypeVar("Result")
-
-
-def modified(origin: Origin | None, plugins: Sequence[Path]) -> Mapping[Path, int]:
-    """Modification times of a scene's files, of plug-ins and of shaders, theirs included."""
-    folders = [plugin.resolve().parent for plugin in plugins]
-    near = [file for folder in folders for pattern in ("*", "*/*") for file in folder.glob(pattern)]
-    shaders = [file for file in (*data_folder("shaders").rglob("*"), *near) if file.suffix in _SHADERS]
-    times = {}
-    for file in (*scene_files(origin), *plugins, *shaders):
-        with suppress(OSError):  # removed, as an editor does while it saves
-            times[file] = file.stat().st_mtime_ns
-    return times
-
-
-def scene_files(origin: Origin | None) -> list[Path]:
-    """A scene's file and the meshes and masks that it names; of a file that cannot be read only that."""
-    if origin is None:
-        return []
-    tables = []
-    if origin.file.suffix.lower() == ".toml":
-        with suppress(InputError):
-            tables = read_document(origin.file).mesh
-    folders = [folder for folder in (origin.file.parent, origin.options.assets) if folder]
-    names = [table[key] for table in tables for key in ("file", "mask") if isinstance(table.get(key), str)]
-    return [origin.file, *(folder / name for folder in folders for name in names)]
 
 
 class Viewer:
@@ -283,7 +255,7 @@ class Viewer:
             self.attempt(lambda: self._reload_scene(origin))
         for file in changed.intersection(self._plugins):
             self.message = f"{file} has changed: its shader files are read again, its Python when the window is opened"
-        if any(file.suffix in _SHADERS for file in changed):
+        if any(file.suffix in SHADERS for file in changed):
             self.panes.reload()
             self._release_drawn()
             self.drawing.reload()

@@ -1,6 +1,7 @@
 """The panes of the window, the light's handles over them, and what the mouse does there."""
 
 import math
+import re
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -214,6 +215,7 @@ def label(viewer: Viewer, source: Source) -> str:
 
 
 def _caption(spec: Spec) -> str:
-    """A spec by the name of its preset, if it is one."""
+    """A spec by the name of its preset, if it is one, with spaces where lines may break."""
     preset = preset_of(spec)
-    return spec.text if preset in (DEFAULT, CUSTOM) else f"{spec.technique.name}:preset={preset}"
+    text = spec.text if preset in (DEFAULT, CUSTOM) else f"{spec.technique.name}:preset={preset}"
+    return re.sub(r"([:,])", r"\1 ", text)

@@ -92,35 +92,46 @@ def travelled(light: Light, scene: Scene, path: LightPath, turns: float) -> Ligh
     """
     if path == "rest":
         return light
-    center = scene.geometry.bounds.mean(axis=0)
+    center, is_sun = scene.geometry.bounds.mean(axis=0), light.kind == "directional"
     if path == "day":
         xyz, w = light.homogeneous
         away = np.subtract(xyz, w * center)
         hour, daylight = math.atan2(math.hypot(away[1], away[2]), away[0]), math.pi - 2 * _SUNRISE
         hour = _SUNRISE + (hour - _SUNRISE + turns * daylight) % daylight
         toward = np.array([math.cos(hour), *(math.sin(hour) * np.array([math.cos(_TILT), math.sin(_TILT)]))])
-        position = center + toward * np.linalg.norm(away)
-        return replace(light, direction=vec3(-toward), position=vec3(position))
+        turned = replace(light, direction=vec3(-toward))
+        return turned if is_sun else replace(turned, position=vec3(center + toward * np.linalg.norm(away)))
     cosine, sine = math.cos(2 * math.pi * turns), math.sin(2 * math.pi * turns)
     about_y = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-    position = center + about_y @ (light.position - center)
-    return replace(light, direction=vec3(about_y @ light.direction), position=vec3(position))
+    turned = replace(light, direction=vec3(about_y @ light.direction))
+    return turned if is_sun else replace(turned, position=vec3(center + about_y @ (light.position - center)))
 
 
 def with_kind(light: Light, kind: LightShape, scene: Scene) -> Light:
     """The light as one of another kind that shines on the scene from the same side.
 
-    A sun becomes a lamp at a distance of the scene's diagonal, so that a shadow map of it is a perspective one; a lamp
-    becomes a sun in its direction.
+    A lamp becomes a sun in its direction. A sun becomes a lamp, so that a shadow map of it is a perspective one: where
+    it was a lamp before, if it shone on the scene's centre from there as it does now, else as far from that centre, or
+    at a distance of the scene's diagonal if it was none.
     """
     if kind == light.kind:
         return light
     low, high = scene.geometry.bounds
-    center, diagonal = (low + high) / 2, float(np.linalg.norm(high - low))
+    center = (low + high) / 2
+    away = center - light.position
+    aimed = _is_within(away, light.direction, (light.angle or _CONE) / 2)
     changed = replace(light, kind=kind, angle=light.angle or _CONE, radius=0.0, size=(0.0, 0.0))
     if light.kind == "directional":
-        return replace(changed, position=vec3(center - unit(light.direction) * diagonal))
-    if light.kind == "point":
-        away = center - light.position
+        was_lamp = any(light.position)
+        if was_lamp and aimed:
+            return changed
+        reach = float(np.linalg.norm(away if was_lamp else high - low))
+        return replace(changed, position=vec3(center - unit(light.direction) * reach))
+    if light.kind == "point" and (kind == "directional" or not aimed):
         return replace(changed, direction=vec3(unit(away) if away.any() else (0.0, -1.0, 0.0)))
     return changed
+
+
+def _is_within(toward: Floats, axis: Vec3, half_angle: float) -> bool:
+    """Whether a vector is within a cone about an axis."""
+    return float(np.dot(toward, unit(axis))) > math.cos(half_angle) * float(np.linalg.norm(toward))

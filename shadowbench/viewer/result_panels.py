@@ -43,7 +43,7 @@ def scores_panel(viewer: Viewer) -> None:
             texts = ["–" if value is None else f"{value:.5f}" for value in values]
             name = f"{metric.label or metric.name}{UNITS.get(metric.name, '')}"
             rows.append((name, f"{metric.help} Better: {metric.better}.", texts, best))
-    _table("against the truth", viewer, rows, grey=not viewer.fresh)
+    _table("score", viewer, rows, grey=not viewer.fresh)
     imgui.text_wrapped(status(viewer))
 
 
@@ -127,7 +127,9 @@ def map_panel(viewer: Viewer) -> None:
     imgui.text_disabled("linear depth: near is dark")
     picture = viewer.map_picture
     if picture is None:
+        imgui.push_text_wrap_pos(0.0)
         imgui.text_disabled("no map: the technique has none, or it is drawn at rest")
+        imgui.pop_text_wrap_pos()
         return
     width = max(imgui.get_content_region_avail().x, 64.0)
     imgui.image(NUMBERS["map"], (width, width * picture.height / picture.width), (0, 1), (1, 0))

@@ -16,7 +16,7 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.assumed import sun_direction
 from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.library import builtin_names
-from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
+from shadowbench.scenes.model import SUN_RADIUS, Light, LightKind, LightShape
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.studies.artefacts import Artefact, artefacts
 from shadowbench.viewer.app import Viewer
@@ -24,6 +24,10 @@ from shadowbench.viewer.lights import LightPath, azimuth_elevation, with_kind
 from shadowbench.viewer.state import Origin, materials
 from shadowbench.viewer.technique_panel import choice, number, tooltip
 
+PROJECTIONS: Mapping[str, tuple[LightShape, str]] = {
+    "orthographic": ("directional", "parallel rays, as of a sun: the shadow map's texels are of one size"),
+    "perspective": ("spot", "rays from a place, as of a lamp with a cone: the shadow map's texels grow with distance"),
+}
 KIND_HELP: Mapping[LightShape, str] = {
     "directional": "a sun: its shadow map is orthographic",
     "spot": "a lamp with a cone: its shadow map is a perspective",
@@ -78,9 +82,10 @@ def _artefact(viewer: Viewer) -> None:
     """Choice of an artefact of the gallery."""
     origin = viewer.state.origin
     file = None if origin is None else origin.file.resolve()
-    shown = next((one.name for one in artefacts() if one.file.resolve() == file), "")
+    shown = next((one.name for one in artefacts() if one.file.resolve() == file), "artefact")
     texts = {one.name: f"{one.chapter}. {one.see}\n{one.question}" for one in artefacts()}
-    name = choice("artefact", shown, texts, "of the gallery: A shows it, B is its cure")
+    imgui.set_next_item_width(-1)  # names are long: there is no label beside them
+    name = choice("##artefact", shown, texts, "artefacts of the gallery: A shows one, B is its cure")
     for one in artefacts() if name != shown else ():
         if one.name == name:
             viewer.attempt(partial(show_artefact, viewer, one))
@@ -101,7 +106,7 @@ def light_panel(viewer: Viewer) -> None:
     if name != state.light.name:
         viewer.change(replace(state, light=lights[name]))
         return
-    kind = choice("kind", state.light.kind, KIND_HELP)
+    kind = _projection(choice("kind", state.light.kind, KIND_HELP), state.light.hard_kind)
     viewer.change(replace(state, light=_edited(with_kind(state.light, kind, state.scene))), "light panel")
     viewer.travel = choice("travel", viewer.travel, PATH_HELP)
     if viewer.travel != "rest":
@@ -109,6 +114,17 @@ def light_panel(viewer: Viewer) -> None:
     if imgui.button("reset light"):
         viewer.travel = "rest"
         viewer.change(replace(viewer.state, light=lights.get(state.light.name, state.scene.lights[0])))
+
+
+def _projection(kind: LightShape, shown: LightKind) -> LightShape:
+    """A switch between the projections of a light's shadow map, off for a point light's cube; the kind after it."""
+    for name, (other, help) in PROJECTIONS.items():
+        if imgui.radio_button(name, shown == other) and shown != other:
+            kind = other
+        tooltip(help)
+        imgui.same_line()
+    imgui.new_line()
+    return kind
 
 
 def _edited(light: Light) -> Light:

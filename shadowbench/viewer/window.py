@@ -33,6 +33,8 @@ from shadowbench.viewer.view_panel import below, file_panel, view_panel
 
 SIZE = (1400, 860)
 LEFT, RIGHT = 310.0, 340.0  # pixels
+LABELS = 104.0  # pixels at the right of widgets
+RIGHT_SHARE = 0.33  # of a narrow window, whose picture needs the room
 FONT = 15.0
 IDLE_S, AFTER_EVENT_S = 0.5, 0.4  # longest time between frames at rest; frames are drawn for so long after an event
 POLL_S = 0.01  # between looks for an answer
@@ -160,17 +162,18 @@ class ViewerWindow:
 
     def _layout(self) -> None:
         width, height = self.window.size
+        right = min(RIGHT, RIGHT_SHARE * width)
         flags = imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
         columns = (
             ("left", 0, LEFT, self._left),
-            ("middle", LEFT, width - LEFT - RIGHT, self._middle),
-            ("right", width - RIGHT, RIGHT, self._right),
+            ("middle", LEFT, width - LEFT - right, self._middle),
+            ("right", width - right, right, self._right),
         )
         for name, x, breadth, draw in columns:
             imgui.set_next_window_pos((x, 0))
             imgui.set_next_window_size((max(breadth, 64.0), height))
             imgui.begin(name, None, flags & ~imgui.WindowFlags_.no_scrollbar)
-            imgui.push_item_width(-110)
+            imgui.push_item_width(-LABELS)
             draw()
             imgui.pop_item_width()
             imgui.end()

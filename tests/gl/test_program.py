@@ -1,6 +1,7 @@
 """Uniforms, samplers and fixed-function state of programs."""
 
 import ctypes
+import re
 from dataclasses import replace
 
 import moderngl
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from shadowbench.gl.device import Device, RawGL
-from shadowbench.gl.program import Drawable, Program, Sampling, ShaderError, State, Stencil, link
+from shadowbench.gl.program import Drawable, Program, Sampling, ShaderError, State, Stencil, _explained, link
 from shadowbench.gl.shaders import VERSION
 
 POLYGON_OFFSET_FACTOR, POLYGON_OFFSET_UNITS, POLYGON_OFFSET_FILL = 0x8038, 0x2A00, 0x8037
@@ -146,6 +147,16 @@ def test_a_shader_error_says_where_and_why_in_its_first_line(device) -> None:
     ) as error:
         link(device, f"{VERSION}\n{POINT}", fragment)
     assert POINT not in str(error.value), "the vertex shader is not to blame"
+
+
+@pytest.mark.parametrize(
+    "error",
+    ["0:2(5): error: `b' undeclared", '0(2) : error C1503: undefined variable "b"', "ERROR: 0:2: 'b' : undeclared"],
+    ids=["Mesa", "NVIDIA", "Apple"],
+)
+def test_the_place_in_a_driver_s_message_is_a_line(error: str) -> None:
+    found = _explained(f"GLSL Compiler failed\n\n{error}\n", "fragment", "#version 410\na = b;\n")
+    assert re.fullmatch(r"fragment shader: (ERROR: )?line 2: .*\bb\b.*: 'a = b;'", found)
 
 
 ALL = State(

@@ -94,6 +94,12 @@ class Drawing:
         decided = np.all([(other < 0.5) == (plain < 0.5) for other in nudged], axis=0)
         return Answer(plain, decided, self.shot.triangle)
 
+    def by_nudge(self) -> NDArray[np.float32]:
+        """How much visibility changes at most when the map's grid is nudged along its diagonals."""
+        plain = self.visibility()
+        changes = [np.abs(self.visibility(phase=Nudged(x, y)) - plain) for x, y in DIAGONALS]
+        return np.asarray(np.max(changes, axis=0), np.float32)
+
     def errors(self, phases: int) -> list[float]:
         """1 − IoU in the first phases."""
         prepared = prepare_truth(trace(self.view, pixel_samples=1))

@@ -23,7 +23,7 @@ KINDS: dict[Kind, str] = {
     "subset": "no pixel that is decided in both views and shows the same triangle changes from shadow to light",
     "agree": "a pixel that is fully lit or fully in shadow with the largest kernel has the same bits with smaller ones",
     "limit": "with `filter=pcss`, a pixel whose 3² texels are all lit or all in shadow has the bits of `filter=hard`",
-    "blurred": "equal, and with blurred moments the same visibility to rounding",
+    "blurred": "equal, and with blurred moments the same visibility, to a step of the rasteriser's grid",
     "bleeds": "with `filter=vsm` the light below the sheets grows at every pixel as the upper one rises",
     "none": "not claimed",
 }

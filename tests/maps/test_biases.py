@@ -20,6 +20,7 @@ SIZE = 160
 TILTS = [5.0, 30.0, 60.0, 75.0]  # degrees between the plane's normal and the light
 FILTERS = ["hard", "hardware", "pcf(7)"]
 QUAD = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+ROUNDED = 4 * 2.0**-24  # of two depths near 1 that are compared, each the quotient of two rounded sums
 EXACT = {
     "receiver-plane": "receiver-plane(gradient=plane,limit=10,slack=0,ulps=12)",
     "texel": "texel(scale=1,limit=8,ulps=4)",
@@ -62,8 +63,13 @@ def test_an_inclined_plane_has_no_acne(incline, mask, kind: str, tilt: float, bi
 @pytest.mark.parametrize("technique", ["shadow-map", "cascades"])
 @pytest.mark.parametrize("tilt", [0.0, 1e-4, 1e-3, 0.01, 0.1, 1.0])
 def test_a_plane_square_to_the_light_has_no_acne(incline, mask, technique: str, tilt: float) -> None:
-    """Alone, it has so short a range of depths that the rounding of positions is many steps of the format."""
+    """Alone, it has so short a range of depths that the rounding of positions is many steps of the format.
+
+    Of those, a receiver's interpolated position takes up to two; three multiply-adds take it into the map, and three
+    the caster's corners, each rounded by up to one. On an H100, 4 ulps leave acne in 10 of 25,600 pixels, 5 in none.
+    """
     for name, bias in EXACT.items():
+        bias = bias.replace("ulps=4", "ulps=8")
         visibility = mask(f"{technique}:bias={bias},filter=hardware,size=256", incline("directional", tilt))
         assert (visibility == 1).all(), f"{(visibility < 1).sum()} pixels with {name}"
 
@@ -158,16 +164,17 @@ def test_the_terms_of_a_bias_add_up_to_it(builtin, mask, whole: str, parts: str)
     assert not np.array_equal(together, mask(f"{spec}{parts.partition('+')[0]}", view))
 
 
-@pytest.mark.parametrize(("height", "units"), [(3.0, 1e-3), (6.0, 3e-3)])
+@pytest.mark.parametrize(("height", "units"), [(3.0, 0.3), (4.5, 0.6)])
 def test_before_divide_is_that_constant_over_the_distance_in_metres(looking, shape, mask, height, units) -> None:
     """On ground square to a spot's axis all receivers have this distance; a ramp's shadow begins where biases end."""
-    ramp = Mesh("ramp", np.array([[-0.5, 0.0, -0.8], [0.5, 0.0, -0.8], [0.5, 0.12, 0.8], [-0.5, 0.12, 0.8]]), QUAD)
+    ramp = Mesh("ramp", np.array([[-0.5, 0.0, -0.8], [0.5, 0.0, -0.8], [0.5, 1.2, 0.8], [-0.5, 1.2, 0.8]]), QUAD)
     light = Light("spot", "spot", (0.0, -1.0, 0.0), (0.3, height, 0.2), math.radians(60))
-    view = looking([shape("plane", 6.0), ramp], light, SIZE)
-    spec = "shadow-map:filter=hard,size=512,bias={}({})"
-    divided, twice = (mask(spec.format("before-divide", bias), view) for bias in (units, 2 * units))
-    constant = mask(spec.format("constant", units / height), view)
-    assert (divided != constant).mean() < 1e-4 < 2e-3 < (divided != twice).mean()
+    view = looking([shape("plane", 6.0), ramp], light, SIZE, eye=(1.5, 1.2, 2.5))  # under the ramp
+    spec = "shadow-map:fit=scene,filter=hard,size=512,bias={}({})"
+    divided, larger = (mask(spec.format("before-divide", bias), view) for bias in (units, 1.05 * units))
+    less, more = (mask(spec.format("constant", units / height + sign * ROUNDED), view) for sign in (-1, 1))
+    assert (less <= divided).all() and (divided <= more).all()
+    assert (less < more).sum() < 5 < (divided < larger).sum()
 
 
 def test_at_grazing_light_texel_is_an_offset_along_the_normal_alone(builtin, mask) -> None:

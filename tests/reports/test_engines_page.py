@@ -1,5 +1,7 @@
 """The page of other engines, from rows of known scores."""
 
+import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,11 @@ from PIL import Image
 
 from shadowbench.plugin.registry import engines
 from shadowbench.plugin.spec import parse_spec
+from shadowbench.reports.defect_text import defect_of, write_defect
 from shadowbench.reports.engine_defects import strip
+from shadowbench.reports.engines_page import write_engines_page
+from shadowbench.results.engine_settings import engine_results
+from shadowbench.results.folder import read_runs
 from shadowbench.scores.metrics import METRICS
 from tests.conftest import key_of
 from tests.reports.conftest import MEASURED, SCORE, SIDE, run_file, write_folder
@@ -142,3 +148,79 @@ def test_a_strip_is_as_wide_as_its_pictures_at_most_256_each() -> None:
 def test_a_folder_without_engines_is_refused(run_folder: Callable[..., Path], shadowbench: Callable[..., Any]) -> None:
     answer = shadowbench("engines", "page", run_folder())
     assert answer.code == 2 and "found no cell of another engine" in answer.err
+
+
+def text_of(rows: list[dict[str, Any]], folder: Path, pictures: bool = True) -> str | None:
+    """The text for three.js' issue tracker, from rows; None if it has no defect."""
+    about = run_file(True, "A processor")
+    about["study"] |= {"scenes": ["stairs", "terrain"]}
+    shutil.rmtree(folder, ignore_errors=True)
+    write_folder(folder, rows, about, pictures)
+    found = list(engine_results(read_runs([folder])).values())
+    defect = defect_of(next(one for one in found if one.engine.name == "three"), found)
+    if defect is None:
+        return None
+    write_defect(defect, folder / "three-defect")
+    return (folder / "three-defect.md").read_text(encoding="utf-8")
+
+
+def test_the_text_for_an_issue_tracker_has_picture_numbers_cure_and_folder(tmp_path: Path) -> None:
+    text = text_of([*ROWS, row("babylon", "stairs", 0.0625)], tmp_path)
+    assert text is not None
+    assert text.startswith("# three.js 1: surfaces shadow themselves with the settings as shipped under a directional")
+    assert "1 − IoU is 0.500. 40% of the lit surfaces, away from shadows, are dark (acne)." in text
+    table = {line.split(" | ")[0]: line for line in text.splitlines() if line.startswith("| ")}
+    assert "| `three:preset=shipped,sides=closed` at 1024 | 0.500 | 0.400 |" in table["| this setting"]
+    assert "| `three:preset=shipped,sides=double` at 1024 | 0.125 |" in table["| the engine's best here"]
+    assert "| `babylon:preset=shipped,sides=closed` at 1024 | 0.0625 |" in table["| best of others"]
+    assert table["| `sides`"].endswith(" | `closed` | `double` |")
+    assert "With `three:preset=shipped,sides=double` at 1024 the 1 − IoU is 0.125 instead of 0.500" in text
+    assert "this is a software renderer" in text and LLVMPIPE in text
+    assert "`shadowbench engines install three`" in text and "shadowbench run -s study.toml -o again\n" in text
+    assert 'scenes = ["stairs"]' in (tmp_path / "three-defect" / "study.toml").read_text(encoding="utf-8")
+    with Image.open(tmp_path / "three-defect.png") as picture:
+        assert picture.size[0] == 3 * 320 + 2 * 8
+    assert "![" not in (text_of(ROWS, tmp_path / "bare", pictures=False) or "![")
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [row("three", "stairs", 0.09), row("three:sides=double", "stairs", 0.0)],  # hardly wrong
+        [row("three", "stairs", 0.5), row("three:sides=double", "stairs", 0.2)],  # nothing is much better
+        [row("three:bias=-0.5", "stairs", 0.5), row("three", "stairs", 0.0)],  # neither shipped nor documented
+        [row("three", "stairs", 0.5), row("babylon", "stairs", 0.0) | {"map_size": 512}],
+    ],
+)
+def test_there_is_no_text_without_a_defect_that_something_comparable_does_not_have(
+    rows: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    assert text_of(rows, tmp_path) is None
+
+
+def test_what_an_engines_documentation_rules_out_is_no_defect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [row("three", "stairs", 0.5), row("three:sides=double", "stairs"), row("three", "terrain", 0.2)]
+    monkeypatch.setattr(engines()["three"], "ruled_out", {"shipped": ("stairs",)})
+    assert text_of(rows, tmp_path) is None
+    monkeypatch.setattr(engines()["three"], "ruled_out", {"documented": ("stairs",)})
+    assert text_of(rows, tmp_path) is not None
+
+
+def test_a_setting_that_nothing_of_the_engine_cures_is_told_as_such(tmp_path: Path) -> None:
+    text = text_of([row("three", "stairs", 0.5, leak=0.3, contact=0.6), row("babylon", "stairs", 0.1)], tmp_path)
+    assert text is not None and "shadows are cut off from what casts them with" in text.splitlines()[0]
+    assert "60% of the shadow near its caster is lit (peter-panning). 30% of the shadows' interior is lit." in text
+    assert "Nothing that was measured: of 1 setting of the engine none is better here; others were not tried." in text
+    assert "the engine's best" not in text
+
+
+def test_the_page_links_to_the_text_or_says_why_there_is_none(page_of: Callable[..., str], tmp_path: Path) -> None:
+    page = page_of([*ROWS, row("babylon", "stairs", 0.0625)])
+    assert "No text for its issue tracker: " in page, "its run.json names no scene"
+    about = run_file(True, "A processor")
+    about["study"] |= {"scenes": ["stairs"]}
+    (tmp_path / "run0" / "run.json").write_text(json.dumps(about), encoding="utf-8")
+    write_engines_page(read_runs([tmp_path / "run0"]), {}, tmp_path / "page.md")
+    page = (tmp_path / "page.md").read_text(encoding="utf-8")
+    assert "[A text for its issue tracker](page/three-defect.md)" in page
+    assert (tmp_path / "page" / "three-defect.md").exists() and not (tmp_path / "page" / "babylon-defect.md").exists()

@@ -10,6 +10,7 @@ import shadowbench as sb
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import Mesh, Scene, view_of
+from shadowbench.scenes.vectors import unit, vec3
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.difference import FACETS, difference_picture
 from shadowbench.truths.terminator import smooth_points
@@ -59,6 +60,20 @@ def test_a_technique_that_follows_the_triangles_has_the_facets_of_the_truth(
     exact = sb.score(truth.visibility, truth)["terminator"]
     assert exact == pytest.approx(0.0447, abs=3e-3), "4.5% of the crescent's light, as measured at 256 pixels"
     assert terminator(spec, scene, truth) == pytest.approx(exact, rel=0.02)
+
+
+@pytest.mark.parametrize("turn", [-4e-7, 4e-7])
+def test_a_facet_whose_plane_holds_the_light_is_dark_whichever_way_it_is_rounded(
+    turn: float, scene: Scene, truth: Truth
+) -> None:
+    """Of one, N·L is −2e-16 in float64; float32 may make it a few steps of 2⁻²⁴ of either sign."""
+    sun, normals = scene.lights[0], scene.geometry.normals
+    edge_on = np.abs(normals @ unit(sun.direction)) < 1e-12
+    seen = truth.facet_shadow & edge_on[truth.triangle]
+    assert seen.any()
+    toward = -unit(sun.direction) + turn * normals[truth.triangle[seen][0]]
+    turned = replace(scene, lights=(replace(sun, direction=vec3(-toward)),))
+    assert not sb.render(turned, "shadow-map:size=512", view_size=160).visibility[seen].any()
 
 
 @pytest.mark.parametrize("spec", CURED.values())

@@ -113,10 +113,10 @@ def traced(number: int, final: bool) -> Traced:
 def test_a_pane_says_of_which_truth_it_is(viewer: Viewer, settle: Settle) -> None:
     viewer.change(replace(viewer.state, layout="side by side", overlay="error"))
     viewer.step()
-    assert label(viewer, "A") == "A: shadow-map:size=64 (error follows the truth)"
+    assert label(viewer, "A") == "A: shadow-map: size=64 (error follows the truth)"
     assert label(viewer, "truth") == "truth (tracing)"
     settle(viewer)
-    assert (label(viewer, "A"), label(viewer, "truth")) == ("A: shadow-map:size=64", "truth")
+    assert (label(viewer, "A"), label(viewer, "truth")) == ("A: shadow-map: size=64", "truth")
     viewer.judge._traced = traced(viewer.judge._number, False)
     assert label(viewer, "truth") == "truth (coarse truth)"
     viewer.change(replace(viewer.state, size=32))

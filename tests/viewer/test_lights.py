@@ -14,6 +14,7 @@ from shadowbench.scenes.assumed import sun_direction
 from shadowbench.scenes.model import Camera, Light, LightShape, View
 from shadowbench.scenes.vectors import unit
 from shadowbench.viewer.lights import (
+    LightPath,
     azimuth_elevation,
     dome_radius,
     dragged,
@@ -119,3 +120,39 @@ def test_a_light_of_another_kind_shines_from_the_same_side(builtin: Callable[...
     assert with_kind(changed, "directional", view.scene).direction == pytest.approx(
         view.light.direction if kind != "point" else tuple(-toward), rel=1e-6
     )
+
+
+@pytest.mark.parametrize("kind", ["spot", "point", "disc", "rectangle"])
+def test_a_lamp_that_becomes_a_sun_and_a_lamp_again_keeps_its_place(
+    builtin: Callable[..., View], kind: LightShape
+) -> None:
+    scene = builtin("spot-lamp").scene
+    lamp = with_kind(builtin("spot-lamp").light, kind, scene)
+    sun = with_kind(lamp, "directional", scene)
+    for again in ("spot", "disc", "point"):
+        back = with_kind(sun, again, scene)
+        assert back.position == lamp.position
+    assert with_kind(sun, "spot", scene).direction == pytest.approx(sun.direction)
+
+
+def test_a_sun_that_was_moved_becomes_a_lamp_as_far_away_as_it_was(builtin: Callable[..., View]) -> None:
+    scene, lamp = builtin("spot-lamp").scene, builtin("spot-lamp").light
+    center = scene.geometry.bounds.mean(axis=0)
+    moved = replace(with_kind(lamp, "directional", scene), direction=sun_direction(2.0, 0.3))
+    back = with_kind(moved, "spot", scene)
+    assert math.dist(back.position, center) == pytest.approx(math.dist(lamp.position, center))
+    assert unit(center - back.position) == pytest.approx(unit(moved.direction))
+
+
+@pytest.mark.parametrize("path", ["circle", "day"])
+def test_a_sun_that_travels_gets_no_place(builtin: Callable[..., View], path: LightPath) -> None:
+    scene = builtin("post").scene
+    low, high = scene.geometry.bounds
+    lamp = with_kind(travelled(SUN, scene, path, 0.1), "spot", scene)
+    assert math.dist(lamp.position, (low + high) / 2) == pytest.approx(math.dist(low, high))
+
+
+def test_a_spot_that_becomes_a_point_light_and_a_spot_again_keeps_its_aim(builtin: Callable[..., View]) -> None:
+    scene = builtin("post").scene
+    spot = replace(SPOT, direction=(-0.2, -0.9, -0.1))
+    assert with_kind(with_kind(spot, "point", scene), "spot", scene) == spot

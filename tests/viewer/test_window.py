@@ -61,6 +61,15 @@ def test_the_tour_of_the_documentation(display: str, tmp_path: Path, shadowbench
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_labels_are_whole_in_a_small_window_and_a_switch_changes_the_lights_projection(display: str) -> None:
+    environment = {**os.environ, "DISPLAY": display, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, str(HERE / "narrow.py")]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["leave", "segv,after=1"])  # while it is drawn, and while its work is counted
 def test_a_technique_that_ends_the_window_is_named_in_the_terminal(display: str, wild: Path, what: str) -> None:
     environment = {**os.environ, "DISPLAY": display, "PYTHONPATH": str(ROOT)}

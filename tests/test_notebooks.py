@@ -1,0 +1,32 @@
+"""The notebooks of examples/notebooks/ run as they stand, are short, and are listed on their page."""
+
+import shutil
+from pathlib import Path
+
+import nbclient
+import nbformat
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
+MOST_CELLS = 10
+
+
+@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+def test_a_notebook_is_short_without_outputs_and_on_the_page(file: Path) -> None:
+    book = nbformat.read(file, 4)
+    assert len(book.cells) <= MOST_CELLS and book.cells[0].source.startswith("# ")
+    assert [cell.id for cell in book.cells if cell.get("outputs") or cell.get("execution_count")] == []
+    assert f"notebooks/{file.name})" in (ROOT / "docs" / "how-to" / "notebooks.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # of Jupyter's own
+@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+def test_a_notebook_runs_and_shows_a_picture(file: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(ROOT / "examples", tmp_path / "examples") / "notebooks"
+    book = nbformat.read(file, 4)
+    nbclient.NotebookClient(book, timeout=240, resources={"metadata": {"path": str(folder)}}).execute()
+    shown = [output for cell in book.cells for output in cell.get("outputs", [])]
+    assert any("image/png" in output.get("data", {}) for output in shown)
+    assert not any(output.get("name") == "stderr" for output in shown), shown
