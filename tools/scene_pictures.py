@@ -1,5 +1,9 @@
-"""Draws docs/pictures/scenes.png: every built-in scene, ray traced, under its first light, soft if that has a size."""
+"""Draws docs/pictures/scenes.png and held-out.png: the built-in and the held-out scenes, ray traced.
 
+Each is drawn under its first light, soft if that has a size.
+"""
+
+from collections.abc import Mapping
 from pathlib import Path
 
 import ages
@@ -8,18 +12,26 @@ from pages import grid, labelled, png
 
 import shadowbench as sb
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
-PAGE, FILE = DOCS / "reference" / "scenes.md", DOCS / "pictures" / "scenes.png"
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
 SIZE, COLUMNS, LARGEST = 180, 6, 250_000  # pixels along a side of a tile, tiles in a row, bytes
 
 
 def main() -> None:
-    """Write the picture."""
-    names = sb.catalogue("scenes")["name"]
-    drawn = {name: sb.render(name, "ray-traced:samples=64", view_size=SIZE).picture for name in names}
-    ages.renew(PAGE, f"python tools/{Path(__file__).name}", ["ray-traced"])
-    FILE.write_bytes(png([grid([labelled(np.asarray(one), name) for name, one in drawn.items()], COLUMNS)], LARGEST))
-    print(FILE)
+    """Write the pictures."""
+    draw("scenes.png", DOCS / "reference" / "scenes.md", {name: name for name in sb.catalogue("scenes")["name"]})
+    held_out = {path.stem: path for path in sorted((ROOT / "benchmarks" / "held-out").glob("*.toml"))}
+    draw("held-out.png", DOCS / "how-to" / "held-out.md", held_out)
+
+
+def draw(name: str, page: Path, scenes: Mapping[str, str | Path]) -> None:
+    """Write the picture of scenes by label, and renew its record on its page."""
+    spec = "ray-traced:samples=64"
+    drawn = {label: sb.render(scene, spec, view_size=SIZE).picture for label, scene in scenes.items()}
+    ages.renew(page, f"python tools/{Path(__file__).name}", ["ray-traced"])
+    tiles = [labelled(np.asarray(one), label) for label, one in drawn.items()]
+    (DOCS / "pictures" / name).write_bytes(png([grid(tiles, COLUMNS)], LARGEST))
+    print(name)
 
 
 if __name__ == "__main__":
