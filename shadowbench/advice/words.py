@@ -64,7 +64,7 @@ def law_notes(found: Recommendation) -> list[str]:
     """How far predicted times can be off; where work ranks, what known devices draw faster than the choice."""
     if found.law is not None:
         errors = found.law.errors
-        kinds = dict.fromkeys(kind_of(trial.spec.sizeless_text) for trial in found.trials)
+        kinds = sorted({kind_of(trial.spec.sizeless_text) for trial in found.trials})
         factors = ", ".join(f"{kind} ×{errors[kind].median:.2f}" for kind in kinds if kind in errors)
         return [f"ms: beyond a frame without shadows, predicted from work; median error in other scenes: {factors}"]
     if found.unit != "work" or found.choice is None or found.view.light.soft:
