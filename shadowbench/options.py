@@ -26,7 +26,7 @@ VIEW_SIZE = Bounds(1, 16384)
 ROUNDS = Bounds(0, 10_000)
 PHASES = Bounds(1, 10_000)
 PIXEL_SAMPLES = Bounds(1, 64)
-KINDS = ("techniques", "engines", "scenes", "metrics", "studies", "axes")
+KINDS = ("techniques", "engines", "scenes", "metrics", "studies", "axes", "devices")
 """What `list` lists."""
 LATEST = 1e9
 """Largest time of an animation, in seconds."""

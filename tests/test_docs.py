@@ -18,7 +18,11 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 INCLUDED = re.compile(r"(?m)^```\{include\} (.+)$")
 NO_LINKS = {"changelog.md", "contributing.md", "commands.md"}  # what they include is a page of its own; help
-GENERATED = ("technique_docs.py", "reference_docs.py")  # the tools of other pages have tests of their own
+GENERATED = (
+    "technique_docs.py",
+    "reference_docs.py",
+    "device_page.py",
+)  # the tools of other pages have tests of their own
 
 
 TECHNIQUES = ROOT / "docs" / "reference" / "techniques"

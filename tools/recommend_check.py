@@ -13,7 +13,8 @@ from pathlib import Path
 
 import ages
 
-from shadowbench.advice.recommend import MARGINS, find_cheapest, trial_of
+from shadowbench.advice.costs import Cost
+from shadowbench.advice.recommend import MARGINS, find_cheapest
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import full_space, grid_of
 from shadowbench.advice.target import Target
@@ -176,11 +177,11 @@ def check(
     with Campaign(folder, GLDrawer(worker), _SilentReporter()) as campaign:
         (results,) = campaign.measure([Block(view, tuple(map(Cell, space)))])
     rows: dict[Spec, Result] = dict(zip(space, results, strict=True))
-    lines = {}
+    lines, cost = {}, Cost("work")
     for target in TARGETS:
-        trials = [trial_of(spec, row, target, "work") for spec, row in rows.items() if row.status == "ok"]
+        trials = [cost.trial(spec, row, target, view) for spec, row in rows.items() if row.status == "ok"]
         met = [trial for trial in trials if trial.error <= target.limit]
-        found = find_cheapest(view, cached_truth(view), target, "work", known, largest, rows.__getitem__)
+        found = find_cheapest(view, cached_truth(view), target, cost, known, largest, rows.__getitem__)
         cheapest = min(met, key=lambda trial: (trial.cost, trial.bytes, trial.error), default=None)
         lines[target] = Line(view.scene.name, found.choice, cheapest, found.measured, len(space))
     return lines

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
+from shadowbench.advice.costs import Cost, Unit, cost_of
+from shadowbench.advice.law import Law
 from shadowbench.advice.search import Search, Trial, Untried
 from shadowbench.advice.space import (
     Exclusion,
@@ -17,7 +19,6 @@ from shadowbench.advice.space import (
     untried_filters,
 )
 from shadowbench.advice.target import Target, least_error
-from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import DEFAULT_REFERENCE, Cell
 from shadowbench.measure.drawer import DeviceInfo
@@ -25,8 +26,7 @@ from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.folder import write_cells
-from shadowbench.results.tables import cells_frame
-from shadowbench.results.times import ReferenceTime, normalise_times
+from shadowbench.results.times import ReferenceTime
 from shadowbench.scenes.model import View
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import Study
@@ -35,8 +35,6 @@ from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
-ROUNDS = 9
-Unit = Literal["work", "ms"]
 # By how much an error may be smaller than predicted, for the same filter and for another; from rows of all built-in
 # scenes. edge_px, a mean of distances, is sensitive to single pixels, so that it falls less evenly with the map size.
 # rmse of a hard shadow is the root of the share of wrong pixels, so that IoU's margins are generous.
@@ -54,7 +52,8 @@ class Recommendation:
     unsuccessful: status by spec of the others; excluded: specs that were not tried, by the survey or on principle;
     untried: those not tried by what is predicted of them, by technique; space_size: number of specs in the full space;
     needs: survey of the view, without penumbrae; reference: reference time of costs in milliseconds, None if costs are
-    work; among: the techniques that were asked for, empty for all; engines: what other engines drew, without a cost.
+    work, or predicted; law: by which they are; among: the techniques that were asked for, empty for all; engines: what
+    other engines drew, without a cost.
     """
 
     view: View
@@ -70,6 +69,7 @@ class Recommendation:
     reference: ReferenceTime | None
     among: tuple[str, ...] = ()
     engines: tuple[Result, ...] = ()
+    law: Law | None = None
 
     def __repr__(self) -> str:
         """One line: scene, target and choice."""
@@ -145,19 +145,21 @@ def recommend(
     timed: bool = True,
     among: Sequence[str] = (),
     engines: Sequence[Spec] = (),
+    law: Law | None = None,
 ) -> tuple[Recommendation, DeviceInfo]:
     """The cheapest measured of the `known` techniques that meets a target in a view, and the device.
 
     Measures into a campaign's folder: rows, masks, pictures, `table.csv`, `run.json`. on_this_machine: rank by times
     even on a software renderer; timed: whether the campaign may time; among: names of the techniques to search, all if
-    empty; engines: specs of other engines to measure. Raises InputError for a folder with other files, a budget on a
-    software renderer, a device without pipeline statistics, and names of techniques of which none supports the light.
+    empty; engines: specs of other engines to measure; law: of the device whose times are predicted from work that a
+    software renderer counts. Raises InputError for a folder with other files, a budget or a law where it cannot be, a
+    device without pipeline statistics, and names of techniques of which none supports the light.
     """
     chosen_techniques(known, among, view.light.hard_kind, view.light.soft)  # before the truth is traced
     info = campaign.drawer.info
-    unit = _unit(target, info, on_this_machine, timed)
+    cost = cost_of(target, view, info, on_this_machine, timed, law)
     campaign.reporter.stage("truth", 1)
-    study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
+    study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=cost.rounds)
     block = study.block(view)
     truth = cached_truth(view)
     results: list[Result] = []
@@ -169,7 +171,7 @@ def recommend(
             results.extend(found)
             return results[-1]
 
-        found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure, among)
+        found = find_cheapest(view, truth, target, cost, known, info.max_map_size, measure, among)
         if engines:
             (drawn,) = campaign.measure([replace(block, cells=tuple(map(Cell, engines)))])
             results += drawn
@@ -180,27 +182,11 @@ def recommend(
     return found, info
 
 
-def _unit(target: Target, info: DeviceInfo, on_this_machine: bool, timed: bool) -> Unit:
-    if not timed and (target.budget_ms is not None or on_this_machine):
-        option = "--on-this-machine" if on_this_machine else "--budget-ms"
-        raise InputError(f"{option}: nothing is timed with --dask; allowed: with --time-on WORKER")
-    if timed and (not info.software or on_this_machine):
-        return "ms"
-    if target.budget_ms is not None:
-        raise InputError(
-            f"--budget-ms: {info.renderer} is a software renderer, whose times are not a GPU's; --on-this-machine "
-            "ranks by them nevertheless"
-        )
-    if not info.pipeline_statistics:
-        raise InputError(f"{info.renderer} does not count work; allowed: --on-this-machine, which ranks by its times")
-    return "work"
-
-
 def find_cheapest(
     view: View,
     truth: Truth,
     target: Target,
-    unit: Unit,
+    cost: Cost,
     known: Techniques,
     largest: int,
     measure: Callable[[Spec], Result],
@@ -214,14 +200,14 @@ def find_cheapest(
     known = chosen_techniques(known, among, light.hard_kind, light.soft)
     survey = needs(view, penumbrae=False)  # those rule out no spec
     space = full_space(known, light.hard_kind, largest, light.soft)
-    left, excluded = _to_search(view, truth, target, unit, known, space, survey)
+    left, excluded = _to_search(view, truth, target, cost, known, space, survey)
     unsuccessful: dict[str, str] = {}
 
     def try_spec(spec: Spec) -> Trial | None:
         result = measure(spec)
-        status = _status(result, unit)
+        status = cost.status(result)
         if status == "ok":
-            return trial_of(spec, result, target, unit)
+            return cost.trial(spec, result, target, view)
         unsuccessful[spec.text] = status
         return None
 
@@ -232,17 +218,17 @@ def find_cheapest(
         start=lambda spec: start_size(spec, survey),
         measure=try_spec,
         margins=UNPREDICTABLE if target.metric == "rmse" and light.soft else MARGINS[target.metric],
-        price=1.0 if unit == "work" else 0.0,
+        price=cost.price,
         least=least_error(truth, target.metric),
     )
     search.run()
-    trials, reference = to_milliseconds(search.trials) if unit == "ms" else (search.trials, None)
+    trials, reference = cost.compared(search.trials)
     trials = sorted(trials, key=lambda trial: trial.rank)
     best = next((trial for trial in trials if trial.error <= target.limit), None)
     return Recommendation(
         view=view,
         target=target,
-        unit=unit,
+        unit=cost.unit,
         choice=best if best is not None and target.affords(best.cost) else None,
         trials=tuple(trials),
         unsuccessful=unsuccessful,
@@ -252,19 +238,12 @@ def find_cheapest(
         needs=survey,
         reference=reference,
         among=tuple(among),
+        law=cost.law,
     )
 
 
-def _status(result: Result, unit: Unit) -> str:
-    """`ok`, or why a cell is no trial."""
-    time = result.time
-    if result.status == "ok" and unit == "ms" and (time is None or time["ratio"] is None):
-        return f"failed: no ratio to the reference: {time and time['no_ratio']}"
-    return result.status
-
-
 def _to_search(
-    view: View, truth: Truth, target: Target, unit: Unit, known: Techniques, space: Sequence[Spec], survey: Needs
+    view: View, truth: Truth, target: Target, cost: Cost, known: Techniques, space: Sequence[Spec], survey: Needs
 ) -> tuple[list[Spec], list[Exclusion]]:
     """The specs of a space that are searched, `unshadowed` alone where nothing is dark, and what is excluded."""
     kind, soft, by_rmse = view.light.hard_kind, view.light.soft, target.metric == "rmse"
@@ -272,29 +251,6 @@ def _to_search(
         dark = "in shadow" if by_rmse or not soft else "more than half in shadow"
         left_out = Exclusion(f"all but {Unshadowed.name}", f"nothing that is seen is {dark}", len(space))
         return [Spec(Unshadowed, Unshadowed.Params())], [left_out]
-    left, excluded = prune(space, survey, target.value if target.metric == "iou" else None, unit == "work")
+    left, excluded = prune(space, survey, target.value if target.metric == "iou" else None, cost.rules(space))
     declined = [Exclusion(name, why, 0) for name, why in unavailable(known, kind, soft).items()]
     return left, [*declined, *untried_filters(space, soft), *excluded]
-
-
-def trial_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Trial:
-    """Trial of a measured spec; its cost is its work, or, if `unit` is ms, its ratio to the reference."""
-    row, work = result.score, result.score["work"]
-    cost = fixed = float(work.get("vertices", 0) + work.get("geometry", 0))
-    if unit == "work":
-        cost = float(work["cost"])
-    else:
-        assert result.time is not None
-        cost = float(result.time["ratio"])
-        fixed = cost * fixed / work["cost"] if "cost" in work else 0.0  # the vertices' share
-    return Trial(spec, cost, fixed, int(row["gpu_bytes"]), target.error(row["metrics"]), result)
-
-
-def to_milliseconds(trials: Sequence[Trial]) -> tuple[list[Trial], ReferenceTime | None]:
-    """Trials with costs in milliseconds in place of ratios, by one time of their reference, None without a trial."""
-    if not trials:
-        return [], None
-    _, reference = normalise_times(cells_frame([trial.result for trial in trials]))
-    assert reference is not None
-    ms = reference.ms
-    return [replace(trial, cost=trial.cost * ms, fixed=trial.fixed * ms) for trial in trials], reference

@@ -16,7 +16,7 @@ from shadowbench.survey.survey import Needs
 
 SIZES = (256, 512, 1024, 2048, 4096)
 
-_Rule = Callable[[Spec], tuple[str, str] | None]  # what is excluded and why
+Rule = Callable[[Spec], tuple[str, str] | None]  # what is excluded and why
 
 
 @dataclass(frozen=True)
@@ -98,13 +98,13 @@ def untried_filters(space: Sequence[Spec], soft: bool) -> list[Exclusion]:
 
 
 def prune(
-    space: Sequence[Spec], needs: Needs, least_iou: float | None, by_work: bool
+    space: Sequence[Spec], needs: Needs, least_iou: float | None, rules: Sequence[Rule]
 ) -> tuple[list[Spec], list[Exclusion]]:
     """Prune a space by the needs of a view; returns the remaining specs and the exclusions.
 
-    least_iou: target IoU, None for another target; by_work: whether specs are ranked by work.
+    least_iou: target IoU, None for another target; rules: those of the cost.
     """
-    rules = [_depth_rule(needs), _planar_rule(needs, least_iou), *([_work_rule(space)] if by_work else [])]
+    rules = [_depth_rule(needs), _planar_rule(needs, least_iou), *rules]
     left, excluded = list(space), []
     for rule in rules:
         found = {spec: reason for spec in left if (reason := rule(spec)) is not None}
@@ -113,7 +113,7 @@ def prune(
     return left, excluded
 
 
-def _depth_rule(needs: Needs) -> _Rule:
+def _depth_rule(needs: Needs) -> Rule:
     bits, unwanted = needs.bits.bits if needs.bits else None, "d16"
     if bits == 16:
         unwanted, why = "d32f", "by `needs` 16 bits separate casters from receivers, at half the bytes"
@@ -124,7 +124,7 @@ def _depth_rule(needs: Needs) -> _Rule:
     return lambda spec: (f"depth={unwanted}", why) if getattr(spec.params, "depth", None) == unwanted else None
 
 
-def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
+def _planar_rule(needs: Needs, least_iou: float | None) -> Rule:
     """Excludes planar techniques if no plane is visible, or if an upper bound of their IoU misses the target.
 
     Shadows on curved receivers stay lit; the bound assumes that as much as possible of the lit surface is curved, and
@@ -140,24 +140,6 @@ def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
         lost = seen.lost.value
         why = f"by `needs` it would leave {lost:.1%} of the shadow lit: its IoU is at most about {1 - lost:.3g}"
     return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.catalogue.only_planes else None
-
-
-def _work_rule(space: Sequence[Spec]) -> _Rule:
-    """Excludes specs whose work is not counted as that of others; a technique by its name if all of its specs are."""
-    reasons = {spec: spec.technique.extra_work(spec.params) for spec in space}
-    counted = {spec.technique for spec, reason in reasons.items() if reason is None}
-
-    def rule(spec: Spec) -> tuple[str, str] | None:
-        reason, name = reasons[spec], spec.technique.name
-        if reason is None:
-            return None
-        return (
-            (spec.text, reason)
-            if spec.technique in counted
-            else (name, f"{reason}; `shadowbench run -t {name}` scores it")
-        )
-
-    return rule
 
 
 def start_size(spec: Spec, needs: Needs) -> float:

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from shadowbench.advice.law import Law, counts_of, laws
 from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES
@@ -14,6 +15,7 @@ from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Drawer
 from shadowbench.measure.rows import Result
 from shadowbench.plugin.params import Component
+from shadowbench.results.submission import kind_of
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
 
@@ -56,6 +58,34 @@ def phase_notes(found: Recommendation) -> list[str]:
     if not any(trial.spec.technique.phased for trial in found.trials):
         return []
     return ["maps are scored in one phase (sub-texel offset): `shadowbench run --phases 8` shows how others differ"]
+
+
+def law_notes(found: Recommendation) -> list[str]:
+    """How far predicted times can be off; where work ranks, what known devices draw faster than the choice."""
+    if found.law is not None:
+        errors = found.law.errors
+        kinds = sorted({kind_of(trial.spec.sizeless_text) for trial in found.trials})
+        factors = ", ".join(f"{kind} ×{errors[kind].median:.2f}" for kind in kinds if kind in errors)
+        return [f"ms: beyond a frame without shadows, predicted from work; median error in other scenes: {factors}"]
+    if found.unit != "work" or found.choice is None or found.view.light.soft:
+        return []
+    faster = "; ".join(line for law in laws().values() if (line := _faster(found, law)))
+    return [f"ranked by work; by predicted times another is faster (--device): {faster}"] if faster else []
+
+
+def _faster(found: Recommendation, law: Law) -> str | None:
+    """Which spec that meets the target a device draws faster than the choice, by its law; None if it draws none so."""
+    triangles = len(found.view.scene.geometry.faces)
+    kinds = {trial: kind_of(trial.spec.sizeless_text) for trial in found.met}
+    times = {
+        trial: law.milliseconds(kind, counts_of(trial.result.score, triangles))
+        for trial, kind in kinds.items()
+        if law.holds(kind)
+    }
+    best = min(times, key=lambda trial: times[trial], default=None)
+    if best is None or found.choice not in times or best is found.choice:
+        return None
+    return f"{law.device} draws {_name(best)} in {times[best]:.2g} ms, the choice in {times[found.choice]:.2g}"
 
 
 def step_lines(found: Recommendation) -> list[str]:
@@ -171,8 +201,9 @@ def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "light": view.light.name,
         "view_size": view.size,
         "target": asdict(found.target),
-        "notes": target_notes(found) + facet_notes(found),
-        "ranked_by": "work_cost" if found.unit == "work" else "frame_ms",
+        "notes": target_notes(found) + facet_notes(found) + law_notes(found),
+        "ranked_by": "work_cost" if found.unit == "work" else "frame_ms" if found.law is None else "predicted_ms",
+        "device": None if found.law is None else found.law.device,
         "reference": None if found.reference is None else asdict(found.reference),
         "renderer": info.renderer,
         "choice": _values(found.choice),

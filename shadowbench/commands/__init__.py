@@ -27,6 +27,7 @@ from shadowbench.commands import (
     run,
     score,
     stress,
+    submit,
     truth,
     tune,
     view,
@@ -72,7 +73,7 @@ app = typer.Typer(
 _PANELS = {  # as --help lists them
     "Measure techniques": (run.run, stress.stress, score.score, truth.truth),
     "Decide what a scene needs": (recommend.recommend, recommend.needs, tune.tune),
-    "Check results and the machine": (check.check, merge.merge, repro.repro, doctor.doctor),
+    "Check results and the machine": (check.check, merge.merge, repro.repro, submit.submit, doctor.doctor),
     "Look": (report.report, render.render, view.view, listing.list_things),
     "Extend with a technique or an engine": (engines.engines, extend.new_technique, extend.export),
 }

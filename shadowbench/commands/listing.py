@@ -20,10 +20,10 @@ def list_things(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """List techniques, scenes, metrics, studies and stress axes.
+    """List techniques, scenes, metrics, studies and more.
 
     Techniques with their parameters and presets, built-in scenes, metrics (columns of result tables), built-in studies,
-    and the axes of `stress`, along which it varies a scene.
+    the axes of `stress`, along which it varies a scene, and the devices whose times were submitted.
 
     \b
     Columns of metrics

@@ -16,11 +16,6 @@ if TYPE_CHECKING:
     from shadowbench.measure.drawer import DeviceInfo
     from shadowbench.plugin.spec import Spec
 
-WORK = (
-    "ranked by work, not by time; where a GPU's clock disagrees, as on shadow volumes: "
-    "docs/explanation/choosing.md#work-and-time"
-)
-
 
 @options.command("For example  shadowbench needs street --view-size 1024")
 def needs(
@@ -67,7 +62,11 @@ class RecommendOptions:
         "penumbra].",
         "X",
     )
-    budget_ms: float | None = option("Maximum time per frame, in ms; needs a GPU.", "X")
+    budget_ms: float | None = option("Maximum time per frame, in ms; needs a GPU, or --device.", "X")
+    device: str | None = option(
+        "Without a GPU, rank by the times that are predicted for this one (shadowbench list devices), from work.",
+        "NAME",
+    )
     on_this_machine: bool = options.flag("Rank by time even on a software renderer.")
     export: Path | None = option("Folder for the parameters and shaders (GLSL) of the choice.", "DIR")
     techniques: list[str] = options.technique(
@@ -88,7 +87,7 @@ class RecommendOptions:
     "\b\nFor example\n"
     "  shadowbench recommend street\n"
     "  shadowbench recommend my.glb --max-edge-px 0.5 --export for-my-engine\n"
-    "  shadowbench recommend my.glb --min-iou 0.98 --budget-ms 2\n"
+    "  shadowbench recommend my.glb --min-iou 0.98 --budget-ms 2 --device h100\n"
     "  shadowbench recommend my.glb -t shadow-map -t cascades"
 )
 def recommend(
@@ -101,10 +100,10 @@ def recommend(
     """Search for the cheapest technique that meets a target.
 
     Searches techniques, parameters and map sizes. Few specs are measured: the scene's geometry rules some out (see
-    `shadowbench needs`), and cost and error of the others are predicted from the measurements, so that a cheaper one
-    may exist. Cost is the time of a frame; on a software renderer it is work (shader invocations, texture reads), since
-    its times are not those of a GPU. Exit code 1 if nothing measured meets the target; the closest is then shown with
-    the reason.
+    `shadowbench needs`), and cost and error of the others are predicted from the measurements, so that a cheaper
+    one may exist. Cost is the time of a frame; on a software renderer it is work (shader invocations, texture
+    reads), since its times are not those of a GPU, or with --device the time that the work would take on that GPU.
+    Exit code 1 if nothing measured meets the target; the closest is then shown with the reason.
 
     \b
     Lines of the table, all of specs that were measured
@@ -123,6 +122,7 @@ def recommend(
       MiB         memory of textures and buffers
       key         name of the cell's mask and picture in the output folder
     """
+    from shadowbench.advice.law import find_law
     from shadowbench.advice.recommend import has_penumbra
     from shadowbench.advice.recommend import recommend as measure_recommendation
     from shadowbench.advice.space import technique_names
@@ -135,6 +135,7 @@ def recommend(
     target_of(*wanted)  # invalid options, before the scene is read
     known = techniques_with(asked.plugin)
     among = technique_names(asked.techniques, known)
+    law = None if asked.device is None else find_law(asked.device)
     engines = _engines() if asked.engines else ()
     if asked.export is not None:
         make_folder(asked.export, "--export ")
@@ -152,6 +153,7 @@ def recommend(
             timed=machines.dask is None or machines.time_on is not None,
             among=among,
             engines=engines,
+            law=law,
         )
         if asked.export is not None:
             export_choice(found, asked.export, campaign.drawer)
@@ -196,11 +198,23 @@ def _print_engines(found: "Recommendation") -> None:
 
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
-    from shadowbench.advice.words import excluded_lines, facet_notes, obstacles, phase_notes, step_lines, target_notes
+    from shadowbench.advice.words import (
+        excluded_lines,
+        facet_notes,
+        law_notes,
+        obstacles,
+        phase_notes,
+        step_lines,
+        target_notes,
+    )
     from shadowbench.results.times import time_notes
 
-    by = "work" if found.unit == "work" else "this machine's times" if info.software else "this GPU's times"
-    caveat = "; times of a software renderer are not those of a GPU" if info.software else ""
+    by, caveat = "this GPU's times", ""
+    if found.law is not None:
+        by = f"predicted times on {found.law.device}"
+    elif info.software:
+        by = "work" if found.unit == "work" else "this machine's times"
+        caveat = "; times of a software renderer are not those of a GPU"
     cost = "work" if found.unit == "work" else "ms"
     numbers = ("map", found.target.metric, cost, "× choice", "MiB")
     columns = ("", "spec", *numbers, "key")
@@ -213,11 +227,10 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
         _print_engines(found)
     lines = step_lines(found) if found.choice else obstacles(found)
     rough = [_is_rough(found, one) for one in shown]
-    notes = [*target_notes(found), *facet_notes(found), *phase_notes(found), *time_notes(found.reference, rough)]
+    notes = [*target_notes(found), *facet_notes(found), *phase_notes(found), *law_notes(found)]
+    notes += time_notes(found.reference, rough)
     for line in [*lines, *notes, *excluded_lines(found)]:
         console.print_line(line)
-    if found.unit == "work":
-        console.print_line(WORK)
     console.print_line(
         f"{len(found.trials)} of {found.space_size} specs measured; masks and pictures, by key, in {folder}"
     )

@@ -43,6 +43,7 @@ def measure_noise(worker: Worker) -> Noise:
     view = view_of(scene, scene.cameras[0], scene.lights[0], VIEW_SIZE)
     for _ in range(2):
         worker.call(Session.prepare_timing, view, CellRequest(SPEC))
+    worker.call(Session.raise_clocks)
     samples: list[list[Sample]] = []
     while len(samples) < SERIES * ROUNDS:
         samples.append([worker.call(Session.time_frame, index) for index in range(2)])

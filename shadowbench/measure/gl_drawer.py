@@ -134,6 +134,7 @@ class GLDrawer:
 
         call(None, Session.open, block.view, block.coordinates)
         prepare_ms = [call(n, Session.prepare_timing, block.view, self._request(block, cells[n])) for n in indices]
+        call(None, Session.raise_clocks)
         times = sample()
         if any(len(cell.clocks) > 1 for cell in times):  # the clock gave up timer queries midway, for good
             times = sample()

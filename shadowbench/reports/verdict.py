@@ -7,6 +7,7 @@ from shadowbench.plugin.registry import own_techniques
 from shadowbench.reports.words import digits, median_text, sentence, time_source
 from shadowbench.results.configurations import Section
 from shadowbench.results.ranking import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
+from shadowbench.results.submission import device_name, known_submissions
 from shadowbench.scores.metrics import METRICS
 
 _NONE = "No real-time technique here"
@@ -141,6 +142,17 @@ def cost_note(sections: Sequence[Section]) -> str:
     rough = " ~ marks a rough time." if any(one.rough for section in sections for one in section.timed) else ""
     untimed = "" if all(timed) else ' Where a cost is a map size or "no map", that setting lacks times.'
     return f"Cost: {mean}. {sentence(time_source(run))}{rough}{untimed}"
+
+
+def device_note(software: bool | None, renderer: str) -> str:
+    """Where times of GPUs are to be had: of which devices, and whether the one that drew is among them."""
+    known = [one.device for one in known_submissions()]
+    if software:
+        ranks = "`shadowbench recommend SCENE --device NAME` ranks by predicted times"
+        return f"For {', '.join(known)} {ranks}; for other GPUs none are known."
+    if device_name(renderer) in known:
+        return "Times on this device are predicted from work, too: `shadowbench recommend SCENE --device NAME`."
+    return "No times of this device are on record, to predict others from work: `shadowbench submit` would add them."
 
 
 def cost_text(one: Candidate) -> str:

@@ -1,4 +1,4 @@
-"""What there is: every technique, engine, scene, metric, study and stress axis, with what is said of it."""
+"""What there is: every technique, engine, scene, metric, study, stress axis and device, and what is said of it."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +14,7 @@ from shadowbench.plugin.base import Subject
 from shadowbench.plugin.params import Component, TechniqueParams, allowed
 from shadowbench.plugin.registry import engines
 from shadowbench.plugin.spec import format_value
+from shadowbench.results.submission import known_submissions
 from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
 from shadowbench.studies.study import find_study, read_study, study_names
 
@@ -22,7 +23,7 @@ Entry = dict[str, Any]
 
 
 def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> dict[str, list[Entry]]:
-    """The entries of each kind (techniques, engines, scenes, metrics, studies, axes), each with its `name`.
+    """The entries of each kind (techniques, engines, scenes, metrics, studies, axes, devices), each with its `name`.
 
     plugins: Python files that add techniques and metrics; what: only this kind; name: only this entry. Raises
     InputError for an unknown kind or name.
@@ -52,6 +53,10 @@ def entries(kind: str, plugins: Sequence[Path] = ()) -> list[Entry]:
         return [{"name": name, "about": read_study(find_study(name), known).about} for name in study_names()]
     if kind == "axes":
         return [_axis(axis) for axis in AXES.values()]
+    if kind == "devices":
+        return [
+            {"name": one.device, "cells": len(one.cells), "timed": one.finished[:10]} for one in known_submissions()
+        ]
     return [
         {"name": one.name, "better": one.better, "for": one.kind, "tolerance": one.tolerance, "help": one.help}
         for one in ROW_METRICS.values()

@@ -110,10 +110,29 @@ def test_the_choice_meets_the_target_its_rows_are_kept_and_a_second_call_measure
     excluded = sum(one["specs"] for one in found["excluded"])
     assert sum(map(int, rest)) == found["space"] - found["measured"] - excluded > 0, "every spec is accounted for"
     assert sum(one["dearer"] + one["inaccurate"] + one["beyond"] for one in found["untried"]) == sum(map(int, rest))
-    assert "docs/explanation/choosing.md#work-and-time" in again.out
     assert "maps are scored in one phase" in again.out
-    page = Path(__file__).parents[2] / "docs" / "explanation" / "choosing.md"
-    assert "\n## Work and time\n" in page.read_text(encoding="utf-8")
+
+
+def test_a_device_without_a_gpu_here_ranks_by_its_law(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    """On an H100 volumes take longer than cascades, whatever their work; a budget between the two leaves them out."""
+    command = ("recommend", "stairs", "--view-size", 128, "-o", tmp_path)
+    by_work = shadowbench(*command)
+    assert by_work.code == 0 and re.search(r"^choice +shadow-volume", by_work.out, re.MULTILINE)
+    assert re.search(
+        r"another is faster \(--device\): NVIDIA H100 80GB HBM3 draws \S+ .*ms, the choice in", by_work.out
+    )
+    found = json.loads(shadowbench(*command, "--device", "h100", "--budget-ms", 1, "--json").out)
+    assert (found["ranked_by"], found["device"]) == ("predicted_ms", "NVIDIA H100 80GB HBM3")
+    assert found["choice"]["cost"] <= 1 < max(one["cost"] for one in found["evidence"])
+    assert not found["choice"]["spec"].startswith("shadow-volume")
+    assert "ray-traced" in {one["what"].split()[0] for one in found["excluded"]}
+    assert not any("frame_ms" in line for line in (tmp_path / "rows.jsonl").read_text().splitlines()), (
+        "nothing is timed"
+    )
+    wrong = shadowbench(*command, "--device", "voodoo")
+    assert wrong.code == 2 and wrong.err.startswith(
+        "shadowbench: --device: 'voodoo' names 0 devices with times; allowed: NVIDIA"
+    )
 
 
 def test_export_writes_parameters_and_whole_shaders(shadowbench: Callable[..., Any], tmp_path: Path) -> None:

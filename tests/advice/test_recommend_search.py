@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from shadowbench.advice.recommend import Recommendation, find_cheapest, to_milliseconds, trial_of
+from shadowbench.advice.costs import Cost
+from shadowbench.advice.recommend import Recommendation, find_cheapest
 from shadowbench.advice.search import Search, Trial, extrapolate, point_of
 from shadowbench.advice.space import full_space, prune, specs_of, start_size, unavailable, untried_filters
 from shadowbench.advice.target import Target, least_error
@@ -231,7 +232,7 @@ def found(builtin: Callable[..., View], truth_of: Callable[..., Truth]) -> Calla
     ) -> Recommendation:
         view, truth = builtin("street", 128), truth_of("street", 128)
         view = dataclasses.replace(view, light=dataclasses.replace(view.light, radius=radius))
-        return find_cheapest(view, truth, target, "work", {name: KNOWN[name] for name in names}, largest, row)
+        return find_cheapest(view, truth, target, Cost("work"), {name: KNOWN[name] for name in names}, largest, row)
 
     return search
 
@@ -269,7 +270,7 @@ def test_small_maps_may_be_the_best_for_soft_shadows(found: Callable[..., Recomm
     assert target_notes(soft) == ["the truth's own error is an RMSE of 0.02: a smaller one cannot be told from 0"]
 
 
-def test_costs_on_a_machine_are_ratios_times_one_reference_time() -> None:
+def test_costs_on_a_machine_are_ratios_times_one_reference_time(builtin: Callable[..., View]) -> None:
     """Each cell is timed in a separate block, so that the load of the machine must not affect the choice."""
     target = Target("iou", 0.9, budget_ms=9.0)
     specs = [parse_spec(f"shadow-map:size={size}", KNOWN) for size in (512, 1024)]
@@ -279,11 +280,11 @@ def test_costs_on_a_machine_are_ratios_times_one_reference_time() -> None:
         names = {"scene": "s", "view": "v", "light": "l", "phase": 0, "spec": str(spec.map_size), "technique": "t"}
         time = {"frame_ms": frame_ms, "ratio": frame_ms / reference_ms, "ratio_iqr": 0.0, "reference": "r"}
         timed = Result(dict(result.score) | names, time | {"reference_ms": reference_ms})
-        return trial_of(spec, timed, target, "ms")
+        return Cost("ms").trial(spec, timed, target, builtin("street", 128))
 
     busy, quiet = trial(specs[0], 8.0, 16.0), trial(specs[1], 6.0, 8.0)
     assert (busy.cost, quiet.cost) == (0.5, 0.75)
-    found, reference = to_milliseconds([busy, quiet])
+    found, reference = Cost("ms").compared([busy, quiet])
     assert [one.cost for one in found] == [0.5 * 12, 0.75 * 12]
     assert (reference.name, reference.ms, reference.drifted) == ("r", 12, True)
 
@@ -330,13 +331,14 @@ def test_the_needed_bits_leave_one_depth_format(street: Needs) -> None:
     assert street.bits is not None
     for bits, kept in ((16, "d16"), (24, "d32f"), (32, "d32f"), (None, "d32f")):
         needed = dataclasses.replace(street, bits=dataclasses.replace(street.bits, bits=bits))
-        left, excluded = prune(space, needed, 0.9, by_work=False)
+        left, excluded = prune(space, needed, 0.9, [])
         assert {spec.params.depth for spec in left if hasattr(spec.params, "depth")} == {kept}
         assert len(left) + sum(one.specs for one in excluded) == len(space)
 
 
 def test_a_technique_that_is_not_ranked_by_work_is_left_out_with_the_command_that_measures_it(street: Needs) -> None:
-    left, excluded = prune(full_space(KNOWN, "directional", 16384), street, 0.9, by_work=True)
+    space = full_space(KNOWN, "directional", 16384)
+    left, excluded = prune(space, street, 0.9, Cost("work").rules(space))
     assert not any(spec.technique.name == "hybrid" for spec in left)
     (why,) = [one.why for one in excluded if one.what == "hybrid"]
     assert why.endswith("counts of work do not see; `shadowbench run -t hybrid` scores it")
@@ -349,7 +351,7 @@ def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street:
         seen = street.receivers
         estimates = {name: dataclasses.replace(seen.planar, value=value) for name, value in shares.items()}
         changed = dataclasses.replace(street, receivers=dataclasses.replace(seen, planes=planes, **estimates))
-        left, excluded = prune(space, changed, least, by_work=True)
+        left, excluded = prune(space, changed, least, [])
         whys = [one.why for one in excluded if one.what == "planar-projection"]
         assert any(spec.technique.name == "planar-projection" for spec in left) == (not whys)
         return whys
@@ -364,8 +366,8 @@ def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street:
 
 def test_ranking_by_work_drops_the_volumes_with_a_depth_pass(street: Needs) -> None:
     space = full_space(KNOWN, "directional", 16384)
-    for by_work, count in ((True, 1), (False, 2)):
-        left, _ = prune(space, street, 0.9, by_work)
+    for cost, count in ((Cost("work"), 1), (Cost("ms"), 2)):
+        left, _ = prune(space, street, 0.9, cost.rules(space))
         assert sum(spec.technique.name == "shadow-volume" for spec in left) == count
 
 

@@ -371,7 +371,7 @@ def test_help_groups_every_command_and_cuts_no_summary(
     assert names == {
         "Measure": ["run", "stress", "score", "truth"],
         "Decide": ["recommend", "needs", "tune"],
-        "Check": ["check", "merge", "repro", "doctor"],
+        "Check": ["check", "merge", "repro", "submit", "doctor"],
         "Look": ["report", "render", "view", "list"],
         "Extend": ["engines", "new-technique", "export"],
     }

@@ -41,7 +41,13 @@ def found(**options: Any) -> tuple[Noise, Scripted]:
 def test_equal_times_have_no_noise() -> None:
     told, worker = found()
     assert (told.ratio, told.worst, told.n, told.frame_ms, told.clock) == (1, 1, SERIES * ROUNDS, 10, WALL)
-    assert worker.calls == ["prepare_timing", "prepare_timing", *["time_frame"] * (2 * told.n), "release_timed"]
+    assert worker.calls == [
+        "prepare_timing",
+        "prepare_timing",
+        "raise_clocks",
+        *["time_frame"] * (2 * told.n),
+        "release_timed",
+    ]
 
 
 @pytest.mark.parametrize("apart", [1.25, 0.8])

@@ -11,10 +11,11 @@ import pytest
 
 from shadowbench.errors import Unsupported
 from shadowbench.gl.clock import QUERIES, WALL, PassTimes, Sample
+from shadowbench.measure import session
 from shadowbench.measure.cells import Block, Cell, reference_name
 from shadowbench.measure.drawer import CellFailed, Limits, MemoryExceeded
 from shadowbench.measure.gl_drawer import GLDrawer
-from shadowbench.measure.session import CellRequest
+from shadowbench.measure.session import RISE_S, CellRequest, Session
 from shadowbench.measure.time_rows import Times, time_row
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
@@ -81,6 +82,9 @@ class Scripted:
         self.held.append(name)
         return 100.0 * len(self.held)
 
+    def raise_clocks(self) -> None:
+        pass
+
     def time_frame(self, number: int, name: str) -> Sample:
         done = Counter(self.calls)["time_frame", name] - 1
         ms = FRAMES[name][done % 3] + 1000 * (done // 3)  # each further series of three is another thousand
@@ -145,6 +149,7 @@ def test_rounds_visit_all_kept_cells() -> None:
         ("draw", REFERENCE),
         ("open", None),
         *(("prepare_timing", name) for name in group),
+        ("raise_clocks", None),
         *(("time_frame", name) for _ in range(3) for name in group),
         *(("time_passes", name) for name in group),
         ("release_timed", None),
@@ -298,3 +303,19 @@ def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(
     at_a_point: dict[LightKind, str] = {"point": "cube-map:size=1024"}
     for kind, name in (at_a_point | names).items():
         assert reference_name(block_under(kind, chosen).reference_cell.spec) == name
+
+
+def test_a_gpu_draws_until_its_clocks_have_risen_and_a_software_renderer_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drawn, seconds = Counter[int](), iter(np.arange(0, 9, RISE_S / 4).tolist())  # a quarter passes between two looks
+    monkeypatch.setattr(session.time, "perf_counter", lambda: next(seconds))
+    device: Any = SimpleNamespace(software=False, reset=lambda: None, check=lambda what: None)
+    device.context = SimpleNamespace(finish=lambda: None)
+    ours: Any = SimpleNamespace(device=device, _timed=[None, None])
+    ours._next_draw = lambda index: lambda: drawn.update([index])
+    Session.raise_clocks(ours)
+    assert drawn == {0: 3, 1: 3}, "in turn"
+    device.software = True
+    Session.raise_clocks(ours)
+    assert drawn.total() == 6
