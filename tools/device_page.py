@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import ages
 import pandas as pd
 
 from shadowbench.advice.law import WORST, Law, law_of
@@ -35,6 +36,7 @@ def _device(one: Submission, law: Law) -> Iterator[str]:
         mhz = (f"{name} {value:.0f} MHz" for name, value in told.items() if value)
         rates = f"driver {clocks.driver}, {', '.join(mhz)}"
     yield f"## {one.device}\n"
+    yield f"{ages.START}'shadowbench submit'; times, {one.finished[:10]} -->\n"
     yield (
         f"{len(one.cells)} cells, {one.finished[:10]}, shadowbench {one.versions['shadowbench']}; {rates}; beside "
         f"{one.machine.get('processor')}. A cell takes {one.noise.ratio:.3f} times its own time.\n"
