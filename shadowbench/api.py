@@ -7,12 +7,10 @@
 
 A scene argument is a Scene returned by `load`, or an argument of `load`: a built-in name, a `.toml`, or a mesh file. A
 technique is a spec as on the command line. Invalid arguments raise InputError with the line that the command would
-print, in which options have the names of parameters; failures raise ShadowbenchError. Notes, such as assumptions about
-a scene, are logged to `shadowbench` at level INFO.
+print, with parameters' names for options'; failures raise ShadowbenchError. Notes are logged to `shadowbench`, as INFO.
 
-All drawing functions share one worker process, which owns the OpenGL context and is replaced if it fails; `close` ends
-it. Calls from several threads are serialised. Arguments that take several values accept a single one, a list, an array
-or a Series.
+All drawing functions share a worker process, replaced if it fails; `close` ends it. Calls from several threads are
+serialised. Arguments that take several values accept a single one, a list, an array or a Series.
 """
 
 import logging
@@ -25,6 +23,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shadowbench import options
+from shadowbench.advice.law import find_law
 from shadowbench.advice.recommend import Recommendation, has_penumbra
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.space import technique_names
@@ -233,6 +232,7 @@ def recommend(
     max_rmse: float | None = None,
     budget_ms: float | None = None,
     on_this_machine: bool = False,
+    device: str | None = None,
     techniques: str | Iterable[str] = (),
     view_size: int = 512,
     view: str | None = None,
@@ -243,9 +243,8 @@ def recommend(
     """Search for the cheapest technique and parameters that meet a target in a view, by measuring few of them.
 
     min_iou, max_edge_px or max_rmse: the target, by default an IoU of 0.99, or an RMSE of 0.02 if there are penumbrae;
-    budget_ms: largest frame time, on a GPU; on_this_machine: rank by times even on a software renderer; techniques:
-    names of those to search, by default all. `choice`, the cheapest measured, is None if nothing measured meets the
-    target. Raises InputError.
+    budget_ms: largest frame time; on_this_machine: rank by times even on a software renderer; device: by times predicted
+    for this GPU; techniques: of those to search. `choice` is None if nothing measured meets it. Raises InputError.
     """
     limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "budget_ms": budget_ms, "max_rmse": max_rmse}
     given = {name: None if value is None else options.number(value, name) for name, value in limits.items()}
@@ -255,8 +254,9 @@ def recommend(
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
     with shared_worker(files) as worker, campaign(_kept_in(folder), worker) as made:
-        found, _ = measure_recommendation(chosen, target, known, made, on_this_machine=on_this_machine, among=among)
-    return found
+        return measure_recommendation(
+            chosen, target, known, made, on_this_machine=on_this_machine, among=among, law=find_law(device)
+        )[0]
 
 
 def stress(

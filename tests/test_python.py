@@ -150,6 +150,7 @@ WRONG = {
     "max_rmse: found 2; allowed: 0 to 1": lambda: sb.recommend("stairs", max_rmse=2),
     "min_iou and max_edge_px: found both": lambda: sb.recommend("stairs", min_iou=0.9, max_edge_px=1),
     "min_iou: found '0.9' (str)": lambda: sb.recommend("stairs", min_iou="0.9"),
+    "device: 'voodoo' names 0 devices": lambda: sb.recommend("stairs", device="voodoo"),
     "unknown technique 'shadowmap'": lambda: sb.recommend("stairs", techniques="shadowmap"),
     "nothing to search: cube": lambda: sb.recommend("stairs", techniques=["cube-map"]),
     "; a view is square, and view_size 64 is its size": lambda: sb.needs("stairs", view="64"),

@@ -19,6 +19,7 @@ TRIED = [
     for line in (
         "shadowbench --version",
         "shadowbench list scenes",
+        "shadowbench list devices",
         "shadowbench run stairs -t shadow-map --map-size 512 --view-size 64 --rounds 0",
         "python -c 'import shadowbench; print(shadowbench.__file__)'",
     )

@@ -89,8 +89,10 @@ def laws() -> Mapping[str, Law]:
     return {one.device: law_of(one) for one in known_submissions()}
 
 
-def find_law(name: str) -> Law:
-    """The law of the device whose name has these words. Raises InputError for none or several."""
+def find_law(name: str | None) -> Law | None:
+    """The law of the device whose name has these words; None for None. Raises InputError if not one device has."""
+    if name is None:
+        return None
     words = re.split(r"[\W_]+", name.lower())
     found = [law for device, law in laws().items() if all(word in device.lower() for word in words)]
     if len(found) != 1:

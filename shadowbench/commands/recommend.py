@@ -135,7 +135,7 @@ def recommend(
     target_of(*wanted)  # invalid options, before the scene is read
     known = techniques_with(asked.plugin)
     among = technique_names(asked.techniques, known)
-    law = None if asked.device is None else find_law(asked.device)
+    law = find_law(asked.device)
     engines = _engines() if asked.engines else ()
     if asked.export is not None:
         make_folder(asked.export, "--export ")

@@ -71,21 +71,23 @@ def test_the_laws_on_record_hold_for_maps_and_volumes_in_other_scenes(device: st
 
 
 def test_a_device_is_found_by_words_of_its_name() -> None:
-    assert find_law("h100").device == "NVIDIA H100 80GB HBM3"
+    assert find_law("h100") is H100 and find_law(None) is None
     with pytest.raises(InputError, match=r"^--device: 'radeon' names 0 devices with times; allowed: NVIDIA H100"):
         find_law("radeon")
 
 
+H100 = laws()["NVIDIA H100 80GB HBM3"]
+
+
 def test_specs_are_left_out_of_which_a_law_gives_no_times() -> None:
-    law = find_law("h100")
-    rule = Cost("ms", law).rules([])[0]
+    rule = Cost("ms", H100).rules([])[0]
     space = full_space(techniques(), "directional", 4096)
     left = {spec.technique.name for spec in space if rule(spec) is None}
     assert {"shadow-map", "cascades", "shadow-volume", "hybrid"} <= left and "ray-traced" not in left
 
 
 def test_times_are_predicted_on_a_software_renderer_for_lights_without_a_size(builtin: Callable[..., View]) -> None:
-    law, target = find_law("h100"), Target("iou", 0.99, 2.0)
+    law, target = H100, Target("iou", 0.99, 2.0)
     view, soft = builtin("cube-on-plane", 32), builtin("post", 32)
     mesa = DeviceInfo("llvmpipe", "Mesa", 450, True, "finish+wall", 16384, 8, True, True)
     assert cost_of(target, view, mesa, False, True, law) == Cost("ms", law)
