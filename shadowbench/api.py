@@ -243,8 +243,8 @@ def recommend(
     """Search for the cheapest technique and parameters that meet a target in a view, by measuring few of them.
 
     min_iou, max_edge_px or max_rmse: the target, by default an IoU of 0.99, or an RMSE of 0.02 if there are penumbrae;
-    budget_ms: largest frame time; on_this_machine: rank by times even on a software renderer; device: by those predicted
-    for this GPU; techniques: names of those to search. `choice` is None if nothing measured meets it. Raises InputError.
+    budget_ms: largest frame time; on_this_machine: rank by times even of a software renderer; device: by those that
+    are predicted for it; techniques: those to search. `choice` is None if nothing measured meets it. Raises InputError.
     """
     limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "budget_ms": budget_ms, "max_rmse": max_rmse}
     given = {name: None if value is None else options.number(value, name) for name, value in limits.items()}
