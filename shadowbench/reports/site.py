@@ -29,7 +29,11 @@ from shadowbench.results.ranking import mean_section
 from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
 
 TITLES = {"techniques": "Techniques", "plants": "Leaves and characters", "engines": "Engines"}
-DOCS = {"docs/explanation/gallery.html": "Gallery", "docs/explanation/choosing.html": "Choosing"}
+DOCS = {
+    "docs/explanation/gallery.html": "Gallery",
+    "docs/explanation/choosing.html": "Choosing",
+    "docs/index.html": "Documentation",
+}
 """Pages of the documentation, which is built beside, and their titles."""
 _SIDE = 256  # pixels of a small picture
 _MOST = 60  # settings that the first page compares
