@@ -167,5 +167,6 @@ In this folder, with the same version installed:
 ```
 
 The second command fails if a metric differs by more than its tolerance. On the same renderer the mask is the same to
-the bit, and the row has the same key; on another renderer scores differ in the last digits, and work by up to 2%.
+the bit, and the row has the same key unless a metric was changed or added since; on another renderer scores differ in
+the last digits, and work by up to 2%.
 """
