@@ -2,7 +2,7 @@
 
 import re
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from pathlib import Path
@@ -43,8 +43,8 @@ _TEXT = {"color": "currentColor", "labelColor": "currentColor", "titleColor": "c
 def write_site(folders: Sequence[Path], target: Path) -> int:
     """Write the site of run folders into a folder, and return its number of rows. Raises InputError.
 
-    Its pages: the first, a report of each folder without engines, that of engines, one of each scene, and how a
-    reader's own results compare. Links to the documentation lead into `docs/` there.
+    Its pages: the first, a report of each folder without engines, that of engines and of each defect of one, one of
+    each scene, and how a reader's own results compare. Links to the documentation lead into `docs/` there.
     """
     runs = read_runs(folders)
     found = sections(runs)
@@ -68,8 +68,7 @@ def write_site(folders: Sequence[Path], target: Path) -> int:
     for row in rows:
         by_scene.setdefault(row.score["scene"], []).append(row)
     if drawn:
-        text = _engines(drawn, by_scene, target)
-        site.write("engines.html", "site_text.html.j2", text=text, runs=drawn, title=TITLES["engines"])
+        _write_engines(drawn, by_scene, site)
     suns = [part for part in every if part.run not in drawn and _light(part.scene) == "directional" and part.scored]
     hard = {scene: of for scene, of in sorted(by_scene.items()) if not any(row.ranked_by.name == "rmse" for row in of)}
     site.write(
@@ -127,16 +126,36 @@ def _picture(folder: Path, row: SiteRow) -> SiteRow | None:
     return row
 
 
-def _engines(runs: Sequence[Run], scenes: Iterable[str], target: Path) -> str:
-    """The page of engines as HTML, with links to scenes; its pictures are written beside."""
-    file = target / "engines.md"
-    write_engines_page(runs, dict.fromkeys(engines(), "not measured"), file)
-    text = str(MarkdownIt().enable("table").render(file.read_text(encoding="utf-8")))
+def _write_engines(runs: Sequence[Run], scenes: Mapping[str, Sequence[SiteRow]], site: _Site) -> None:
+    """Write the page of engines, with a place of each, and one of each defect; their pictures are written beside."""
+    file = site.target / "engines.md"
+    shutil.rmtree(file.with_suffix(""), ignore_errors=True)
+    names = [one.engine.name for one in write_engines_page(runs, dict.fromkeys(engines(), "not measured"), file)]
+    text = re.sub(rf"(<th[^>]*>)({'|'.join(map(re.escape, scenes))})(?=</th>)", _scene_link, _text(file))
     file.unlink()
+    text = re.sub(r"<h3>(.*?)</h3>", r'<h3 id="\1">\1</h3>', text)
+    text = re.sub(rf"(<tr>\s*<td>)({'|'.join(names)})(?=</td>)", r'\1<a href="#\2">\2</a>', text)
+    text = re.sub(r'"(engines/\w+-defect)(\.md|/README\.md)"', r'"\1.html"', text)
+    page = partial(site.write, template="site_text.html.j2", runs=runs)
+    page("engines.html", text=text, title=TITLES["engines"], engines=names, files=())
+    places = {row.score["key"]: row.address for rows in scenes.values() for row in rows}
+    for defect in sorted(file.with_suffix("").glob("*-defect.md")):
+        text = re.sub(r"row <code>(\w+)</code>", lambda row: _row_link(row, places), _text(defect))
+        files = [defect.name, *sorted(f"{defect.stem}/{one.name}" for one in defect.with_suffix("").iterdir())]
+        title = defect.read_text(encoding="utf-8").splitlines()[0].lstrip("# ")
+        page(f"engines/{defect.stem}.html", text=text, title=title, engines=(), files=files)
+
+
+def _text(file: Path) -> str:
+    """A file of Markdown as HTML, its tables as wide as they need."""
+    text = str(MarkdownIt().enable("table").render(file.read_text(encoding="utf-8")))
     table = '<div class="wide" tabindex="0" role="region" aria-label="Table"><table class="plain">'
-    text = re.sub(rf"(<th[^>]*>)({'|'.join(map(re.escape, scenes))})(?=</th>)", _scene_link, text)
     text = re.sub(r"<code>[^<]*", lambda found: re.sub(r"([,:(])", r"\1<wbr>", found[0]), text)
     return text.replace("<table>", table).replace("</table>", "</table></div>")
+
+
+def _row_link(row: re.Match[str], places: Mapping[str, str]) -> str:
+    return f'row <a href="../{places[row[1]]}"><code>{row[1]}</code></a>'
 
 
 def _scene_link(heading: re.Match[str]) -> str:
@@ -181,6 +200,7 @@ def _svg(chart: Chart, name: str) -> str:
     config = chart["config"] | {"background": None}
     config |= {name: config[name] | _TEXT for name in ("axis", "legend")}
     config["axis"] |= {"gridColor": "var(--rule)"}
+    config["legend"] |= {"columnPadding": 60}  # a browser's letters may be wider than those that were measured
     params = [param | {"value": colors[param["name"]]} for param in chart["params"]]
     svg = vl_convert.vegalite_to_svg({**chart, "width": 760, "params": params, "config": config})
     return re.sub(r'( id="|url\(#)', rf"\g<1>{name}-", svg)

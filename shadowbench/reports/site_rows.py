@@ -85,12 +85,12 @@ class SiteRow:
         """The commands that measure it again, from the root of the repository if it is published."""
         row = self.score
         size = ["--map-size", str(row["map_size"])] if row["map_size"] else []
-        view = ["--view-size", str(row["view_size"]), "--rounds", "0"]
+        view = ["--view-size", str(row["view_size"]), "--phases", str(row["phase"] + 1), "--rounds", "0"]
         command = shlex.join(["shadowbench", "run", row["scene"], "-t", row["spec"], *size, *view])
         install = f"shadowbench engines install {row['technique']}\n" if self.is_engine else ""
         folder = shlex.quote(os.path.relpath(self.run.folder))
-        study = f"# or as a study with this row as its baseline:\nshadowbench repro {row['key']} --of {folder}"
-        return f"{install}{command}\n{study}"
+        study = "# or, in a clone, as a study with this row as its baseline:"
+        return f"{install}{command}\n{study}\nshadowbench repro {row['key']} --of {folder}"
 
     @property
     def citation(self) -> str:

@@ -124,16 +124,14 @@ def bibtex(run: Run, row: Record) -> str:
     title = _title(row).replace("²", "$^2$").replace("_", r"\_")
     engine = row.get("engine")  # what drew it instead
     drawn_by = f"with {row['technique']} {engine['version']} " if engine else ""
-    renderer = (engine or row)["renderer"]
+    renderer = str((engine or row)["renderer"]).replace("_", r"\_")
     return "\n".join(
         [
             f"@misc{{shadowbench-{row['key'][:_SHORT]},",
             "  author = {{The shadowbench authors}},",
             f"  title = {{{{{title}: {_score_text(row)}}}}},",
             f"  year = {{{about.get('finished', 'unknown')[:4]}}},",
-            f"  note = {{Row {row['key']} of shadowbench {version}, measured {drawn_by}on {renderer}}},".replace(
-                "_", r"\_"
-            ),
+            f"  note = {{Row {row['key']} of shadowbench {version}, measured {drawn_by}on {renderer}}},",
             "}",
             "",
         ]
@@ -171,5 +169,6 @@ In this folder, with the same version installed:
 ```
 
 The second command fails if a metric differs by more than its tolerance. On the same renderer the mask is the same to
-the bit, and the row has the same key; on another renderer scores differ in the last digits, and work by up to 2%.
+the bit, and the row has the same key unless a metric was changed or added since; on another renderer scores differ in
+the last digits, and work by up to 2%.
 """

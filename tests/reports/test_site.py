@@ -30,9 +30,10 @@ def write_folders(folder: Path) -> list[Path]:
     """Folders of techniques, in a hard and a soft scene, and of engines; one mask is not kept."""
     techniques = [record | {"commit": COMMIT} for cell in (*CELLS, SOFT) for record in cell.records()]
     about = run_file(True, "A processor")
+    of_engines = about | {"study": about["study"] | {"scenes": ["stairs", "street", "terrain"]}}
     folders = [
         write_folder(folder / "techniques", techniques, about, True),
-        write_folder(folder / "engines", ROWS, about, True),
+        write_folder(folder / "engines", ROWS, of_engines, True),
     ]
     (folders[0] / "masks" / f"{CELLS[1].key}.png").unlink()
     return folders
@@ -75,7 +76,7 @@ def test_every_row_has_one_address_with_its_spec_scores_and_origin(pages: Mappin
 
 def test_a_row_says_how_it_is_measured_again(pages: Mapping[str, str]) -> None:
     row = row_of(pages["scenes/stairs.html"], CELLS[4].key)
-    again = "shadowbench run stairs -t shadow-map:bias=none --map-size 512 --view-size 32 --rounds 0"
+    again = "shadowbench run stairs -t shadow-map:bias=none --map-size 512 --view-size 32 --phases 1 --rounds 0"
     assert f"<pre>{again}\n" in row and f"shadowbench repro {CELLS[4].key} --of " in row and "@misc{" in row
     assert "<pre>shadowbench engines install three\n" in row_of(pages["scenes/stairs.html"], ROWS[0]["key"])
 
@@ -97,6 +98,15 @@ def test_every_link_leads_to_a_file_and_a_place_in_it_and_none_outside(site: Pat
                 text = file.read_text(encoding="utf-8") if place and file.suffix == ".html" else ""
                 assert "=" in place or not place or f'id="{place}"' in text, link
         assert not re.search(r"url\((?!#)|@import", page.partition("<script")[0])
+
+
+def test_an_engine_has_a_place_and_its_defect_a_page_with_the_files_to_attach(pages: Mapping[str, str]) -> None:
+    page, defect = pages["engines.html"], pages["engines/three-defect.html"]
+    assert page.count('<a href="#three">three</a>') == 2 and '<h3 id="three">three</h3>' in page
+    assert '<a href="engines/three-defect.html">A text for its issue tracker</a>' in page
+    assert f'row <a href="../scenes/stairs.html#{ROWS[0]["key"]}">' in defect and "What cures it" in defect
+    links = LINK.findall(defect.partition('id="files"')[2])
+    assert {"three-defect.md", "three-defect/README.md", "three-defect/study.toml"} <= set(links)
 
 
 def test_every_page_names_command_commit_renderer_and_machine_of_its_figures(pages: Mapping[str, str]) -> None:
