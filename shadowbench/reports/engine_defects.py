@@ -27,8 +27,8 @@ PLACE = ("view", "light", "phase", "view_size", "coordinates")
 RULE = (
     f"The worst defect of an engine is the setting and scene of its largest {TITLE}. What stands out there is the "
     "largest of acne, leak, contact and edge px, the last as a share of the picture's width. The cure is the engine's "
-    f"setting, of those measured, that has the smallest {TITLE} in that scene. Values are medians over a scene's "
-    "views, lights and phases."
+    f"setting, of those measured, that has the smallest {TITLE} in that scene, if that is at most half as large. "
+    "Values are medians over a scene's views, lights and phases."
 )
 
 
@@ -46,9 +46,10 @@ def worst_defect(one: EngineResults, target: Path) -> list[str]:
     told = [f"{title} {optional(value)}" for title, value in values.items()]
     lines = [f"Worst defect: {most}, of {setting.label} in {scene}, {TITLE} {optional(before)}; {', '.join(told)}."]
     cure = one.best_in(scene)
-    after = cure.value(scene, ERROR)
+    after = cure.value(scene, ERROR) or 0.0
     cured = f"{cure.label}, {TITLE} {optional(before)} before and {optional(after)} after"
-    lines.append(f"Cure: {'none of the measured settings' if after == before else cured}.")
+    none = "none of the measured settings" + (f"; the best is {cured}" if after < before else "")
+    lines.append(f"Cure: {cured if after <= before / 2 else none}.")
     return [" ".join(lines), *_strip(one, target)]
 
 

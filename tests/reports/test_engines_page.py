@@ -118,6 +118,12 @@ def test_an_edge_in_pixels_stands_out_by_its_share_of_the_width(page_of: Callabl
     assert "No picture: there is no truth/stairs.camera.sun.32.png in run0." in page
 
 
+def test_a_setting_that_takes_less_than_half_of_an_error_off_is_no_cure(page_of: Callable[..., str]) -> None:
+    page = page_of([row("three", "stairs", 0.5), row("three:sides=double", "stairs", 0.375)], pictures=False)
+    best = "the best is `three:preset=shipped,sides=double` at 1024, 1 − IoU 0.500 before and 0.375 after."
+    assert f"Cure: none of the measured settings; {best}" in page
+
+
 def test_without_an_error_there_is_no_defect(page_of: Callable[..., str]) -> None:
     assert "No defect: 1 − IoU is 0 in every scene" in page_of([row("three", "stairs")])
 
