@@ -118,6 +118,8 @@ SEARCHES = {
     "LaTeX": "See what accuracy costs",
     "my GPU": "What shadows cost",
     "notebook": "Notebooks",
+    "held out": "Held-out scenes: report what was not tuned for",
+    "blocky": "Gallery of artefacts",
     "texel bias": "Biases",
 }
 

@@ -33,7 +33,8 @@ by `python tools/artefact_gallery.py` from [gallery/artefacts.toml](../gallery/a
 A picture has four panels: the broken setting, the ray-traced truth, the difference between the two (orange is false
 shadow, blue is false light, purple dark facets), and the cured setting. A framed part is enlarged below. In a clone of
 the repository, the first command of a sheet shows both settings in the window, where the list *artefact* has every
-sheet too; the second prints their scores.
+sheet too; the second prints their scores. [From a chapter to a spec](course.md) finds the sheet for a setting of course
+notes. Pictures and texts are under the [MIT licence](../../LICENSE).
 
 All numbers are for {SIZE}² images. Work is the number of shader invocations, texture reads and rays, which
 does not depend on the GPU's speed; memory is that of the technique's textures and buffers. *Real-Time Rendering* is

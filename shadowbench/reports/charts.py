@@ -124,7 +124,7 @@ def size_chart(section: Section, styles: Styles | None) -> Chart | None:
     color, at = {"color": look["color"]}, {"x": x, "y": y}
     mapped, unmapped = ({"filter": "datum.size"}, SHOWN_ONLY), ({"filter": "!datum.size"}, SHOWN_ONLY)
     interval = {"x": x, "y": {**y, "field": "low"}, "y2": {"field": "high"}}
-    name = {"x": {"value": {"expr": "width"}}, "y": y, "text": {"field": "spec"}}
+    name = {"x": {"value": {"expr": "width"}}, "y": y, "text": {"field": "name"}}
     aside = {"expr": "-4 - 96 * datum.rank"}
     layer: list[Chart] = [
         *_zero_error_rule(section, points),
@@ -206,7 +206,15 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
                 "redrawn": _CHANGES.get(timed.changes, timed.changes),
                 "whole frame": f"{digits(frame)} ms",
             }
-            bar = {"spec": one.spec, "pass": timed.name, "row": row, "rank": rank, "ms": timed.ms, "frame": frame}
+            bar = {
+                "spec": one.spec,
+                "name": one.name,
+                "pass": timed.name,
+                "row": row,
+                "rank": rank,
+                "ms": timed.ms,
+                "frame": frame,
+            }
             bars.append({**bar, "told": told})
     names = list(dict.fromkeys(timed.name for one in section.timed for timed in one.passes))
     # The first of them belong to specs on every other chart of the page.
@@ -220,7 +228,7 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
     y = {"field": "row", "type": "ordinal", "axis": None, "scale": {"paddingInner": 0.55, "paddingOuter": 0.4}}
     stacked = {"y": y, "x": quantity("ms", _PASS_TIMES, stack="zero"), "order": {"field": "rank"}, "color": color}
     whole = {"y": y, "x": {"field": "frame", "type": "quantitative"}}
-    name = {"y": y, "x": {"datum": 0}, "text": {"field": "spec"}}
+    name = {"y": y, "x": {"datum": 0}, "text": {"field": "name"}}
     first = {"filter": "datum.rank == 0"}, SHOWN_ONLY
     above = {"align": "left", "baseline": "bottom", "yOffset": -10, "color": INK, "fontSize": 11}
     layer: list[Chart] = [

@@ -47,6 +47,7 @@ def _table(section: Section) -> str:
         rows.append([rf"\textbf{{{name}}}" if one in best else name, *map(escaped, values)])
     headings = ["Setting", "Map", section.ranked_by.error_label, *columns]
     notes = [section.title, *([time_source(section.run)] if section.timed else []), *section_notes(section)]
+    notes += ["bold: on the Pareto front of error and time"] if best else []
     label = re.sub(r"[^a-z0-9]+", "-", f"{section.run.label}-{section.title}".lower()).strip("-")
     return "\n".join(
         [

@@ -1,8 +1,10 @@
 """What the Vega-Lite charts have in common: layers, channels, logarithmic axes, and the colours and shapes of specs."""
 
+import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from shadowbench.plugin.registry import preset_names
 from shadowbench.reports.words import COLUMNS, digits
 from shadowbench.results.configurations import Configuration, Section
 from shadowbench.techniques.unshadowed import Unshadowed
@@ -48,7 +50,14 @@ BASE_CHART: Chart = {
         "view": {"stroke": None},
     },
 }
-_LEGEND = {"orient": "bottom", "columns": 2, "labelLimit": 300, "symbolOpacity": 1, "symbolSize": 80}
+_LEGEND = {
+    "orient": "bottom",
+    "columns": 2,
+    "columnPadding": 30,
+    "labelLimit": 300,
+    "symbolOpacity": 1,
+    "symbolSize": 80,
+}
 
 
 def chart_of(about: str, values: Iterable[Chart], layer: Iterable[Chart], height: int | Chart) -> Chart:
@@ -110,7 +119,7 @@ def chart_point(section: Section, one: Configuration) -> Chart:
         "cells": one.cells,
         "phases": one.phases,
     }
-    place = {"spec": one.spec, "size": one.map_size, "error": error.median, "ms": ms, "told": told}
+    place = {"spec": one.spec, "name": one.name, "size": one.map_size, "error": error.median, "ms": ms, "told": told}
     return place | {name: max(error.median if end is None else end, section.least_error) for name, end in ends.items()}
 
 
@@ -137,11 +146,13 @@ def looks(styles: Styles | None, shown: Iterable[str]) -> Chart:
         return {channel: {"field": channel, "type": "nominal", "scale": None} for channel in ("color", "shape")}
     wanted = set(shown)
     used = {spec: look for spec, look in styles.items() if spec in wanted}
+    named = {spec: name for spec, name in preset_names().items() if spec in used}
+    legend = {**_LEGEND, "labelExpr": f"({json.dumps(named)})[datum.label] || datum.label"}
     return {
         channel: {
             "field": "spec",
             "title": None,
-            "legend": _LEGEND,
+            "legend": legend,
             "scale": {"domain": list(used), "range": [look[at] for look in used.values()]},
         }
         for at, channel in enumerate(("color", "shape"))

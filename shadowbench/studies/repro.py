@@ -122,14 +122,16 @@ def bibtex(run: Run, row: Record) -> str:
     about = run.about
     version = about.get("versions", {}).get("shadowbench", "unknown")
     title = _title(row).replace("²", "$^2$").replace("_", r"\_")
-    renderer = str(row["renderer"]).replace("_", r"\_")
+    engine = row.get("engine")  # what drew it instead
+    drawn_by = f"with {row['technique']} {engine['version']} " if engine else ""
+    renderer = str((engine or row)["renderer"]).replace("_", r"\_")
     return "\n".join(
         [
             f"@misc{{shadowbench-{row['key'][:_SHORT]},",
             "  author = {{The shadowbench authors}},",
             f"  title = {{{{{title}: {_score_text(row)}}}}},",
             f"  year = {{{about.get('finished', 'unknown')[:4]}}},",
-            f"  note = {{Row {row['key']} of shadowbench {version}, measured on {renderer}}},",
+            f"  note = {{Row {row['key']} of shadowbench {version}, measured {drawn_by}on {renderer}}},",
             "}",
             "",
         ]
@@ -147,7 +149,7 @@ def _readme(run: Run, made: Repro, scene: str | Path) -> str:
         "measured by": f"`{row['command']}`" if "command" in row else None,
         "finished": about.get("finished"),
         "renderer": row["renderer"],
-        "machine": ", ".join(map(str, about.get("machine", {}).values())) or None,
+        "machine": ", ".join(f"{name} {value}" for name, value in about.get("machine", {}).items()) or None,
         "versions": ", ".join(f"{name} {version}" for name, version in about.get("versions", {}).items()) or None,
     }
     lines = [f"- {name}: {value}" for name, value in facts.items() if value is not None]

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import vl_convert
 from skimage.color import deltaE_ciede2000, rgb2lab
 
 from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
@@ -142,3 +143,11 @@ def test_no_two_of_many_passes_or_specs_look_alike(measured) -> None:
     assert not {*scale["range"][:8]} & {*COLORS[:MAX_SHOWN]}, "those of specs"
     many = len(COLORS) * len(SHAPES)
     assert len(set(styles_of(map(str, range(many))).values())) == many
+
+
+def test_a_preset_has_its_name_in_every_chart(measured) -> None:
+    spec = "shadow-map:fit=scene,bias=slope,filter=pcf"
+    section = measured(Cell(spec, 512, 0.1, 3.0), Cell("shadow-map", 512, 0.05, 4.0))[0]
+    for chart in charts(section):
+        svg = vl_convert.vegalite_to_svg({**chart, "width": 400})
+        assert ">shadow-map:preset=course<" in svg and f">{spec}<" not in svg

@@ -193,6 +193,7 @@ def test_a_large_page_says_what_to_do(shadowbench, run_folder, tmp_path, monkeyp
 def test_markdown_has_a_table_for_each_scene(run_folder, markdown_of) -> None:
     text = markdown_of(run_folder())
     assert f"## stairs, {SIDE}² view" in text and SOFTWARE in text
+    assert "Bold: on the Pareto front" in text
     assert "| **`shadow-map`** | 512 | 0.0400 |" in text and "| `shadow-map:bias=none` | 1024 | 0.600 |" in text
     assert "- `planar-projection`: unsupported: no receiver is a plane" in text
     for table in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
@@ -236,6 +237,7 @@ def test_figures_are_files_with_captions_apart(form, run_folder, shadowbench, tm
     captions = captions_in(folder)
     assert sorted(captions) == sorted(file.name for file in folder.glob("stairs*")) == sorted([*charts, strip])
     assert SOFTWARE in captions[charts[0]] and "shadow-map at 512 (IoU 0.96)" in captions[strip]
+    assert not re.search(r"\. (medians|maps|scored)", captions[charts[0]])
     for file in charts:
         content = (folder / file).read_bytes()
         if form == "png":

@@ -8,6 +8,9 @@ from typing import Any
 
 import pytest
 
+from shadowbench.results.folder import read_runs
+from shadowbench.studies.repro import bibtex
+
 Shadowbench = Callable[..., Any]
 
 
@@ -61,3 +64,10 @@ def test_a_row_that_cannot_be_made_again_is_refused_in_one_line(
     ):
         assert answer.code == 2 and said in answer.err and answer.err.count("\n") == 1
     assert os.listdir() == []
+
+
+def test_a_citation_of_an_engine_names_its_version_and_the_renderer_it_drew_on(source: Path) -> None:
+    run = read_runs([source])[0]
+    row = dict(run.rows[0]) | {"technique": "three", "engine": {"version": "187", "renderer": "ANGLE_ES"}}
+    assert "measured with three 187 on ANGLE\\_ES}" in bibtex(run, row)
+    assert row["renderer"] not in bibtex(run, row)
