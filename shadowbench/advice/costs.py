@@ -86,6 +86,8 @@ def cost_of(target: Target, view: View, info: DeviceInfo, on_this_machine: bool,
             )
         if view.light.soft:
             raise InputError(f"--device: found a light with a size; those of which {law.device} has times have none")
+        if not info.pipeline_statistics:
+            raise InputError(f"--device: {info.renderer} does not count work, from which times are predicted")
         return Cost("ms", law)
     if not timed and (target.budget_ms is not None or on_this_machine):
         option = "--on-this-machine" if on_this_machine else "--budget-ms"
@@ -104,11 +106,13 @@ def cost_of(target: Target, view: View, info: DeviceInfo, on_this_machine: bool,
 
 def _law_rule(law: Law) -> Rule:
     """Excludes kinds of techniques of which a law gives no times."""
-    why = f"its work does not tell its time on {law.device}"
 
     def rule(spec: Spec) -> tuple[str, str] | None:
         kind = kind_of(spec.sizeless_text)
-        return None if law.holds(kind) else (kind, why)
+        if law.holds(kind):
+            return None
+        why = "its work does not tell its time" if kind in law.errors else "it was not timed"
+        return kind, f"{why} on {law.device}"
 
     return rule
 

@@ -5,7 +5,9 @@ same for all techniques, and for each frame, fragment and triangle of the caster
 below zero (non-negative least squares, Lawson and Hanson 1974), and errors count relative to the times.
 
 A frame's share is what is the same in every scene, such as waiting for bounds that are read back; a triangle's is
-mostly that of a silhouette on the CPU, so that of another computer differs.
+mostly that of a silhouette on the CPU, so that of another computer differs. Counts are beyond `unshadowed`, too. Times
+by the GPU's timer are as if `unshadowed`, the same picture in every view, took its median beside all cells: it tells
+how fast the clocks ran.
 """
 
 import re
@@ -19,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from shadowbench.errors import InputError
+from shadowbench.gl.clock import QUERIES
 from shadowbench.measure.rows import Record
 from shadowbench.results.submission import Submission, beside_work, counted_work, known_submissions
 from shadowbench.techniques.unshadowed import Unshadowed
@@ -29,8 +32,10 @@ WORST = 1.5
 """Median factor in scenes left out above which a law gives no times: what such techniques do is not counted."""
 LEAST_SCENES = 3
 _FLOOR = Unshadowed.name
+_BYTES = 4  # of the mask, which `unshadowed` draws too, a pixel
 _LEAST_MS = 0.2  # below which errors of a fit are absolute
-_SHORTEST_MS = 0.1  # to which shorter times are raised before factors are taken
+SHORTEST_MS = 0.1
+"""To which shorter times are raised, as measured ones cannot be told apart below."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class Law:
         return kind == _FLOOR or (kind in self.errors and self.errors[kind].holds)
 
     def milliseconds(self, kind: str, counts: dict[str, float]) -> float:
-        """Time of a frame beyond `unshadowed`, of a kind of technique for which the law holds.
+        """Time of a frame beyond `unshadowed`, SHORTEST_MS or more, of a kind of technique for which the law holds.
 
         counts: those of SHARED, vertices being those of geometry shaders too, and `fragments` and `triangles`.
         """
@@ -72,15 +77,19 @@ class Law:
             return 0.0
         shared = sum(self.nanoseconds[name] * counts[name] for name in SHARED)
         own = sum(self.nanoseconds[f"{kind} {name}"] * (counts | {"frames": 1})[name] for name in OWN)
-        return (shared + own) / 1e6
+        return max((shared + own) / 1e6, SHORTEST_MS)
 
 
 def counts_of(row: Record, triangles: int) -> dict[str, float]:
     """What a law takes of a score row that a software renderer drew; triangles: of the casters."""
-    work = row["work"]
-    vertices = work["vertices"] + work["geometry"]
-    counts = {"vertices": vertices, "reads": work.get("reads", 0), "gpu_bytes": row["gpu_bytes"]}
-    return counts | {"fragments": work["fragments"], "triangles": triangles}
+    work, pixels = row["work"], row["view_size"] ** 2
+    return {
+        "vertices": work["vertices"] + work["geometry"],
+        "reads": work.get("reads", 0),
+        "gpu_bytes": row["gpu_bytes"] - _BYTES * pixels,
+        "fragments": work["fragments"] - pixels,
+        "triangles": triangles,
+    }
 
 
 @cache
@@ -90,28 +99,45 @@ def laws() -> Mapping[str, Law]:
 
 
 def find_law(name: str | None) -> Law | None:
-    """The law of the device whose name has these words; None for None. Raises InputError if not one device has."""
+    """The law of the device of this name, or the only one with these words in its name; None for None.
+
+    Raises InputError if it is not one device.
+    """
     if name is None:
         return None
-    words = re.split(r"[\W_]+", name.lower())
-    found = [law for device, law in laws().items() if all(word in device.lower() for word in words)]
-    if len(found) != 1:
-        raise InputError(f"--device: {name!r:.60} names {len(found)} devices with times; allowed: {', '.join(laws())}")
-    return found[0]
+    names = {_words(device): law for device, law in laws().items()}
+    asked = _words(name)
+    found = [law for words, law in names.items() if set(asked) <= set(words)]
+    if not asked or (asked not in names and len(found) != 1):
+        count = len(found) if asked else 0
+        raise InputError(f"--device: {name!r:.60} names {count} devices with times; allowed: {', '.join(laws())}")
+    return names.get(asked, found[0])
+
+
+def _words(name: str) -> tuple[str, ...]:
+    return tuple(re.findall(r"\w+", name.lower()))
 
 
 def law_of(submission: Submission) -> Law:
     """The law of a device, fitted to all its cells; its errors are of scenes left out one at a time."""
     table = beside_work(submission, counted_work())
     table = table[table["kind"] != _FLOOR].reset_index(drop=True).fillna({"reads": 0})
-    table = table.assign(vertices=table["vertices"] + table["geometry"], frames=1)
+    pixels = submission.view_size**2
+    by_gpu, floor = table["clock"] == QUERIES, table["frame_ms"] - table["added_ms"]
+    table = table.assign(
+        vertices=table["vertices"] + table["geometry"],
+        fragments=table["fragments"] - pixels,
+        gpu_bytes=table["gpu_bytes"] - _BYTES * pixels,
+        frames=1,
+        added_ms=table["added_ms"] * (floor[by_gpu].median() / floor).where(by_gpu, 1.0),
+    )
     kinds = sorted(table["kind"].unique())
     features, ms = _features(table, kinds), table["added_ms"].to_numpy(float)
     predicted = np.empty(len(table))
     for scene in table["scene"].unique():
         left_out = (table["scene"] == scene).to_numpy()
         predicted[left_out] = features[left_out] @ _fitted(features[~left_out], ms[~left_out]) / 1e6
-    factor = np.exp(np.abs(np.log(np.maximum(predicted, _SHORTEST_MS) / np.maximum(ms, _SHORTEST_MS))))
+    factor = np.exp(np.abs(np.log(np.maximum(predicted, SHORTEST_MS) / np.maximum(ms, SHORTEST_MS))))
     errors = {
         str(kind): Error(
             float(np.median(factor[part.index])),

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from shadowbench.advice.law import Law, counts_of, laws
+from shadowbench.advice.law import SHORTEST_MS, Law, counts_of, laws
 from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES
@@ -66,7 +66,10 @@ def law_notes(found: Recommendation) -> list[str]:
         errors = found.law.errors
         kinds = sorted({kind_of(trial.spec.sizeless_text) for trial in found.trials})
         factors = ", ".join(f"{kind} ×{errors[kind].median:.2f}" for kind in kinds if kind in errors)
-        return [f"ms: beyond a frame without shadows, predicted from work; median error in other scenes: {factors}"]
+        return [
+            f"ms: beyond a frame without shadows, predicted from work; <{SHORTEST_MS:g} is not told apart; "
+            f"median error in other scenes at 1024²: {factors}"
+        ]
     if found.unit != "work" or found.choice is None or found.view.light.soft:
         return []
     faster = "; ".join(line for law in laws().values() if (line := _faster(found, law)))
@@ -74,16 +77,15 @@ def law_notes(found: Recommendation) -> list[str]:
 
 
 def _faster(found: Recommendation, law: Law) -> str | None:
-    """Which spec that meets the target a device draws faster than the choice, by its law; None if it draws none so."""
+    """Which spec that meets the target a device draws faster than the choice; None if by less than a law's errors."""
     triangles = len(found.view.scene.geometry.faces)
-    kinds = {trial: kind_of(trial.spec.sizeless_text) for trial in found.met}
-    times = {
-        trial: law.milliseconds(kind, counts_of(trial.result.score, triangles))
-        for trial, kind in kinds.items()
-        if law.holds(kind)
-    }
+    kinds = {trial: kind for trial in found.met if law.holds(kind := kind_of(trial.spec.sizeless_text))}
+    times = {trial: law.milliseconds(kinds[trial], counts_of(trial.result.score, triangles)) for trial in kinds}
     best = min(times, key=lambda trial: times[trial], default=None)
-    if best is None or found.choice not in times or best is found.choice:
+    if best is None or best is found.choice or found.choice not in times:
+        return None
+    sure = math.prod(law.errors[kinds[trial]].most for trial in (best, found.choice) if kinds[trial] in law.errors)
+    if times[found.choice] < sure * times[best]:
         return None
     return f"{law.device} draws {_name(best)} in {times[best]:.2g} ms, the choice in {times[found.choice]:.2g}"
 

@@ -62,7 +62,9 @@ class RecommendOptions:
         "penumbra].",
         "X",
     )
-    budget_ms: float | None = option("Maximum time per frame, in ms; needs a GPU, or --device.", "X")
+    budget_ms: float | None = option(
+        "Maximum time per frame, in ms; needs a GPU, or --device, then of what shadows add.", "X"
+    )
     device: str | None = option(
         "Without a GPU, rank by the times that are predicted for this one (shadowbench list devices), from work.",
         "NAME",
@@ -244,6 +246,16 @@ def _is_rough(found: "Recommendation", one: "Trial") -> bool:
     return found.unit == "ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]
 
 
+def _cost_text(found: "Recommendation", one: "Trial") -> str:
+    from shadowbench.advice.law import SHORTEST_MS
+
+    if found.unit == "work":
+        return f"{one.cost:,.0f}"
+    if found.law is not None:
+        return f"{one.cost:.2g}" if one.cost > SHORTEST_MS else f"<{SHORTEST_MS:g}"
+    return "~" * _is_rough(found, one) + number(one.cost)
+
+
 def _cells(found: "Recommendation", one: "Trial") -> list[str]:
     from shadowbench.scores.metrics import METRICS
 
@@ -253,7 +265,7 @@ def _cells(found: "Recommendation", one: "Trial") -> list[str]:
         one.spec.sizeless_text,
         str(one.spec.map_size or ""),
         "" if value is None else METRICS[found.target.metric].text(value, found.target.digits, row),
-        f"{one.cost:,.0f}" if found.unit == "work" else "~" * _is_rough(found, one) + number(one.cost),
+        _cost_text(found, one),
         f"{one.cost / found.choice.cost:.3g}" if found.choice else "",
         f"{one.bytes / 2**20:.3g}",
         str(row["key"]),

@@ -29,10 +29,10 @@ def submit(
 ) -> int:
     """Measure this GPU for others, into one file.
 
-    Measures the study `device`: each kind of technique, map size and filter on twelve scenes, in interleaved rounds.
-    The file has the device, its driver and clock rates, the noise of its times, and of each cell its work, error and
-    times; nothing else of the machine but processor, memory and system. An interrupted measurement resumes when the
-    command is repeated.
+    Measures the study `device`: each kind of technique, map size and filter on fourteen scenes, in interleaved
+    rounds. The file has the device, its driver and clock rates, the noise of its times, and of each cell its IoU
+    and times; of the machine processor, cores, memory, system, and the versions of Python and of the libraries. An
+    interrupted measurement resumes when the command is repeated.
 
     With --check, tells what speaks against a submission: times of a software renderer, noise, few rounds, cells that
     are missing or are drawn otherwise than on a software renderer. Exit code 1 if anything does.

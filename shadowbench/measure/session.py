@@ -204,7 +204,7 @@ class Session:
         return built.prepare_ms
 
     def raise_clocks(self) -> None:
-        """Draw the prepared cells in turn until a GPU's clock rates have risen; nothing on a software renderer."""
+        """Draw the prepared cells in turn for a while, in which a GPU raises its clock rates, if it is one."""
         start = time.perf_counter()
         while not self.device.software and time.perf_counter() < start + RISE_S:
             for index in range(len(self._timed)):

@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 from shadowbench.errors import counted
+from shadowbench.measure.clock_rates import device_name
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.reports.words import digits, median_text, sentence, time_source
 from shadowbench.results.configurations import Section
 from shadowbench.results.ranking import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
-from shadowbench.results.submission import device_name, known_submissions
+from shadowbench.results.submission import known_submissions
 from shadowbench.scores.metrics import METRICS
 
 _NONE = "No real-time technique here"

@@ -13,6 +13,7 @@ from pydantic import Field, FiniteFloat, ValidationError
 from shadowbench.errors import InputError
 from shadowbench.files import data_folder, replace_file
 from shadowbench.gl.clock import QUERIES
+from shadowbench.measure.clock_rates import device_name
 from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rows import Count, NonNegative, Result, Size
 from shadowbench.results.folder import Run
@@ -21,9 +22,13 @@ from shadowbench.strict import Strict, explain
 
 STUDY = "device"
 """The built-in study that is measured."""
+VIEW_SIZE, REFERENCE = 1024, "shadow-map:size=1024"
+"""Those of the study."""
 LEAST_ROUNDS = 9
 MOST_NOISE = 1.05
 """Largest ratio of a cell's time to its own, timed as if it were two."""
+LEAST_RATE = 0.8
+"""Least rate of a GPU's graphics clock right after it was at work, relative to its highest."""
 MOST_DRIFT = 1.5
 """Largest time of `unshadowed` beside a cell, relative to its median: the same picture by other clock rates."""
 MOST_ROUGH = 1 / 4
@@ -68,6 +73,11 @@ class TimedCell(Strict):
     ratio: NonNegative
     ratio_iqr: NonNegative
 
+    @property
+    def floor_ms(self) -> float:
+        """Time of `unshadowed` in the same rounds, the same picture in every view."""
+        return self.frame_ms - self.added_ms
+
 
 class Submission(Strict):
     """Times of the study `device` on one device: what drew, how fast its clocks ran, how noisy times are, the cells.
@@ -76,7 +86,7 @@ class Submission(Strict):
     """
 
     format: Literal[1]
-    device: str = Field(min_length=1, max_length=200)
+    device: str = Field(pattern=r"^[\w .,()/+@-]*[A-Za-z0-9][\w .,()/+@-]*$", max_length=200)
     renderer: str
     vendor: str
     software: bool
@@ -95,19 +105,14 @@ class Submission(Strict):
         return re.sub(r"[^a-z0-9]+", "-", self.device.lower()).strip("-") + ".json"
 
 
-def device_name(renderer: str) -> str:
-    """Name of the device in an OpenGL renderer's, without bus, compiler and version: `NVIDIA H100 80GB HBM3`."""
-    return re.split(r"/PCIe| \(|, \d", renderer)[0]
-
-
 def submission_of(run: Run, info: DeviceInfo, clocks: Mapping[str, Any] | None, noise: Noise) -> Submission:
     """The submission of a run of the study. Raises InputError if it has no times."""
     cells = [_cell(result) for result in run.last.results if result.status == "ok" and result.time is not None]
     if not cells:
         raise InputError(f"{run.folder}: no cell was timed; allowed: a run with 1 round or more")
     about = run.about
-    # The release of a kernel names the host that built it.
-    machine = about["machine"] | {"system": re.sub(r" \S*-\S* ", " ", about["machine"]["system"])}
+    system, *_, architecture = about["machine"]["system"].split()  # without the release, which may name a host
+    machine = about["machine"] | {"system": f"{system} {architecture}"}
     return Submission(
         format=1,
         device=device_name(info.renderer),
@@ -146,6 +151,8 @@ def write_submission(submission: Submission, folder: Path) -> Path:
 
 def read_submission(file: Path) -> Submission:
     """A submission. Raises InputError for any other file."""
+    if file.exists() and not file.is_file():  # reading a named pipe would block
+        raise InputError(f"{file}: is not a file")
     try:
         return Submission.model_validate_json(file.read_bytes())
     except OSError as error:
@@ -186,20 +193,32 @@ def beside_work(one: Submission, work: pd.DataFrame) -> pd.DataFrame:
 
 def objections(one: Submission) -> list[str]:
     """Why a submission cannot be taken, a line each; none if it can."""
-    return [*_about_times(one), *_about_cells(one, counted_work())]
+    return [*_about_device(one), *_about_times(one), *_about_cells(one, counted_work())]
 
 
-def _about_times(one: Submission) -> Iterator[str]:
+def _about_device(one: Submission) -> Iterator[str]:
     if one.software:
         yield f"{one.device} is a software renderer, whose times are not those of a GPU"
     elif not any(cell.clock == QUERIES for cell in one.cells):
         yield f"no time is by the GPU's own timer ({QUERIES})"
-    if one.noise.ratio > MOST_NOISE:
-        yield f"noise: a cell took {one.noise.ratio:.3f} times its own time; at most {MOST_NOISE}"
+    if one.device != device_name(one.renderer):
+        yield f"device: found {one.device!r}, but the renderer is {one.renderer}"
+    if "shadowbench" not in one.versions:
+        yield "versions: shadowbench's is missing"
+    if (one.view_size, one.reference) != (VIEW_SIZE, REFERENCE):
+        yield f"found {one.view_size}² pixels and {one.reference}; the study has {VIEW_SIZE}² and {REFERENCE}"
+    if (rates := one.clocks) and (rates.graphics_mhz or 0) < LEAST_RATE * (rates.most_graphics_mhz or 0):
+        yield f"clock rates: {rates.graphics_mhz:.0f} of {rates.most_graphics_mhz:.0f} MHz; at least {LEAST_RATE:.0%}"
+
+
+def _about_times(one: Submission) -> Iterator[str]:
+    if not (1 <= one.noise.ratio <= MOST_NOISE and one.noise.n >= LEAST_ROUNDS):
+        noise = f"{one.noise.ratio:.3f} times its own time in {one.noise.n} rounds"
+        yield f"noise: a cell took {noise}; at most {MOST_NOISE}, in {LEAST_ROUNDS} or more"
     few = min(cell.n for cell in one.cells)
     if few < LEAST_ROUNDS:
         yield f"rounds: {few}; at least {LEAST_ROUNDS}"
-    floors = [cell.frame_ms - cell.added_ms for cell in one.cells if cell.clock == QUERIES]  # of `unshadowed`
+    floors = [cell.floor_ms for cell in one.cells if cell.clock == QUERIES]
     if floors and max(floors) > MOST_DRIFT * np.median(floors):
         varied = f"{np.median(floors):.2g} ms, but {max(floors):.2g} beside some cells"
         yield f"clock rates: a frame without shadows takes {varied}; at most {MOST_DRIFT} times as long"
@@ -214,6 +233,8 @@ def _about_cells(one: Submission, work: pd.DataFrame) -> Iterator[str]:
         yield f"{len(one.cells) - len(both)} cells are not of the study, or there twice"
     if len(both) < len(work):
         yield f"{len(work) - len(both)} of the study's {len(work)} cells are missing"
+    if (other := both["gpu_bytes"] != both["gpu_bytes_here"]).any():
+        yield f"{other.sum()} cells have textures and buffers of other sizes than on a software renderer"
     off = (both["iou"].astype(float).fillna(0) - both["iou_here"].fillna(0)).abs().to_numpy()
     if (off > MOST_OFF).any():
         worst = both.iloc[int(off.argmax())]

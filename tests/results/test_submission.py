@@ -1,5 +1,7 @@
 """Submissions: written, read and checked; each fault of one is told in a line."""
 
+import os
+import platform
 import re
 import stat
 from collections.abc import Callable
@@ -10,15 +12,18 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.gl.clock import WALL
-from shadowbench.measure.clock_rates import clock_rates
+from shadowbench.measure.clock_rates import clock_rates, device_name
+from shadowbench.measure.session import CellRequest, Session
+from shadowbench.measure.worker import Worker
 from shadowbench.plugin.registry import techniques
 from shadowbench.results import submission as module
 from shadowbench.results.submission import (
     IDENTITY,
+    WORK,
+    ClockRates,
     Noise,
     Submission,
     counted_work,
-    device_name,
     kind_of,
     known_submissions,
     objections,
@@ -26,15 +31,21 @@ from shadowbench.results.submission import (
     write_submission,
 )
 from shadowbench.studies.study import find_study, read_study
+from shadowbench.survey.views import chosen_view
 
 from .submissions import changed, submission
 
+RATES = {"driver": "1", "graphics_mhz": 1980, "memory_mhz": 2619, "most_graphics_mhz": 1980, "power_limit_w": None}
 DEVICES = Path(module.__file__).parents[2] / "benchmarks" / "devices"
 
 
 def of_cells(change: Callable[[int], Any], field: str) -> Submission:
     whole = submission()
     return changed(whole, **{field: [change(at) for at in range(len(whole.cells))]})
+
+
+def with_(**fields: Any) -> Submission:
+    return submission().model_copy(update=fields)
 
 
 def some_cells(count: int) -> Submission:
@@ -51,9 +62,18 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("made", "line"),
     [
-        (lambda: submission().model_copy(update={"software": True}), "is a software renderer"),
+        (lambda: with_(software=True), "is a software renderer"),
         (lambda: of_cells(lambda _: WALL, "clock"), r"no time is by the GPU's own timer \(gl_time_elapsed\)"),
-        (lambda: submission().model_copy(update={"noise": Noise(ratio=1.2, worst=1.3, n=45)}), "took 1.200 times"),
+        (lambda: with_(noise=Noise(ratio=1.2, worst=1.3, n=45)), "took 1.200 times"),
+        (lambda: with_(noise=Noise(ratio=1.0, worst=1.0, n=0)), "in 0 rounds; at most 1.05, in 9 or more"),
+        (lambda: with_(device="Other GPU"), "device: found 'Other GPU', but the renderer is Some GPU, 4.6"),
+        (lambda: with_(versions={}), "versions: shadowbench's is missing"),
+        (lambda: with_(view_size=64), "found 64² pixels and shadow-map:size=1024; the study has 1024²"),
+        (
+            lambda: with_(clocks=ClockRates(**RATES | {"graphics_mhz": 495})),
+            "clock rates: 495 of 1980 MHz; at least 80%",
+        ),
+        (lambda: of_cells(lambda at: 7 if at == 3 else submission().cells[at].gpu_bytes, "gpu_bytes"), "1 cells have"),
         (lambda: of_cells(lambda at: 9 if at else 3, "n"), "rounds: 3; at least 9"),
         (lambda: of_cells(lambda at: 1.9 if at == 4 else 1.2, "frame_ms"), "takes 0.2 ms, but 0.9 beside some"),
         (lambda: of_cells(lambda at: 0.5 if at % 3 == 0 else 0.1, "ratio_iqr"), "33% of the times have"),
@@ -61,7 +81,10 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         (lambda: of_cells(lambda at: "other" if at == 7 else "light", "light"), "1 cells are not of the study"),
         (lambda: of_cells(lambda at: 0.3 if at == 2 else submission().cells[at].iou, "iou"), "1 cells are drawn other"),
     ],
-    ids=["software", "wall-clock", "noise", "rounds", "drift", "rough", "missing", "unknown", "drawn"],
+    ids=[
+        *("software", "wall-clock", "noise", "no-noise", "device", "versions", "view", "slow", "bytes"),
+        *("rounds", "drift", "rough", "missing", "unknown", "drawn"),
+    ],
 )
 def test_each_fault_is_told(made: Callable[[], Submission], line: str) -> None:
     assert not objections(submission())
@@ -91,6 +114,9 @@ def test_another_file_is_refused_in_one_line(tmp_path: Path) -> None:
     file = tmp_path / "a.json"
     with pytest.raises(InputError, match=r"a\.json: cannot be read \(No such file"):
         read_submission(file)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match=r"pipe: is not a file"):
+        read_submission(tmp_path / "pipe")
     for text, told in (("{}", "format"), ("[", "no JSON"), ('{"format": 2}', "format")):
         file.write_text(text)
         with pytest.raises(InputError, match=rf"a\.json: .*({told})"):
@@ -102,6 +128,7 @@ def test_another_file_is_refused_in_one_line(tmp_path: Path) -> None:
     [
         ("NVIDIA H100 80GB HBM3/PCIe/SSE2, 4.1.0 NVIDIA 580.159.04", "NVIDIA H100 80GB HBM3"),
         ("AMD Radeon RX 6800 (radeonsi, navi21, LLVM 15.0.7, DRM 3.49), 4.6", "AMD Radeon RX 6800"),
+        ("D3D12 (NVIDIA GeForce RTX 3080), 4.2", "NVIDIA GeForce RTX 3080"),
         ("Mesa Intel(R) UHD Graphics 620 (KBL GT2), 4.6", "Mesa Intel(R) UHD Graphics 620"),
     ],
 )
@@ -130,7 +157,14 @@ def test_clock_rates_are_those_of_the_gpu_that_draws(tmp_path: Path, monkeypatch
         "most_graphics_mhz": 1980.0,
         "power_limit_w": None,
     }
-    assert clock_rates("AMD, 4.6") is None
+    assert clock_rates("AMD, 4.6") is None and clock_rates("NVIDIA B Ti/PCIe, 4.6") is None
+    for told in (
+        "echo 'No devices were found'; exit 6",
+        "echo 'Field \"x\" is not a valid field'",
+        "printf '\\377\\n\\n'",
+    ):
+        program.write_text(f"#!/bin/sh\n{told}\n")
+        assert clock_rates("NVIDIA B/PCIe, 4.6") is None, told
 
 
 def test_submit_measures_the_study_and_tells_what_speaks_against_it(
@@ -146,7 +180,7 @@ def test_submit_measures_the_study_and_tells_what_speaks_against_it(
     (file,) = (tmp_path / "out").glob("llvmpipe*.json")
     found = read_submission(file)
     assert [cell.map_size for cell in found.cells] == [64, 128] and found.software and found.noise.n == 45
-    assert "-" not in found.machine["system"], "the release of a kernel names its host"
+    assert found.machine["system"] == f"{platform.system()} {platform.machine()}", "a kernel's release names its host"
     checked = shadowbench("submit", "--check", file)
     assert checked.code == 1 and checked.out == f"{file}: 2 timed cells of llvmpipe\n"
     on_record = shadowbench("submit", "--check", *sorted(DEVICES.glob("*h100*.json")))
@@ -157,3 +191,21 @@ def test_submit_measures_the_study_and_tells_what_speaks_against_it(
 def test_known_submissions_are_one_a_device() -> None:
     names = [one.device for one in known_submissions()]
     assert len(set(names)) == len(names) >= 1
+
+
+def test_the_counts_are_those_of_what_is_drawn_now() -> None:
+    view = chosen_view("cube-on-plane", module.VIEW_SIZE)
+    counted = counted_work().query("scene == 'cube-on-plane'").fillna({"map_size": 0})
+    with Worker() as worker:
+        for spec, size in (
+            ("unshadowed", 0),
+            ("shadow-map", 512),
+            ("shadow-map:fit=scene", 1024),
+            ("shadow-volume", 0),
+        ):
+            text = f"{spec}{',' if ':' in spec else ':'}size={size}" if size else spec
+            drawn = worker.call(Session.draw, view, CellRequest(text))
+            (row,) = counted[(counted["spec"] == spec) & (counted["map_size"] == size)].to_dict("records")
+            assert drawn.gpu_bytes == row["gpu_bytes"]
+            for name in WORK:
+                assert drawn.work.get(name, 0) == pytest.approx(row[name], rel=0.02), (spec, name)
