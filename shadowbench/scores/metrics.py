@@ -40,8 +40,8 @@ def iou_soft(comparison: Comparison) -> float | None:
 
 @metric("higher", "hard")
 def boundary_iou(comparison: Comparison) -> float | None:
-    """Intersection over union of the strips inside the shadows' edges (Cheng et al. 2021), 2% of the image's diagonal
-    wide. Comparable across shadow sizes.
+    """Intersection over union of the strips inside the shadows' edges, 2% of the image's diagonal wide. Comparable
+    across shadow sizes (Cheng et al. 2021).
     """
     # Cheng et al. 2021, "Boundary IoU". The strip's width is Euclidean, where their code erodes with a square; both
     # agree on edges along rows and columns.
@@ -50,8 +50,8 @@ def boundary_iou(comparison: Comparison) -> float | None:
 
 @metric("higher", "both")
 def ssim(comparison: Comparison) -> float | None:
-    """Structural similarity (Wang et al. 2004; σ = 1.5 px) over scored pixels. Large lit areas raise it, and it
-    prefers a displaced edge to a blurred one: read it beside ssim_edge and edge_px.
+    """Structural similarity (σ = 1.5 px) over scored pixels. Large lit areas raise it, and it prefers a displaced edge
+    to a blurred one: read it beside ssim_edge and edge_px (Wang et al. 2004).
     """
     return comparison.mean_ssim[0]  # of the pixels whose window is inside the image
 
