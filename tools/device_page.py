@@ -7,6 +7,7 @@ from pathlib import Path
 import ages
 import numpy as np
 import pandas as pd
+from pages import compare
 
 from shadowbench.advice.law import SHORTEST_MS, WORST, Law, law_of
 from shadowbench.results.submission import Submission, beside_work, counted_work, known_submissions
@@ -22,9 +23,7 @@ def main() -> int:
     text = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
     text = text.replace("@WORST@", str(WORST)).replace("@DEVICES@", "\n\n".join(devices))
     if "--check" in sys.argv:
-        stale = FILE.read_text(encoding="utf-8") != text
-        print(f"{FILE}: stale: run python tools/device_page.py" if stale else f"{FILE}: up to date")
-        return int(stale)
+        return compare(FILE, text, Path(__file__).name)
     FILE.write_text(text, encoding="utf-8")
     return 0
 

@@ -14,6 +14,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -82,13 +83,17 @@ class Law:
 
 def counts_of(row: Record, triangles: int) -> dict[str, float]:
     """What a law takes of a score row that a software renderer drew; triangles: of the casters."""
-    work, pixels = row["work"], row["view_size"] ** 2
+    work = {"reads": 0, **row["work"], "gpu_bytes": row["gpu_bytes"]}
+    return _beyond_floor(work, row["view_size"]) | {"triangles": triangles}
+
+
+def _beyond_floor(work: Any, view_size: int) -> dict[str, Any]:
+    """Counts beyond those of `unshadowed`: of one cell's counts by name, or of columns of cells."""
     return {
         "vertices": work["vertices"] + work["geometry"],
-        "reads": work.get("reads", 0),
-        "gpu_bytes": row["gpu_bytes"] - _BYTES * pixels,
-        "fragments": work["fragments"] - pixels,
-        "triangles": triangles,
+        "reads": work["reads"],
+        "gpu_bytes": work["gpu_bytes"] - _BYTES * view_size**2,
+        "fragments": work["fragments"] - view_size**2,
     }
 
 
@@ -122,12 +127,9 @@ def law_of(submission: Submission) -> Law:
     """The law of a device, fitted to all its cells; its errors are of scenes left out one at a time."""
     table = beside_work(submission, counted_work())
     table = table[table["kind"] != _FLOOR].reset_index(drop=True).fillna({"reads": 0})
-    pixels = submission.view_size**2
     by_gpu, floor = table["clock"] == QUERIES, table["frame_ms"] - table["added_ms"]
     table = table.assign(
-        vertices=table["vertices"] + table["geometry"],
-        fragments=table["fragments"] - pixels,
-        gpu_bytes=table["gpu_bytes"] - _BYTES * pixels,
+        **_beyond_floor(table, submission.view_size),
         frames=1,
         added_ms=table["added_ms"] * (floor[by_gpu].median() / floor).where(by_gpu, 1.0),
     )

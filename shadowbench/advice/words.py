@@ -6,7 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from shadowbench.advice.law import SHORTEST_MS, Law, counts_of, laws
+from shadowbench.advice.costs import Cost
+from shadowbench.advice.law import SHORTEST_MS, Law, laws
 from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES
@@ -78,9 +79,9 @@ def law_notes(found: Recommendation) -> list[str]:
 
 def _faster(found: Recommendation, law: Law) -> str | None:
     """Which spec that meets the target a device draws faster than the choice; None if by less than a law's errors."""
-    triangles = len(found.view.scene.geometry.faces)
+    cost = Cost("ms", law)
     kinds = {trial: kind for trial in found.met if law.holds(kind := kind_of(trial.spec.sizeless_text))}
-    times = {trial: law.milliseconds(kinds[trial], counts_of(trial.result.score, triangles)) for trial in kinds}
+    times = {trial: cost.trial(trial.spec, trial.result, found.target, found.view).cost for trial in kinds}
     best = min(times, key=lambda trial: times[trial], default=None)
     if best is None or best is found.choice or found.choice not in times:
         return None

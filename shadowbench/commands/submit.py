@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @options.command(
     "\b\nFor example\n"
-    "  shadowbench submit                                      # on the machine with the GPU\n"
+    "  shadowbench submit                      # on the machine with the GPU\n"
     "  shadowbench submit --check my-gpu.json  # where it is received"
 )
 def submit(
