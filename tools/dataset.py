@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from publish import digests
 
 from shadowbench.engines.export import export_view
 from shadowbench.engines.stored_truth import write_stored_truth
@@ -92,8 +93,7 @@ def write_dataset(folders: Sequence[Path], target: Path) -> list[Path]:
     _complete_package(beside)
     year = max(run.about["finished"] for run in runs)[:4]
     _write(beside / "cite.bib", _bibtex(year, _sha256(beside / PACKAGE)))
-    files = _files(beside)
-    _write(beside / SUMS, "".join(f"{_sha256(file)}  {file.relative_to(beside).as_posix()}\n" for file in files))
+    _write(beside / SUMS, "".join(digests(beside)))
     shutil.rmtree(target, ignore_errors=True)
     beside.rename(target)
     return _files(target)
