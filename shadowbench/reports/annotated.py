@@ -3,37 +3,16 @@
 import math
 import textwrap
 from collections.abc import Mapping
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from shadowbench.reports.gallery import difference, read_facets, read_view
-from shadowbench.reports.strips import COLORS, ENLARGED, beside, column, shaded, worst_place
+from shadowbench.reports.strips import COLORS, ENLARGED, Truth, beside, column, worst_place
 
 _LEAST, _MOST = 320, 512  # pixels of a picture's width
 _FONT, _LINE, _MARGIN = 16, 22, 6  # pixels
 TRUTH = "ray-traced truth"
-
-
-class Truth(NamedTuple):
-    """The truth of a view in a run folder: its file, (N, N) visibility, and pixels that are undecided or facets."""
-
-    file: Path
-    visibility: NDArray[np.float32]
-    undecided: NDArray[np.bool_]
-    facets: NDArray[np.bool_] | None
-
-
-def read_truth(file: Path, size: int) -> Truth | None:
-    """The truth of a view of so many pixels a side; None without the file. Raises InputError for another size."""
-    if not file.exists():
-        return None
-    apart = file.with_suffix(".undecided.png")
-    undecided = read_view(apart, size) >= 0.5 if apart.exists() else np.zeros((size, size), bool)
-    return Truth(file, read_view(file, size), undecided, read_facets(file, size))
 
 
 def annotated(
@@ -51,8 +30,7 @@ def annotated(
     place = worst_place(np.where(truth.undecided, 0, wrong))
     columns = []
     for label, mask in {TRUTH: truth.visibility, **masks}.items():
-        wrong_at = difference(mask, truth.visibility, truth.undecided, soft, truth.facets)
-        picture = _fitted(column(shaded(truth.file, mask), wrong_at, place), len(mask))
+        picture = _fitted(column(truth, mask, soft, place), len(mask))
         columns.append((label, picture))
     width = columns[0][1].shape[1]
     height = max(len(_wrapped(label, width)) for label, _ in columns)

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.rows import Record
-from shadowbench.reports.annotated import annotated, read_truth
+from shadowbench.reports.annotated import annotated
 from shadowbench.reports.check_summary import by_cell, cell_name, value_text
 from shadowbench.reports.gallery import read_view
+from shadowbench.reports.strips import read_truth
 from shadowbench.results.baseline import Change, CheckResult
 from shadowbench.results.folder import Run, identity, view_name
 from shadowbench.scores.metrics import is_soft

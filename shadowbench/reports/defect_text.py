@@ -12,10 +12,11 @@ from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.engine import Engine
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.reports.annotated import annotated, read_truth
+from shadowbench.reports.annotated import annotated
 from shadowbench.reports.engine_defects import DEFECTS, PLACE, TITLE
 from shadowbench.reports.gallery import read_view
 from shadowbench.reports.markdown import escaped, table
+from shadowbench.reports.strips import read_truth
 from shadowbench.reports.words import optional
 from shadowbench.results.engine_settings import ERROR, EngineResults, Setting, names_of
 from shadowbench.results.folder import view_name

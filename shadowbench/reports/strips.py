@@ -34,6 +34,24 @@ class Strip(NamedTuple):
     caption: str
 
 
+class Truth(NamedTuple):
+    """The truth of a view in a run folder: its file, (N, N) visibility, and pixels that are undecided or facets."""
+
+    file: Path
+    visibility: NDArray[np.float32]
+    undecided: NDArray[np.bool_]
+    facets: NDArray[np.bool_] | None
+
+
+def read_truth(file: Path, size: int) -> Truth | None:
+    """The truth of a view of so many pixels a side; None without the file. Raises InputError for another size."""
+    if not file.exists():
+        return None
+    apart = file.with_suffix(".undecided.png")
+    undecided = read_view(apart, size) >= 0.5 if apart.exists() else np.zeros((size, size), bool)
+    return Truth(file, read_view(file, size), undecided, read_facets(file, size))
+
+
 def strip_of(section: Section, labels: Sequence[str] = ()) -> Strip | None:
     """The strip of a section: the truth, then the cheapest real-time configuration for each target of accuracy.
 
@@ -46,21 +64,15 @@ def strip_of(section: Section, labels: Sequence[str] = ()) -> Strip | None:
     if not found:
         return None
     folder, first, size = section.run.folder, found[0][1], found[0][1]["view_size"]
-    stem = view_name(first)
-    truth_file = folder / "truth" / f"{stem}.png"
-    masks = [(one, folder / "masks" / f"{row['key']}.png") for one, row in found]
-    undecided_file = truth_file.with_suffix(".undecided.png")
-    if not all(file.exists() for file in (truth_file, undecided_file, *(file for _, file in masks))):
+    truth_file = folder / "truth" / f"{view_name(first)}.png"
+    masks = [folder / "masks" / f"{row['key']}.png" for _, row in found]
+    truth = read_truth(truth_file, size)
+    if truth is None or not all(file.exists() for file in (truth_file.with_suffix(".undecided.png"), *masks)):
         return None
-    truth, undecided = read_view(truth_file, size), read_view(undecided_file, size) >= 0.5
-    facets = read_facets(truth_file, size)
-    shown = [truth, *(read_view(file, size) for _, file in masks)]
-    wrong = sum(np.abs(np.where(undecided, 0, mask - truth)) for mask in shown[1:])
+    shown = [truth.visibility, *(read_view(file, size) for file in masks)]
+    wrong = sum(np.abs(np.where(truth.undecided, 0, mask - truth.visibility)) for mask in shown[1:])
     place = worst_place(np.asarray(wrong))
-    columns = [
-        column(shaded(truth_file, mask), difference(mask, truth, undecided, section.soft, facets), place)
-        for mask in shown
-    ]
+    columns = [column(truth, mask, section.soft, place) for mask in shown]
     return Strip(beside(columns), _caption(section, [one for one, _ in found], size))
 
 
@@ -112,9 +124,10 @@ def framed(picture: NDArray[np.uint8], place: Place) -> NDArray[np.uint8]:
     return found
 
 
-def column(picture: NDArray[np.uint8], wrong: NDArray[np.uint8], place: Place) -> NDArray[np.uint8]:
-    """A picture with the worst place framed, that place enlarged, and there the difference from the truth."""
-    width = len(picture)
+def column(truth: Truth, mask: NDArray[np.float32], soft: bool, place: Place) -> NDArray[np.uint8]:
+    """A mask's picture with the worst place framed, that place enlarged, and there the difference from the truth."""
+    picture, width = _shaded(truth.file, mask), len(mask)
+    wrong = difference(mask, truth.visibility, truth.undecided, soft, truth.facets)
     below = [
         np.asarray(Image.fromarray(of[place.pixels]).resize((width, width), Image.Resampling.NEAREST))
         for of in (picture, wrong)
@@ -129,7 +142,7 @@ def beside(columns: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     return np.hstack([part for one in columns for part in (gap, one)][1:])
 
 
-def shaded(truth_file: Path, mask: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _shaded(truth_file: Path, mask: NDArray[np.float32]) -> NDArray[np.uint8]:
     """(N, N, 3) sRGB: the view between full shadow and none; the mask in greys without these pictures."""
     files = [truth_file.with_suffix(f".{name}.png") for name in ("ambient", "lit")]
     if not all(file.exists() for file in files):
