@@ -1,4 +1,4 @@
-"""The program `shadowbench`, which `python -m shadowbench` runs too: the command line, and Ctrl-C that is never lost."""
+"""The program `shadowbench`, also run by `python -m shadowbench`: the command line, and Ctrl-C that is never lost."""
 
 import os
 import signal

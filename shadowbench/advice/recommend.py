@@ -176,9 +176,9 @@ def recommend(
             (drawn,) = campaign.measure([replace(block, cells=tuple(map(Cell, engines)))])
             results += drawn
             found = replace(found, engines=tuple(drawn))
-    campaign.finish(study.facts, view.scene.notes, [result.score["key"] for result in results])
-    if results:
-        write_cells(campaign.folder, {})
+        campaign.finish(study.facts, view.scene.notes, [result.score["key"] for result in results])
+        if results:
+            write_cells(campaign.folder, {})
     return found, info
 
 

@@ -35,7 +35,7 @@ class EngineDrawer:
 
     def __init__(self, own: GLDrawer) -> None:
         self.own = own
-        self._sessions: "dict[type[Engine], EngineSession]" = {}
+        self._sessions: dict[type[Engine], EngineSession] = {}
 
     def __enter__(self) -> Self:
         return self

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from shadowbench.errors import InputError, counted
 from shadowbench.extremes.axes import AXES
 from shadowbench.measure.flips import row_metrics
-from shadowbench.measure.row_store import command_line, read_run_file, stream_rows
+from shadowbench.measure.row_store import command_line, lock, read_run_file, stream_rows, unlock
 from shadowbench.measure.rows import SCHEMA, Record, RunFile, StudyFacts
 from shadowbench.results.folder import read_folders, rows_file, write_cells
 from shadowbench.results.ranges import operating_ranges, points_frame, ranges_frame
@@ -177,9 +177,10 @@ def _write(rows: _Rows, output: Path) -> list[str]:
     target = output.resolve()
     beside = target.with_name(f".{target.name}.merging")
     cells = {key: _chosen(scores) for key, scores in rows.cells.items()}
+    held = lock(target.with_name(f".{target.name}.merging.lock"), output, "merge")
     try:
         shutil.rmtree(beside, ignore_errors=True)
-        beside.mkdir(parents=True)
+        beside.mkdir()
         with (beside / "rows.jsonl").open("wb") as merged:
             for source in rows.abouts:
                 kept = {score.line for score in cells.values() if score.folder == source}
@@ -198,6 +199,7 @@ def _write(rows: _Rows, output: Path) -> list[str]:
         raise InputError(f"-o {output}: cannot be written ({(error.strerror or str(error)).lower()})") from None
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+        unlock(held)
     if hidden:
         other = "another folder has them of other code or another version of the scene"
         notes.append(f"{counted(len(hidden), 'cell')} in rows.jsonl but not in the table: {other}")

@@ -210,7 +210,7 @@ def test_a_folder_whose_command_was_stopped_is_merged_and_named(merge: Merge, tm
 def test_what_a_killed_merge_left_is_replaced(merge: Merge, start: Any, tmp_path: Path) -> None:
     part = rows(tmp_path / "part", *(cell(size=size) for size in range(1, 4001)))
     started = start("merge", part, "-o", tmp_path / "all")
-    started.until(lambda: len([*tmp_path.iterdir()]) > 1)
+    started.until((tmp_path / ".all.merging").exists)
     started.process.kill()
     started.end()
     assert not (tmp_path / "all").exists() and (tmp_path / ".all.merging").exists()
