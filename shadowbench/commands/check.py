@@ -65,7 +65,8 @@ def check(
 
     \b
     Columns
-      what         the metric, work counter or `status` that changed most
+      what         the metric, work counter or `status` that changed most, or of acne, leak and contact that
+                   which takes the largest share of its region, if it changed and is 1% or more
       × tolerance  the change as a multiple of the tolerance
       also         the other values of the cell that changed
 

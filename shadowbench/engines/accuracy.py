@@ -71,7 +71,7 @@ class Accuracy:
 
     @cached_property
     def kinds(self) -> list[ErrorKind]:
-        """Kinds of error: of hard shadows, most pixels first; of soft ones, causes before symptoms.
+        """Kinds of error: of hard shadows, see `error_kinds`; of soft ones, causes before symptoms.
 
         What is wrong with the whole mask comes first; the others are those that are left once that is undone. Faintly
         dark pixels, which are not counted as wrong, come last.
