@@ -22,7 +22,7 @@ GROUND_THICKNESS, GROUND_RELIEF = 0.05, 0.1
 """Largest thickness of a file's own ground, and its height above a plane below the scene, in sides of the footprint."""
 STEEPEST_GROUND = math.radians(30.0)
 COLUMNS = 32
-"""Vertical rays along a side of the footprint that look for a ground."""
+"""Vertical rays along each side of the footprint that look for a ground."""
 _BATCH = 1 << 15  # triangles, and pairs of these with rays
 _ROUNDING = 1e-9  # of coordinates in cells
 SMALLEST = 1e-18
@@ -103,99 +103,98 @@ def assumed_ground(meshes: Sequence[Mesh], bounds: Floats, where: str) -> tuple[
 def _has_ground(meshes: Sequence[Mesh], bounds: Floats) -> bool:
     """Whether over half of the footprint the lowest surface that faces up is a ground.
 
-    Whatever stands on it may hide it from above. It must be thin there, so that a box is none, and lie at a plane,
-    level or tilted, that all meshes stand on, so that a table's top is none. A footprint is seen by COLUMNS² vertical
-    rays, through a height field of the triangles.
+    Things on a ground may hide it from above. It must be thin, so that a box is none, and near a plane, level or
+    tilted, that the meshes stand on, so that a table's top is none.
     """
-    low, high = bounds
-    side = math.sqrt(float((high[0] - low[0]) * (high[2] - low[2])))
+    x, _, z = bounds[1] - bounds[0]
+    side = math.sqrt(float(x * z))
     if side == 0.0:
         return False
-    columns = _columns(meshes, bounds)
-    thin = np.isfinite(columns.floor) & (columns.floor <= columns.lowest + GROUND_THICKNESS * side)
+    cell = np.array([x / COLUMNS, side, z / COLUMNS])
+    columns = _columns(meshes, bounds[0], cell)
+    thin = np.isfinite(columns.floor) & (columns.floor <= columns.lowest + GROUND_THICKNESS)
     if 2 * np.count_nonzero(thin) < thin.size:
         return False
-    planes = _planes_below(columns.feet, side)
-    heights = columns.floor[thin] - (planes[:, :2] @ columns.centers[:, thin] + planes[:, 2:])
-    return bool(2 * np.count_nonzero(heights <= GROUND_RELIEF * side, axis=1).max(initial=0) >= thin.size)
+    steepest = math.tan(STEEPEST_GROUND)
+    planes = _planes_below(columns.feet, steepest * math.hypot(x, z) / side)
+    planes = planes[np.hypot(*(planes[:, :2] / cell[[0, 2]]).T) * side <= steepest]
+    heights = columns.floor[thin] - (planes[:, :2] @ (np.argwhere(thin).T + 0.5) + planes[:, 2:])
+    return bool(2 * np.count_nonzero(heights <= GROUND_RELIEF, axis=1).max(initial=0) >= thin.size)
 
 
 class _Columns(NamedTuple):
-    """Vertical rays through the centres of a grid's cells; heights are above the bounds.
+    """Heights along vertical rays through the centres of a grid's cells, in units of the cells.
 
-    centers: (2, C) their x and z from the bounds' corner; lowest: (C,) height of the lowest surface; floor: of the
-    lowest that faces up; both infinite for none; feet: (N, 3) the lowest vertex in each cell that has one.
+    lowest: (COLUMNS, COLUMNS) of the lowest surface; floor: of the lowest that faces up; both infinite for none. feet:
+    (N, 3) the lowest vertex in each cell that has one.
     """
 
-    centers: Floats
     lowest: Floats
     floor: Floats
     feet: Floats
 
 
-def _columns(meshes: Sequence[Mesh], bounds: Floats) -> _Columns:
-    """The columns of meshes, the lowest first, as those above a floor change nothing."""
-    low, size = bounds[0], np.maximum(bounds[1] - bounds[0], SMALLEST)[[0, 2]]
+def _columns(meshes: Sequence[Mesh], low: Floats, cell: Floats) -> _Columns:
+    """The columns of meshes. low: their lowest corner; cell: (3,) the units of x, of heights and of z."""
     lowest, floor = np.full((2, COLUMNS, COLUMNS), np.inf)
-    feet: list[Floats] = []
-    batch: list[Floats] = []
+    feet, batch = list[Floats](), list[Floats]()
 
-    def cell_of(points: Floats) -> NDArray[np.intp]:
-        cells: NDArray[np.intp] = np.clip(points[..., [0, 2]] / size * COLUMNS, 0, COLUMNS - 1).astype(np.intp)
+    def cells_of(points: Floats) -> NDArray[np.intp]:
+        cells: NDArray[np.intp] = np.clip(points[..., [0, 2]], 0, COLUMNS - 1).astype(np.intp)
         return cells
 
     def add() -> None:
         corners = np.concatenate(batch)
         batch.clear()
-        _rasterize(corners[..., [0, 2]] / size * COLUMNS - 0.5, corners[..., 1], lowest, floor)
+        _rasterize(corners[..., [0, 2]] - 0.5, corners[..., 1], lowest, floor)
         points = corners.reshape(-1, 3)
-        cell, height = np.ravel_multi_index(tuple(cell_of(points).T), floor.shape), points[:, 1]
+        at, height = np.ravel_multi_index(tuple(cells_of(points).T), floor.shape), points[:, 1]
         least = np.full(floor.size, np.inf)
-        np.minimum.at(least, cell, height)
-        deepest = np.flatnonzero(height == least[cell])
-        feet.append(points[deepest[np.unique(cell[deepest], return_index=True)[1]]])
+        np.minimum.at(least, at, height)
+        deepest = np.flatnonzero(height == least[at])
+        feet.append(points[deepest[np.unique(at[deepest], return_index=True)[1]]])
 
     for mesh in sorted(meshes, key=lambda mesh: mesh.bounds[0, 1]):
-        first, last = cell_of(mesh.bounds - low)
-        if mesh.bounds[0, 1] - low[1] >= floor[first[0] : last[0] + 1, first[1] : last[1] + 1].max():
-            continue
-        vertices = mesh.vertices - low
+        own = (mesh.bounds - low) / cell
+        (left, far), (right, near) = cells_of(own)
+        if own[0, 1] >= floor[left : right + 1, far : near + 1].max():
+            continue  # all of it is above a floor, as most instances in a forest are
+        vertices = (mesh.vertices - low) / cell
         for part in in_slices(len(mesh.faces), _BATCH):
             a, b, c = vertices[:, 1][mesh.faces[part]].T
             below = np.minimum(np.minimum(a, b), c) < floor.max()
-            batch.append(vertices[mesh.faces[part][below]])
+            if below.any():
+                batch.append(vertices[mesh.faces[part][below]])
             if sum(map(len, batch)) >= _BATCH:
                 add()
     if batch:
         add()
-    x, z = (np.indices(floor.shape).reshape(2, -1) + 0.5) / COLUMNS * size[:, None]
-    return _Columns(np.stack([x, z]), lowest.ravel(), floor.ravel(), np.concatenate(feet))
+    return _Columns(lowest, floor, np.concatenate(feet))
 
 
 def _rasterize(plan: Floats, height: Floats, lowest: Floats, floor: Floats) -> None:
     """Lower a grid's heights to those of triangles at its points, which have integer coordinates.
 
-    plan: (T, 3, 2) corners seen from above, in cells; height: (T, 3); floor: of the triangles that face up.
+    plan: (T, 3, 2) corners seen from above; height: (T, 3); floor: of the triangles that face up.
     """
     a, b, c = np.moveaxis(plan, 1, 0)
     doubled = _cross(b - a, c - a)
     first = np.maximum(np.ceil(np.minimum(np.minimum(a, b), c) - _ROUNDING), 0).astype(np.intp)
     last = np.minimum(np.floor(np.maximum(np.maximum(a, b), c) + _ROUNDING), COLUMNS - 1).astype(np.intp)
-    count = np.maximum(last - first + 1, 0).prod(axis=1) * (np.abs(doubled) > _ROUNDING**2)
+    width = np.maximum(last - first + 1, 0)
+    count = width.prod(axis=1) * (np.abs(doubled) > _ROUNDING)
     ends = np.cumsum(count)
     for start in range(0, int(ends[-1]), _BATCH):
-        pair = np.arange(start, min(start + _BATCH, int(ends[-1])))
+        pair = np.arange(start, min(start + _BATCH, int(ends[-1])))  # of a triangle and a point in its bounds
         triangle = np.searchsorted(ends, pair, side="right")
-        point = (
-            np.stack(np.divmod(pair - (ends - count)[triangle], (last - first + 1)[triangle, 1])) + first[triangle].T
-        )
-        away, area = plan[triangle] - point.T[:, None], doubled[triangle]
-        weights = np.stack([_cross(away[:, k - 2], away[:, k - 1]) / area for k in range(3)])
-        inside = (weights >= -_ROUNDING).all(axis=0)
-        at, y = tuple(point[:, inside]), (weights * height[triangle].T).sum(axis=0)[inside]
-        np.minimum.at(lowest, at, y)
-        up = area[inside] < 0.0  # z points down where x points to the right
-        np.minimum.at(floor, (at[0][up], at[1][up]), y[up])
+        step = np.divmod(pair - (ends - count)[triangle], width[triangle, 1])
+        point = first[triangle] + np.stack(step, axis=1)
+        away, area = plan[triangle] - point[:, None], doubled[triangle]
+        weights = np.stack([_cross(away[:, k - 2], away[:, k - 1]) / area for k in range(3)], axis=1)
+        inside = (weights >= -_ROUNDING).all(axis=1)
+        (x, z), y, up = point[inside].T, (weights * height[triangle]).sum(axis=1)[inside], area[inside] < 0.0
+        np.minimum.at(lowest, (x, z), y)
+        np.minimum.at(floor, (x[up], z[up]), y[up])
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
@@ -203,13 +202,15 @@ def _cross(a: Floats, b: Floats) -> Floats:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
-def _planes_below(points: Floats, size: float) -> Floats:
-    """(P, 3) planes y = a x + b z + c on which (N, 3) points stand, tilted by at most STEEPEST_GROUND."""
+def _planes_below(points: Floats, highest: float) -> Floats:
+    """(P, 3) planes y = a x + b z + c below (N, 3) points, through three or more of them, which are nowhere higher."""
     from scipy.spatial import ConvexHull  # the import takes 0.3 s, and only mesh files need it
 
-    above = points.mean(axis=0) + (0.0, points[:, 1].max() + size, 0.0)  # so that flat ones have a hull
-    faces = np.unique(ConvexHull(np.vstack([points, above])).equations.round(9), axis=0)
-    faces = faces[faces[:, 1] <= -math.cos(STEEPEST_GROUND)]
+    x, y, z = points.T
+    top = [x.mean()], [highest + 1.0], [z.mean()]  # so that points on a plane have a hull
+    hull = ConvexHull(np.hstack([[x, np.minimum(y, highest), z], top]).T)
+    faces = np.unique(hull.equations.round(9), axis=0)
+    faces = faces[faces[:, 1] < 0.0]
     return np.asarray(-faces[:, [0, 2, 3]] / faces[:, 1:2])
 
 
