@@ -111,7 +111,8 @@ def _seen_from(scene: Scene, camera: str, target: str | None) -> Scene:
         inside = with_cameras(scene, [found.camera], found.note)
         if "light" not in scene.assumed or found.sunny:
             return inside
-        lamp = f"assumed a lamp at {point_text(found.lamp.position)}"
+        size = math.dist(found.lamp.position, found.camera.position)
+        lamp = f"assumed a lamp at {point_text(found.lamp.position, size)}"
         note = f"no light in {scene.name}, and the sun that is assumed outside does not come in: {lamp}"
         return with_lights(inside, [found.lamp], note)
     names = [one.name for one in scene.cameras if "camera" not in scene.assumed]
