@@ -249,6 +249,38 @@ def test_volumes_decline_what_is_cut_out_or_draw_it_whole(spec, light, device, m
     assert (on_ground[0] != on_ground[1]).mean() < 0.1
 
 
+@pytest.mark.parametrize("nearest", [True, False])
+@pytest.mark.parametrize(
+    ("alpha", "factor", "cutoff", "vertex"),
+    [(255, 1, 1, 1), (255, 0.5, 0.5, 1), (255, 1, 0.7, 0.7), (100, 1, 100 / 255, 1)],
+)
+def test_an_alpha_equal_to_the_cutoff_is_opaque(alpha, factor, cutoff, vertex, nearest, studio, mask) -> None:
+    """A card whose inner 6² of 8² texels have that alpha, and the square in which nothing less is mixed in."""
+    texels = np.pad(np.full((6, 6), alpha, np.uint8), 1)
+    corners = np.array([[-1.0, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]])
+    places = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)[GROUND.faces]
+    card = Mesh(
+        "card",
+        corners + np.array([0.0, 1.0, 0.0]),
+        GROUND.faces,
+        cutout=Cutout(texels, factor, cutoff, nearest),
+        coordinates=places,
+        alpha=np.full((2, 3), vertex, np.float32),
+    )
+    square = Mesh("card", corners * (0.75 if nearest else 0.625) + np.array([0.0, 1.0, 0.0]), GROUND.faces)
+    for radius in (0.0, 0.03):
+        sun = replace(LIGHTS["directional"], radius=radius)
+        truth, exact = (trace(leaves_view(sun, mesh, size=96), pixel_samples=1) for mesh in (card, square))
+        decided = exact.receivers & truth.receivers & ~truth.undecided
+        assert (exact.receivers & ~decided).sum() < 20
+        off = np.abs(truth.visibility - exact.visibility) > 4 * np.hypot(truth.standard_error, exact.standard_error)
+        assert (exact.visibility[decided] < 0.5).sum() > 300
+        assert off[decided].sum() == 0
+    for spec in ("ray-traced:where=gpu", "hybrid"):
+        masks = [mask(spec, leaves_view(LIGHTS["directional"], mesh, size=96)) for mesh in (card, square)]
+        assert (masks[0] != masks[1]).sum() < 5
+
+
 def test_needs_count_what_is_cut_out() -> None:
     """A third of the texture is opaque, once the coordinates' margin is clamped to it."""
     alpha = np.zeros((1, 3), np.uint8)
