@@ -13,6 +13,7 @@ from shadowbench.scenes.cutouts import Cutout, Wrap
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.vectors import perpendicular_basis, unit
 from shadowbench.survey.casters import casters_of
+from shadowbench.truths.embree import INFINITE, Tracer
 from shadowbench.truths.rays import SUBPIXEL, ViewRays
 from shadowbench.truths.trace import trace
 from tests.cards import CAMERA, GROUND, alpha_of, cards, made_of_triangles
@@ -279,6 +280,35 @@ def test_an_alpha_equal_to_the_cutoff_is_opaque(alpha, factor, cutoff, vertex, n
     for spec in ("ray-traced:where=gpu", "hybrid"):
         masks = [mask(spec, leaves_view(LIGHTS["directional"], mesh, size=96)) for mesh in (card, square)]
         assert (masks[0] != masks[1]).sum() < 5
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "shadow-volume",
+        *(f"shadow-volume:{one}" for one in ("count=z-pass", "faces=triangle", "compare=depth")),
+        "soft-volume",
+    ],
+)
+def test_volumes_of_whole_cards_shadow_what_is_seen_through_holes(spec, light, studio, mask) -> None:
+    """As rays from the visible surfaces find, past the same cards without holes."""
+    view, parsed = leaves_view(light), parse_spec(spec, KNOWN).with_(cutouts="opaque").text
+    shot, whole = (studio.shot(one) for one in (view, leaves_view(light, replace(LEAVES, cutout=None))))
+    point, normal = shot.position[..., :3], shot.normal[..., :3]
+    xyz, w = shot.view.light.homogeneous
+    toward = np.array(xyz) - w * point
+    facing = np.einsum("ijk,ijk->ij", normal, toward) > 0.02 * np.linalg.norm(toward, axis=2)
+    tracer = Tracer(shot.view.scene.geometry.vertices, shot.view.scene.geometry.faces)
+    origins = point[facing] + 1e-5 * normal[facing]
+    blocked, _ = tracer.occlusion(origins, toward[facing], 1.0 if w else INFINITE)
+    through = blocked[(shot.triangle != whole.triangle)[facing]]
+    assert min(through.sum(), (~through).sum()) > 1000
+    assert ((mask(parsed, view)[facing] < 0.5) != blocked).sum() <= 5  # at edges
+    if spec == "soft-volume":
+        soft = leaves_view(replace(light, radius=0.03))
+        samples = mask("light-samples:of=shadow-volume(cutouts=opaque),n=32", soft)
+        assert ((samples > 0.05) & (samples < 0.95)).sum() > 300
+        assert (np.abs(mask(parsed, soft) - samples) > 1 / 64).mean() < 1e-3
 
 
 def test_needs_count_what_is_cut_out() -> None:
