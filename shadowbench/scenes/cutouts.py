@@ -1,8 +1,9 @@
 """Surfaces cut out by alpha, as leaves are: where one is opaque. One definition for the truth and all techniques.
 
-A point of a triangle is opaque where α₈ / 255 · factor · vertex alpha ≥ cutoff. α₈ is that of the nearest texel, or
-mixed bilinearly of the four around, as the texture's sampler says for magnification; always of the base level, without
-mip maps, and never decoded from sRGB. Texture coordinates are float32 and interpolated linearly across the triangle;
+A point of a triangle is opaque where α₈ / 255 · factor · vertex alpha ≥ cutoff, or falls short of it by no more than
+float32 may round it: equality counts as opaque wherever it is computed. α₈ is that of the nearest texel, or mixed
+bilinearly of the four around, as the texture's sampler says for magnification; always of the base level, without mip
+maps, and never decoded from sRGB. Texture coordinates are float32 and interpolated linearly across the triangle;
 u = v = 0 is the corner of the first texel, v downwards, as in glTF.
 """
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 WRAPS: tuple[Wrap, ...] = ("repeat", "mirror", "clamp")
+ROUNDED = 1e-3  # of a step of 8 bits: several times what mixing alphas and vertex alphas in float32 rounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +37,10 @@ class Cutout:
 
     @cached_property
     def least(self) -> float:
-        """The least α₈ · vertex alpha that is opaque; an integer where the cutoff is meant as a step of 8 bits."""
+        """The least α₈ · vertex alpha that is opaque."""
         if self.factor <= 0.0:
             return 0.0 if self.cutoff <= 0.0 else float("inf")
-        least = 255.0 * self.cutoff / self.factor
-        return float(round(least)) if abs(least - round(least)) < 1e-4 else least
+        return 255.0 * self.cutoff / self.factor - ROUNDED
 
     def is_whole(self, least: float = 1.0) -> bool:
         """Whether every texel is opaque, with vertex alphas of at least `least`."""

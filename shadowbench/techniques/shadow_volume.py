@@ -122,7 +122,8 @@ class ShadowVolume(Technique):
                 self.depth_program.set(world_to_clip=view_projection(view))
                 self.surfaces.draw(self.stenciled.target, state=State(depth_test="<", color_write=False))
         with frame.timed("volumes", changes="view"):
-            self.batches = batches_of(frame.view, self.volumes.boxes, self.params.count, self.params.cull)
+            boxes, cut_out = self.volumes.boxes, self.volumes.cut_out
+            self.batches = batches_of(frame.view, boxes, cut_out, self.params.count, self.params.cull)
             self.volumes.set_camera(frame, view_projection(view), self.batches)
             for batch in self.batches:
                 self._count("wall", batch, frame)
@@ -146,8 +147,8 @@ class ShadowVolume(Technique):
         # The camera's ray enters a volume through a counter-clockwise cap, and leaves it through a counter-clockwise
         # wall a → b → infinity.
         front_adds = 1 if batch.behind and part == "wall" else -1
-        # The receiver is the nearest surface, so that every cap is at or behind it and needs no depth test. Caps in
-        # front of the near plane are clipped.
+        # The receiver is the nearest surface, so that every cap is at or behind it and needs no depth test, but those
+        # with holes, for which count.frag has one. Caps in front of the near plane are clipped.
         by_depth = part == "wall" and self.params.compare == "depth"
         compare: Comparison = "" if not by_depth else ">=" if batch.behind else "<"
         state = State(compare, depth_write=False, depth_clamp=True, clip_distances=1 if part == "cap" else 0)
