@@ -128,9 +128,10 @@ def run(
     if found.run.earlier and not printed.quiet:
         console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
     if printed.json:
+        from shadowbench.advice.law import law_on_record
         from shadowbench.results.configurations import sections
 
-        made = [section for parts in sections([found.run.last]).values() for section in parts]
+        made = [section for parts in sections([found.run.last], law_on_record()).values() for section in parts]
         console.print_json({section.scene: [asdict(one) for one in section.configurations] for section in made})
     else:
         print_study(found, asked.output, printed.quiet)

@@ -208,6 +208,7 @@ class Campaign:
             return row | {"status": f"failed: {error}"}, None
         row |= {"status": "ok", **scores}
         row |= {"gpu_bytes": first.gpu_bytes, "work": dict(first.work), "facts": dict(first.facts)}
+        row["triangles"] = block.view.scene.geometry.count
         row |= {"engine": dict(first.engine)} if first.engine else {}
         row["assumptions"] = list(block.view.scene.notes)
         if later:

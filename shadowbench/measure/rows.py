@@ -67,7 +67,8 @@ class InputRecord(TypedDict):
 class ScoreRow(CellIdentity):
     """Score record of a cell: measurements if its status is `ok`, and its axis value if `stress` made it.
 
-    command: the command line that produced the row; engine: of another engine's row, which has no `gpu_bytes`, its
+    command: the command line that produced the row; triangles: of the scene, with its work the input of a device's law,
+    which gives no time without it; engine: of another engine's row, which has no `gpu_bytes`, its
     version, renderer, light box and phase; content: digest of the input of another renderer's row, which has
     no `gpu_bytes`. A row of a soft truth has its standard error, root mean square over receivers and over the penumbra,
     the penumbra's pixels, and the share of the truth's edge pixels at which widths are compared.
@@ -85,6 +86,7 @@ class ScoreRow(CellIdentity):
     undecided: NotRequired[Count]
     gpu_bytes: NotRequired[Count | None]
     work: NotRequired[dict[str, Integer]]
+    triangles: NotRequired[Count]
     facts: NotRequired[dict[str, FiniteFloat]]
     mask_sha256: NotRequired[str | None]
     truth_error: NotRequired[NonNegative]

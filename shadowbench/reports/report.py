@@ -25,7 +25,7 @@ from shadowbench.reports.stability import Stability, analyse, tolerances
 from shadowbench.reports.strips import Strip, strip_of
 from shadowbench.reports.sweep_charts import CELL, axis_figure, heat_map
 from shadowbench.reports.vega import Chart, styles_of, titled
-from shadowbench.reports.words import section_notes, sentence, time_source
+from shadowbench.reports.words import cost_source, section_notes, sentence
 from shadowbench.results.configurations import specs_of
 from shadowbench.results.folder import Run, Sweep
 from shadowbench.results.ranges import points_frame
@@ -194,7 +194,7 @@ def figures(scenes: Scenes, swept: Sequence[Stability]) -> Iterator[tuple[str, C
     for section in every:
         stem = section.file_stem + (f".{section.run.label}" if several else "")
         notes = (sentence(note).removesuffix(".") for note in section_notes(section))
-        about = f"{section.run.renderer}; {time_source(section.run)}", *notes
+        about = f"{section.run.renderer}; {cost_source(section)}", *notes
         for kind, chart in (
             ("front", front_chart(section, styles)),
             ("sizes", size_chart(section, styles)),

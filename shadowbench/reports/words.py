@@ -1,13 +1,14 @@
 """Texts that all report formats share: numbers, and notes on runs and on their sections."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from shadowbench.errors import counted
 from shadowbench.plugin.registry import preset_names
-from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, Section
+from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, CostName, Section
 from shadowbench.results.folder import Folder, Run
+from shadowbench.results.submission import SHORTEST_MS
 from shadowbench.results.times import time_notes
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
@@ -16,6 +17,13 @@ SOFTWARE = "times of a software renderer: for trends only, not representative of
 NO_HARDENING = (
     "no hardening: it needs 30 true penumbrae wider than 4 px on planes, whose widths differ by a factor of 3"
 )
+COST_HEADINGS: Mapping[CostName, str] = {
+    "frame_ms": "ms",
+    "predicted_ms": "predicted ms",
+    "work_cost": "work",
+    "map_size": "ms",
+}
+"""Headings of the column of costs."""
 COLUMNS = {
     False: {"SSIM": "ssim", "edge px": "edge_px", "acne": "acne", "leak": "leak"},
     True: {"RMSE pen": "rmse_pen", "IoU": "iou", "SSIM": "ssim"}
@@ -51,6 +59,16 @@ def time_source(run: Run) -> str:
     if run.software is None:
         return "times of an unknown machine (no run.json)"
     return SOFTWARE if run.software else f"times of {run.renderer}"
+
+
+def cost_source(section: Section) -> str:
+    """A note on what the costs of a section are."""
+    if section.cost_name == "predicted_ms":
+        shortest = f"below {SHORTEST_MS:g} ms they are not told apart"
+        return f"times beyond a frame without shadows, predicted for {section.device} from counted work; {shortest}"
+    if section.cost_name == "work_cost":
+        return "millions (M) of shader invocations and texture reads, which is not time"
+    return time_source(section.run)
 
 
 def section_notes(section: Section) -> list[str]:

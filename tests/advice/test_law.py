@@ -116,3 +116,25 @@ def test_times_are_predicted_on_a_software_renderer_for_lights_without_a_size(bu
     for light, info, told in ((view, replace(mesa, software=False), "not on a GPU"), (soft, mesa, "with a size")):
         with pytest.raises(InputError, match=rf"^--device: .*{told}"):
             cost_of(target, light, info, False, True, law)
+
+
+def test_a_row_has_the_time_that_its_law_gives_to_its_counts() -> None:
+    """Nanoseconds by hand: what `unshadowed` takes too, a triangle of the screen, is counted in neither."""
+    work = {"vertices": 1000, "geometry": 500, "fragments": 128**2 + 4000, "reads": 2000}
+    row = {
+        "spec": "shadow-map:fit=scene",
+        "view_size": 128,
+        "triangles": 12,
+        "gpu_bytes": 4 * 128**2 + 5e8,
+        "metrics": {},
+    }
+    ns = H100.nanoseconds
+    shared = 1500 * ns["vertices"] + 2000 * ns["reads"] + 5e8 * ns["gpu_bytes"]
+    own = [ns[f"shadow-map fit=scene {name}"] for name in ("frames", "fragments", "triangles")]
+    assert H100.of_row(row | {"work": work}) == pytest.approx((shared + own[0] + 4000 * own[1] + 12 * own[2]) / 1e6)
+    assert H100.of_row(row | {"work": work, "spec": "unshadowed"}) == 0
+    without = row | {"work": work}
+    del without["triangles"]  # as rows of earlier versions
+    unknown = [without, row | {"work": {"draws": 1}}, row | {"work": work, "spec": "ray-traced:where=gpu"}]
+    soft = row | {"work": work, "metrics": {"rmse_pen": 0.1}}
+    assert [H100.of_row(one) for one in (*unknown, soft)] == [None] * 4
