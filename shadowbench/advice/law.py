@@ -69,16 +69,20 @@ class Law:
         """Whether it gives times of a kind of technique."""
         return kind == _FLOOR or (kind in self.errors and self.errors[kind].holds)
 
-    def milliseconds(self, kind: str, counts: dict[str, float]) -> float:
+    def milliseconds(self, kind: str, counts: Mapping[str, float]) -> float:
         """Time of a frame beyond `unshadowed`, SHORTEST_MS or more, of a kind of technique for which the law holds.
 
         counts: those of SHARED, vertices being those of geometry shaders too, and `fragments` and `triangles`.
         """
+        return 0.0 if kind == _FLOOR else max(self.share(kind, counts), SHORTEST_MS)
+
+    def share(self, kind: str, counts: Mapping[str, float]) -> float:
+        """Milliseconds of a frame and of the counts that are given, however short."""
         if kind == _FLOOR:
             return 0.0
-        shared = sum(self.nanoseconds[name] * counts[name] for name in SHARED)
-        own = sum(self.nanoseconds[f"{kind} {name}"] * (counts | {"frames": 1})[name] for name in OWN)
-        return max((shared + own) / 1e6, SHORTEST_MS)
+        shared = sum(self.nanoseconds[name] * counts.get(name, 0) for name in SHARED)
+        own = sum(self.nanoseconds[f"{kind} {name}"] * {"frames": 1, **counts}.get(name, 0) for name in OWN)
+        return (shared + own) / 1e6
 
     def of_row(self, row: Record) -> float | None:
         """Milliseconds of a score row that a software renderer drew; None where the law gives no time."""
@@ -110,7 +114,7 @@ def laws() -> Mapping[str, Law]:
 
 
 def law_on_record() -> Law | None:
-    """The law of the first device with times, by which costs are told where there is no GPU; None without any."""
+    """The law of the first device with times, which ranks where none is named and nothing can be timed."""
     return next(iter(laws().values()), None)
 
 

@@ -1,7 +1,7 @@
 """Configurations, a spec at one map size each, summarised over the cells of a run in one scene."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, Protocol, cast
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.rows import Record
-from shadowbench.plugin.grammar import parameters_of
 from shadowbench.plugin.registry import own_techniques, preset_names
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.columns import TIMES, TOTALS, TRUTH_ERRORS
@@ -92,8 +91,7 @@ class Configuration:
     """A spec at one map size; spec: as written by the user, without the map size.
 
     cells, phases: numbers of successful cells and of their phases; refused: statuses of the others; values: medians
-    over the successful ones, with times normalised to one reference time; unset: numbers at their defaults that other
-    specs of the technique set, such as `n=16`; cost_name: the value that is its cost.
+    over the successful ones, with times normalised to one reference time; cost_name: the value that is its cost.
     """
 
     technique: str
@@ -104,15 +102,13 @@ class Configuration:
     refused: tuple[str, ...]
     values: Mapping[str, Interval | None]
     phases: int
-    unset: tuple[str, ...] = ()
     passes: tuple[PassTime, ...] = ()
     cost_name: CostName = "frame_ms"
 
     @property
     def name(self) -> str:
-        """The spec as tables print it: a preset by its name, or with the numbers by which it differs from others."""
-        spelt = f"{self.spec}{',' if ':' in self.spec else ':'}{','.join(self.unset)}" if self.unset else self.spec
-        return preset_names().get(self.spec, spelt)
+        """The spec as tables print it: a preset by its name, others as users write them."""
+        return preset_names().get(self.spec, self.spec)
 
     @property
     def label(self) -> str:
@@ -341,13 +337,6 @@ def specs_of(sections: Sequence[Section]) -> list[str]:
 
 def _configurations(run: Run, frame: pd.DataFrame, cost: CostName) -> list[Configuration]:
     """The configurations of a frame, best first; its times must be normalised to one reference time."""
-    given = [parameters_of(spec) for spec in frame["spec"].unique()]
-    set_numbers = {
-        (technique, name)
-        for technique, values in given
-        for name, value in values.items()
-        if type(value) in (int, float)
-    }
     names = [*ROW_METRICS, *_VALUES, *(name for name in BIAS_LENGTHS if name in frame)]
     numbers = frame[names].astype(float)
     found = []
@@ -365,7 +354,6 @@ def _configurations(run: Run, frame: pd.DataFrame, cost: CostName) -> list[Confi
             refused=tuple(group.loc[group["status"] != "ok", "status"]),
             values={name: interval(measured[name].to_numpy()) for name in names},
             phases=succeeded["phase"].nunique(),
-            unset=_unset(spec, full_spec, set_numbers),
             passes=_pass_times(run, group) if cost == "frame_ms" else (),
             cost_name=cost,
         )
@@ -381,11 +369,3 @@ def _pass_times(run: Run, group: pd.DataFrame) -> tuple[PassTime, ...]:
     names = dict.fromkeys(name for time in times for name in time["passes"])
     medians = {name: interval(group[f"pass_{name}_ms"].tolist()) for name in names}
     return tuple(PassTime(name, one.median, changes[name]) for name, one in medians.items() if one is not None)
-
-
-def _unset(spec: str, full_spec: str, numbers: Set[tuple[str, str]]) -> tuple[str, ...]:
-    """The numbers of a spec at their defaults that another spec of its technique sets; numbers: by technique."""
-    technique, given = parameters_of(spec)
-    lacking = {name for other, name in numbers if other == technique} - set(given)
-    values = parameters_of(full_spec)[1] if lacking else {}
-    return tuple(f"{name}={value}" for name, value in values.items() if name in lacking)

@@ -101,10 +101,9 @@ def test_a_device_is_found_by_words_of_its_name() -> None:
         find_law("radeon")
 
 
-def test_specs_are_left_out_of_which_a_law_gives_no_times() -> None:
-    rule = Cost("ms", H100).rules([])[0]
+def test_specs_have_no_cost_of_which_a_law_gives_no_times() -> None:
     space = full_space(techniques(), "directional", 4096)
-    left = {spec.technique.name for spec in space if rule(spec) is None}
+    left = {spec.technique.name for spec in space if Cost("ms", H100).unranked(spec) is None}
     assert {"shadow-map", "cascades", "shadow-volume", "hybrid"} <= left and "ray-traced" not in left
 
 
@@ -112,10 +111,15 @@ def test_times_are_predicted_on_a_software_renderer_for_lights_without_a_size(bu
     law, target = H100, Target("iou", 0.99, 2.0)
     view, soft = builtin("cube-on-plane", 32), builtin("post", 32)
     mesa = DeviceInfo("llvmpipe", "Mesa", 450, True, "finish+wall", 16384, 8, True, True)
-    assert cost_of(target, view, mesa, False, True, law) == Cost("ms", law)
+    assert cost_of(target, view, mesa, law=law) == Cost("ms", law)
+    assert cost_of(target, view, mesa) == Cost("ms", law), "that on record, unless something else is asked for"
+    assert cost_of(target, view, mesa, "time") == Cost("ms")
+    assert cost_of(Target("iou", 0.99), view, mesa, "work") == Cost("work")
+    assert cost_of(target, view, replace(mesa, software=False)) == Cost("ms"), "a GPU's own"
+    assert "with a size" in cost_of(Target("rmse", 0.02), soft, mesa).without_law
     for light, info, told in ((view, replace(mesa, software=False), "not on a GPU"), (soft, mesa, "with a size")):
         with pytest.raises(InputError, match=rf"^--device: .*{told}"):
-            cost_of(target, light, info, False, True, law)
+            cost_of(target, light, info, law=law)
 
 
 def test_a_row_has_the_time_that_its_law_gives_to_its_counts() -> None:
