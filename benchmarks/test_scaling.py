@@ -19,7 +19,7 @@ from shadowbench.truths.trace import trace
 # Number of triangles: (number of spheres, subdivisions of each). A million triangles take three spheres.
 SPHERES = {1_280: (1, 3), 20_480: (1, 5), 983_040: (3, 7)}
 VIEWS = (256, 512, 1024)
-NAMES = dict.fromkeys([*techniques(), "ray-traced:where=gpu"])
+NAMES = (*techniques(), "ray-traced:where=gpu")
 TRIANGLES, VIEW = 20_480, 512  # while the other is varied
 
 SCENE = """

@@ -107,7 +107,7 @@ def test_occlusion(subdivisions: int, loop: ctypes.CDLL, benchmark: BenchmarkFix
         loop.run(query, addresses[0], ctypes.c_void_p(scene.handle), addresses[1], addresses[2], *sizes)
         limit.append(time.perf_counter() - start)
 
-    benchmark.pedantic(scene.occluded, args=(origins, directions, reach), setup=run_loop, rounds=21, warmup_rounds=2)
+    benchmark.pedantic(scene.occluded, args=(origins, directions, reach), setup=run_loop, rounds=9, warmup_rounds=1)
     blocked, flagged = scene.occluded(origins, directions, reach)
     assert (blocked == (rays.view(np.float32).reshape(filled.shape)[:, 8] < 0).ravel()).all() and not len(flagged)
     note(benchmark, len(reach), statistics.median(limit), "of the loop in C")
@@ -137,7 +137,7 @@ def test_native_packets(instructions: str, benchmark: BenchmarkFixture) -> None:
             scene.occluded(*rays)
             seconds[width].append(time.thread_time() - start)
 
-    benchmark.pedantic(trace_each, rounds=15, warmup_rounds=1)
+    benchmark.pedantic(trace_each, rounds=9, warmup_rounds=1)
     rates = {width: len(rays[2]) / statistics.median(values) / 1e6 for width, values in seconds.items()}
     ratio = rates[device.width] / rates[16]
     benchmark.extra_info |= {"rates": rates, "native": device.width, "ratio": round(ratio, 3)}
