@@ -139,6 +139,5 @@ def start_size(spec: Spec, needs: Needs) -> float:
     """Predicted map size for a technique: one texel per pixel, at shadow edges if there are any."""
     texels, several, slices = needs.texels, needs.cascades, spec.technique.view_slices(spec.params)
     if slices > 1 and several is not None:
-        sizes = several.edge_size or several.size
-        return sizes.get(slices, sizes[several.best])
+        return several.edge_size.get(slices, several.edge_size[several.best])
     return (texels.edge_size or texels.size).value

@@ -28,7 +28,7 @@ def needs(
     standard error. The error of hard shadows is that of the ray-traced truth, which `run` reads too. Each prediction
     has its reason. Needs no OpenGL.
     """
-    from shadowbench.survey.explanations import explanations_of
+    from shadowbench.survey.explanations import explanations_of, verdict_of
     from shadowbench.survey.survey import needs as needs_of
 
     with console.Reporter(printed.quiet) as reporter:
@@ -41,10 +41,10 @@ def needs(
     if printed.json:
         values = asdict(found)
         values["reach"].pop("matters")
-        names = {"scene": chosen.scene.name, "view": chosen.camera.name}
+        names = {"scene": chosen.scene.name, "view": chosen.camera.name, "verdict": verdict_of(found)}
         console.print_json(names | values | {"told": [asdict(row) for row in rows]})
         return
-    title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels"
+    title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels: {verdict_of(found)}"
     lines = [(row.need, row.number, row.reason) for row in rows]
     console.print_table(title, ("need", "number", "why"), lines, padded=True)
 

@@ -41,6 +41,29 @@ def explanations_of(needs: Needs) -> tuple[Explanation, ...]:
     return tuple(Explanation(*row) for row in _rows(needs))
 
 
+def verdict_of(needs: Needs) -> str:
+    """What a view needs, in a line, with the numbers of its rows."""
+    edges, cascades = needs.texels.edge_size, needs.cascades
+    if edges is None:
+        shadow = "all that is seen is in shadow" if needs.receivers.shadowed.value else "no shadow is seen"
+        return f"{shadow}, and no edge: no map size is needed"
+    shape, sparing = "a cube map with faces" if needs.texels.faces > 1 else "one map", ""
+    needed = f"{shape} of {edges.value:.0f}²"
+    if cascades and cascades.worthwhile:
+        needed = f"{cascades.best} cascades of {cascades.edge_size[cascades.best]:.0f}²"
+        sparing = f" in place of one map of {edges.value:.0f}²"
+    elif cascades:
+        sparing = ", no cascades"
+    parts = [needed + sparing]
+    if needs.bits:
+        parts.append(f"{needs.bits.bits} bits of depth" if needs.bits.bits else "more depth than any format has")
+    if needs.bias:
+        parts.append(f"a bias of {needs.bias.needed.value:.3g} m at {REFERENCE_SIZE}²")
+    if needs.penumbra:
+        parts.append("hard shadows suffice" if needs.penumbra.hard_is_enough else "hard shadows are too sharp")
+    return ", ".join(parts)
+
+
 def _rows(needs: Needs) -> Iterator[Row]:
     yield "light", needs.light, _LIGHTS[needs.light]
     yield "receivers", f"{_share(needs.receivers.planar)} on planes", _receivers(needs.receivers)
@@ -117,7 +140,7 @@ def _ground(need: Texels, without: Texels) -> Iterator[Row]:
 
 
 def _cascades(need: CascadeSizes) -> Iterator[Row]:
-    sizes = need.edge_size or need.size
+    sizes = need.edge_size
     each = ", ".join(f"{count}: {size:.0f}" for count, size in sizes.items())
     reason = f"number and map size with the fewest texels in total; sizes by number: {each}"
     yield "cascades", f"{need.best} × {sizes[need.best]:.0f}", reason

@@ -121,8 +121,8 @@ class CascadeSizes:
     """Needed map sizes by number of cascades, with default parameters otherwise.
 
     depth_ratio: farthest over nearest view depth of the visible receivers; size, edge_size: of each map, defined as in
-    `Texels`; best: number of cascades with the fewest texels in total, by `edge_size` if there are edges; saving:
-    texels of one map divided by those of the best number of cascades.
+    `Texels`; best: number of cascades with the fewest texels in total, by `edge_size`; saving: texels of one map
+    divided by those of the best number of cascades.
     """
 
     depth_ratio: float
@@ -138,9 +138,9 @@ class CascadeSizes:
 
 
 def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
-    """The needed sizes of cascades; None for a light that is not directional. one: the sizes of one map."""
+    """The needed sizes of cascades; None without edges, or for a light that is not directional. one: of one map."""
     samples, space = fitted.samples, fitted.space
-    if space is None or space.perspective:
+    if space is None or space.perspective or one.edge_size is None:
         return None
     bounds = bounds_of(caster_and_receiver_vertices(samples.view.scene.geometry))
     sizes, edge_sizes = {}, {}
@@ -148,12 +148,11 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
         extents = _extents(samples.view, bounds, space, fitted.footprint.coords, count)
         sizes[count] = float(np.percentile(fitted.footprint.scaled(extents).longest, 95)) + 2 * fitted.padding
         by_edges = edge_size(fitted, extents)
-        if by_edges is not None:
-            edge_sizes[count] = by_edges.value
-    single, several = (one.edge_size.value, edge_sizes) if one.edge_size else (one.size.value, sizes)
-    best = min(several, key=lambda count: count * several[count] ** 2)
+        assert by_edges is not None  # as there are edges
+        edge_sizes[count] = by_edges.value
+    best = min(edge_sizes, key=lambda count: count * edge_sizes[count] ** 2)
     ahead = samples.view.camera.basis()[2] @ (np.array(samples.view.camera.position)[:, None] - samples.point)
-    saving = single**2 / (best * several[best] ** 2)
+    saving = one.edge_size.value**2 / (best * edge_sizes[best] ** 2)
     return CascadeSizes(float(ahead.max() / ahead.min()), sizes, edge_sizes, best, saving)
 
 

@@ -75,7 +75,7 @@ def opened(scene: str | Path | Scene, options: SceneOptions) -> Scene:
         loaded = _seen_from(loaded, options.camera, options.target)
     elif loaded is not scene and "camera" in loaded.assumed and find_spec("embreex") and _is_interior(loaded):
         note = f"{loaded.name} seems to be an interior, which the assumed camera sees from outside: --camera inside"
-        loaded = replace(loaded, notes=(*loaded.notes, note))
+        loaded = replace(loaded, notes=(note, *loaded.notes))
     if options.lamp is not None:
         loaded = with_lights(loaded, [_lamp(options.lamp)])
     elif options.sun_at is not None:
