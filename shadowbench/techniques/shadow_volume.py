@@ -91,12 +91,18 @@ class ShadowVolume(Technique):
         self.stenciled = stage.stencil_target(self.visibility)
         self.resolve_program = stage.program("fullscreen.vert", "shadow-volume/resolve.frag")
         self.fullscreen = stage.fullscreen(self.resolve_program)
-        if many or not stencil:
-            self.counts = stage.texture()
-            self.counting = stage.target(self.counts, depth=self.stenciled.depth)
-            self.resolve_counts = stage.program("fullscreen.vert", "shadow-volume/resolve.frag", defines={"COLOR": 1})
-            self.fullscreen_counts = stage.fullscreen(self.resolve_counts)
-            self.visibility_target = stage.target(self.visibility)
+        self.stage = stage
+        if not stencil:
+            self._build_counter()
+
+    def _build_counter(self) -> None:
+        """Build what counts in a colour target."""
+        stage = self.stage
+        self.counts = stage.texture()
+        self.counting = stage.target(self.counts, depth=self.stenciled.depth)
+        self.resolve_counts = stage.program("fullscreen.vert", "shadow-volume/resolve.frag", defines={"COLOR": 1})
+        self.fullscreen_counts = stage.fullscreen(self.resolve_counts)
+        self.visibility_target = stage.target(self.visibility)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         with frame.timed("extrude", changes="light"):
@@ -111,6 +117,8 @@ class ShadowVolume(Technique):
         with frame.timed("clear", changes="view"):
             self.stenciled.target.clear(1.0, depth=1.0)
             if self.in_color:
+                if not hasattr(self, "counts"):
+                    self._build_counter()
                 self.counting.clear(depth=1.0)  # shares the depth buffer
             else:
                 self.stenciled.clear_stencil()
