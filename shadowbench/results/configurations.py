@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from shadowbench.measure.columns import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.plugin.grammar import parameters_of
 from shadowbench.plugin.registry import preset_names
-from shadowbench.results.columns import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.results.folder import Run
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
 from shadowbench.scores.metric import Metric
