@@ -67,7 +67,7 @@ def techniques_with(plugins: Sequence[Path]) -> "Mapping[str, type[Technique]]":
     Raises InputError for a plug-in that cannot be loaded, and for a metric that has the name of a column.
     """
     from shadowbench.plugin.registry import techniques  # the worker's start does not wait for this import
-    from shadowbench.scores.metrics import plugged_in
+    from shadowbench.scores.metrics import plug_in, plugged_in
 
     stream = TruncatedStream(sys.stderr)
     with redirect_stdout(stream), redirect_stderr(stream):
@@ -75,9 +75,9 @@ def techniques_with(plugins: Sequence[Path]) -> "Mapping[str, type[Technique]]":
     if metrics := plugged_in():
         from shadowbench.measure.columns import is_taken
 
-        for metric in metrics:
-            if is_taken(metric.name):
-                raise InputError(f"--plugin: a metric is called {metric.name!r}, as is a column; allowed: another name")
+        for name in [metric.name for metric in metrics if is_taken(metric.name)]:
+            plug_in([])  # a later call does without it
+            raise InputError(f"--plugin: a metric is called {name!r}, as is a column; allowed: another name")
     return found
 
 
