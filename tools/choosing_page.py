@@ -117,9 +117,10 @@ def _findings(rows: Sequence[Record], law: Law) -> Iterator[str]:
     for name in ("shadow-volume", "hybrid"):
         own = [row["metrics"]["iou"] for row in rows if row["technique"] == name]
         beaten = sum(found[0][1]["technique"] != name for found in ranked.values() if found)
+        least = "an IoU of 1" if min(own) == 1 else f"an IoU of {_iou(min(own))} or more"
         yield (
-            f"- **`{name}`** has an IoU of {_iou(min(own))}{" or more" if min(own) < 1 else ""} in the {len(own)} scenes that it was drawn in; in {beaten} of "
-            f"{len(scenes)} another technique meets 0.99 at less time."
+            f"- **`{name}`** has {least} in the {len(own)} scenes that it was drawn in; in {beaten} of {len(scenes)} "
+            "another technique meets 0.99 at less time."
         )
     for kind in ("point", "spot"):
         lit = [scene for scene in scenes if builtin_light(scene) == kind]
@@ -127,7 +128,10 @@ def _findings(rows: Sequence[Record], law: Law) -> Iterator[str]:
         named = ", ".join(f"`{name}` in {count}" for name, count in winners.most_common())
         yield f"- **A {kind} light** ({', '.join(lit)}): at an IoU of 0.99 the cheapest is {named} of {len(lit)}."
     planar = [row["scene"] for row in rows if row["technique"] == "planar-projection" and _meets(row, STRICT)]
-    yield f"- **Shadows on planes only**: `planar-projection` meets an IoU of 0.99 in {len(planar)} scenes: {', '.join(planar)}."
+    yield (
+        f"- **Shadows on planes only**: `planar-projection` meets an IoU of 0.99 in {len(planar)} scenes: "
+        f"{', '.join(planar)}."
+    )
     sides = ("shadow-map", "cascades")
     ious = {
         (r["scene"], r["spec"]): r["metrics"]["iou"]
@@ -140,8 +144,8 @@ def _findings(rows: Sequence[Record], law: Law) -> Iterator[str]:
     better = [scene for scene, (one, several) in both.items() if several > one]
     scene, (one, several) = max(both.items(), key=lambda item: item[1][1] - item[1][0])
     yield (
-        f"- **Cascades** have a higher IoU than one map of the same size, {COURSE_SIZE}², in {len(better)} of the {len(both)} scenes with "
-        f"both, the most in {scene}: {_iou(several)} against {_iou(one)}."
+        f"- **Cascades** have a higher IoU than one map of the same size, {COURSE_SIZE}², in {len(better)} of the "
+        f"{len(both)} scenes with both, the most in {scene}: {_iou(several)} against {_iou(one)}."
     )
 
 

@@ -13,7 +13,7 @@ import typer
 from pages import compare
 
 from shadowbench.commands import app
-from shadowbench.results.columns import FIXED
+from shadowbench.measure.columns import FIXED
 from shadowbench.studies.catalogue import catalogue
 
 REFERENCE = Path(__file__).resolve().parent.parent / "docs" / "reference"

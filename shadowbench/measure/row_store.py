@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.files import remove_temporaries
-from shadowbench.measure.rows import ROW, RUN_FILE, SCHEMA, CellIdentity, Record, RunFile
+from shadowbench.measure.rows import ROW, RUN_FILE, SCHEMA, CellIdentity, Record, RunFile, escaped
 from shadowbench.scenes.model import View
 from shadowbench.strict import explain
 
@@ -147,7 +147,9 @@ class RowStore:
         Raises InputError, with nothing written, if the disk is full.
         """
         signed = {"command": command_line()}
-        made = [{"schema": SCHEMA, **record, **(signed if record["kind"] == "score" else {})} for record in records]
+        made = [
+            escaped({"schema": SCHEMA, **record, **(signed if record["kind"] == "score" else {})}) for record in records
+        ]
         # A lone surrogate, from a file name that is not UTF-8, cannot be encoded.
         lines = "".join(json.dumps(record, allow_nan=False, ensure_ascii=False) + "\n" for record in made)
         left = lines.encode(errors="replace")

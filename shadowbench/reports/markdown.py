@@ -1,5 +1,6 @@
 """The report as Markdown tables, for READMEs and papers."""
 
+import re
 from collections.abc import Collection, Iterable, Sequence
 
 from shadowbench.extremes.model import NAMES
@@ -25,6 +26,7 @@ from shadowbench.results.folder import Folder, Run
 from shadowbench.results.ranking import targets_of
 from shadowbench.scores.metrics import METRICS
 
+_MARKUP = re.compile(r"\||<(?=[A-Za-z/!?])|\](?=\()")
 _TIMES = {"camera moves, ms": "camera_ms", "× ref": "ratio"}
 
 
@@ -121,5 +123,5 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], texts: Collect
 
 
 def escaped(text: str) -> str:
-    """Text escaped for a cell of a table: on one line, and without separators."""
-    return " ".join(text.replace("|", "\\|").split())
+    """Text escaped for a cell of a table: on one line, without separators, tags of HTML and links."""
+    return " ".join(_MARKUP.sub(r"\\\g<0>", text).split())

@@ -11,11 +11,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.measure.columns import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import own_techniques, preset_names
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.results.columns import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.results.folder import Run
 from shadowbench.results.submission import SHORTEST_MS
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front

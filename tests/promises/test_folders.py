@@ -1,7 +1,9 @@
 """Run folders that are not ours, cannot be written or hold another's rows: one line, and nothing in them changes."""
 
+import csv
 import json
 import os
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -158,6 +160,80 @@ def test_of_two_merges_into_one_folder_at_a_time_one_is_refused(start: Any, shad
     assert (tmp_path / "all" / "rows.jsonl").read_bytes() == (tmp_path / "one" / "rows.jsonl").read_bytes()
     assert not [*tmp_path.glob(".all*")]
     assert "found other files" in shadowbench("merge", tmp_path / "two", "-o", tmp_path / "all").err
+
+
+ESCAPE = "\x1b]0;mine\x07"
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("renderer", ESCAPE), ("scene", "a\nb"), ("status", f"failed: {ESCAPE}"), ("assumptions", ["\x9b1m"]),
+        ("facts", {"\x7f": 1.0}), ("engine", {"version": ESCAPE}), ("commit", ESCAPE), ("mine", {"a": [ESCAPE]}),
+    ],
+)  # fmt: skip
+def test_control_characters_of_another_s_rows_are_refused(
+    study: Study, shadowbench: Any, valid: str, field: str, value: object
+) -> None:
+    (study.folder / "rows.jsonl").write_text(json.dumps(json.loads(valid) | {field: value}) + "\n")
+    answer = shadowbench("report", study.folder, "-o", study.folder.parent / "report.html")
+    assert answer.code == 2 and answer.err.startswith(f"shadowbench: {study.folder / 'rows.jsonl'} line 1: ")
+    assert answer.err.count("\n") == 1 and answer.err[:-1].isprintable()
+
+
+def test_a_command_line_of_several_lines_is_written_escaped_and_read(study: Study) -> None:
+    study.folder = study.folder.with_name("o\nut")
+    assert study.added(SMALL) == (1, 0)
+    assert study.added(SMALL) == (0, 0)
+    assert "o\\nut" in study.rows("score")[0]["command"]
+    assert "o\\nut" in json.loads((study.folder / "run.json").read_text())["command"]
+
+
+def test_tables_of_another_s_rows_have_no_formulas_and_reports_no_tags(
+    study: Study, shadowbench: Any, valid: str
+) -> None:
+    formula, tags = '=HYPERLINK("http://a")', "<img src=x> [b](http://a) a|b"
+    row = json.loads(valid) | {"renderer": formula, "assumptions": [tags], "command": "@a"}
+    (study.folder / "rows.jsonl").write_text(json.dumps(row) + "\n")
+    (study.folder / "run.json").unlink()
+    made = {kind: study.folder.parent / f"report.{kind}" for kind in ("csv", "md")}
+    for kind, file in made.items():
+        assert shadowbench("report", study.folder, "-o", file, "--format", kind).code == 0
+    with made["csv"].open(newline="") as stream:
+        (line,) = csv.DictReader(stream)
+    assert (line["renderer"], line["command"]) == (f"'{formula}", "'@a")
+    assert r"\<img src=x> [b\](http://a) a\|b" in made["md"].read_text()
+
+
+def test_a_folder_whose_name_is_not_utf_8_is_reported_and_compared(
+    study: Study, shadowbench: Any, tmp_path: Path
+) -> None:
+    study.folder = Path(os.fsdecode(bytes(tmp_path / "caf") + b"\xe9"))
+    assert study.added(SMALL) == (1, 0)
+    for kind in ("html", "md", "csv", "tex"):
+        answer = shadowbench("report", study.folder, "-o", tmp_path / f"report.{kind}", "--format", kind)
+        assert (answer.code, answer.err) == (0, "")
+    assert r"caf\udce9" in (tmp_path / "report.html").read_text()
+    worse = study.folder.with_name(f"{study.folder.name}-worse")
+    shutil.copytree(study.folder, worse)
+    (row,) = study.rows("score")
+    row["metrics"]["rmse"] += 0.5
+    (worse / "rows.jsonl").write_text(json.dumps(row) + "\n")
+    assert shadowbench("check", worse, "--baseline", study.folder).code == 1
+    assert (worse / "check" / "summary.md").exists()
+
+
+@pytest.mark.parametrize(
+    "words", [("report", "out"), ("check", "out", "--baseline", "out"), ("merge", "out", "-o", "all")]
+)
+def test_a_working_folder_that_is_gone_is_one_line(
+    shadowbench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    (tmp_path / "here").rmdir()
+    answer = shadowbench(*words)
+    assert (answer.code, answer.err) == (2, "shadowbench: the working folder is gone; allowed: one that exists\n")
 
 
 class Killed(BaseException):

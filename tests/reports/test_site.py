@@ -14,8 +14,8 @@ import duckdb
 import pytest
 from PIL import Image
 
+from shadowbench.measure.columns import described
 from shadowbench.reports.site import write_site
-from shadowbench.results.columns import described
 from tests.reports.conftest import CELLS, Cell, run_file, write_folder
 from tests.reports.test_engines_page import ROWS
 from tests.test_docs import anchors
