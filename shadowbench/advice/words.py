@@ -129,7 +129,8 @@ def obstacles(found: Recommendation) -> list[str]:
     line = f"nothing measured{of} meets {target}; the closest is {_name(near)}: {_error(found, near)}"
     if found.met:  # over the budget
         met = found.met[0]
-        return [line, f"obstacle: the budget; {_name(met)} reaches {_error(found, met)} in {met.cost:.3g} ms"]
+        time = f"in {met.cost:.3g} ms" if met.ranked else "in a time that is not known"
+        return [line, f"obstacle: the budget; {_name(met)} reaches {_error(found, met)} {time}"]
     soft = target.metric == "rmse" and is_soft(near.result.score["metrics"])
     faults = _soft_faults(near) if soft else _hard_faults(found, near)
     return [line, *(f"obstacle: {one}" for one in faults)]
