@@ -70,13 +70,13 @@ def cost_notes(found: Recommendation) -> list[str]:
         factors = ", ".join(f"{kind} ×{errors[kind].median:.2f}" for kind in kinds if kind in errors)
         notes = [
             f"ms: beyond a frame without shadows, predicted from work; of <{SHORTEST_MS:g}, not told apart, less work "
-            f"is first; median error in other scenes at 1024²: {factors}"
+            f"is first" + (f"; median error in other scenes at 1024²: {factors}" if factors else "")
         ]
     elif found.cost.without_law:
         notes = [f"work, not predicted times: {found.cost.without_law}"]
     whys: dict[str, dict[str, None]] = {}
     for spec, why in found.unranked.items():
-        whys.setdefault(why, {})[kind_of(spec.sizeless_text)] = None
+        whys.setdefault(why, {})[kind_of(spec.sizeless_text) if found.law else spec.sizeless_text] = None
     return [*notes, *(f"no cost is known of {', '.join(kinds)}: {why}" for why, kinds in whys.items())]
 
 
@@ -129,7 +129,8 @@ def obstacles(found: Recommendation) -> list[str]:
     line = f"nothing measured{of} meets {target}; the closest is {_name(near)}: {_error(found, near)}"
     if found.met:  # over the budget
         met = found.met[0]
-        return [line, f"obstacle: the budget; {_name(met)} reaches {_error(found, met)} in {met.cost:.3g} ms"]
+        time = f"in {met.cost:.3g} ms" if met.ranked else "in a time that is not known"
+        return [line, f"obstacle: the budget; {_name(met)} reaches {_error(found, met)} {time}"]
     soft = target.metric == "rmse" and is_soft(near.result.score["metrics"])
     faults = _soft_faults(near) if soft else _hard_faults(found, near)
     return [line, *(f"obstacle: {one}" for one in faults)]

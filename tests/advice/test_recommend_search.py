@@ -366,6 +366,8 @@ def test_what_has_no_cost_is_shown_without_one_and_chosen_only_where_nothing_els
         assert (rays.cost, cost_text(one, rays), one.standing(rays)) == (math.inf, "", standing)
         assert any("hybrid: walks a tree" in line or "of hybrid" in line for line in cost_notes(one))
         assert step_lines(one) and one.unranked
+    late = dataclasses.replace(one, choice=None, target=dataclasses.replace(one.target, budget_ms=1.0))
+    assert obstacles(late)[1].endswith("IoU 1 in a time that is not known")
     unranked = {spec.text for spec in full_space(KNOWN, "directional", 4096) if Cost("ms", laws()[H100]).unranked(spec)}
     assert {text[: text.index("fit=") + 5] for text in unranked} == {"shadow-map:fit=v", "hybrid:fit=v"}
 
