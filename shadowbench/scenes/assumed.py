@@ -48,7 +48,8 @@ def whole_view(bounds: Floats, away: Vec3, name: str, up: Vec3 = (0.0, 1.0, 0.0)
 
 def pose_of(camera: Camera) -> str:
     """Where a camera stands, for a note."""
-    place = f"at {point_text(camera.position)} looking at {point_text(camera.target)}"
+    size = math.dist(camera.position, camera.target)
+    place = f"at {point_text(camera.position, size)} looking at {point_text(camera.target, size)}"
     return f"{place}, fov_y {math.degrees(camera.fov_y):.0f}°"
 
 
@@ -86,7 +87,8 @@ def assumed_ground(meshes: Sequence[Mesh], bounds: Floats, where: str) -> tuple[
     center = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
     corners = center + np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) * (side / 2)
     ground = Mesh("ground", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
-    place = f"at y = {float(low[1]):.6g} around ({center[0]:.6g}, {center[2]:.6g})"
+    x, y, z = (_coordinate(float(value), diagonal) for value in center)
+    place = f"at y = {y} around ({x}, {z})"
     shown = "which receives and casts shadows; --no-ground leaves it out"
     return ground, f"no ground in {where}: assumed a square of side {side:.6g} {place}, {shown}"
 
@@ -165,6 +167,11 @@ def without_ground(scene: Scene) -> Scene:
     return replace(content_of(scene), notes=notes, ground=None)
 
 
-def point_text(values: Vec3) -> str:
-    """A point or a direction, for a note."""
-    return f"({', '.join(f'{value:.6g}' for value in values)})"
+def point_text(values: Vec3, size: float = 1.0) -> str:
+    """A point of a scene of this size, or a direction, for a note."""
+    return f"({', '.join(_coordinate(value, size) for value in values)})"
+
+
+def _coordinate(value: float, size: float) -> str:
+    """Text of a coordinate: one far below the scene's size is what rounding left of 0."""
+    return f"{value if abs(value) > 1e-6 * size else 0.0:.6g}"
