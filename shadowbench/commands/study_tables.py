@@ -202,8 +202,8 @@ def print_verdict(sections: "Sequence[Section]") -> None:
     for kind in kinds:
         console.print_text("")
         _print_costs(kind, _kind_of(kind, kinds))
-    if note := preset_note([one for section in sections for one in section.scored]):
-        console.print_line(sentence(note))
+    if (presets := preset_note([one for section in sections for one in section.scored])) is not None:
+        console.print_line(sentence(presets))
 
 
 def _print_costs(sections: "Sequence[Section]", kind: str) -> None:

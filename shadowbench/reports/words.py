@@ -103,8 +103,8 @@ def preset_note(found: Sequence[Configuration]) -> str | None:
         return None
     where = "; rows of engines: results/published/engines, docs/how-to/engines.md" if {*names} & {*engines()} else ""
     return (
-        f"presets with an engine's name ({', '.join(names)}) draw its parameters in our shaders; the engine's own picture "
-        f"may be far less accurate{where}"
+        f"presets with an engine's name ({', '.join(names)}) draw its parameters in our shaders; the engine's own "
+        f"picture may be far less accurate{where}"
     )
 
 
