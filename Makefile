@@ -46,7 +46,7 @@ setup:
 	@$(setup)
 
 demo: setup
-	@echo "Measuring every technique on four scenes: about a minute on two cores without a GPU"
+	@echo "Measuring every technique on four scenes: some minutes on two cores without a GPU"
 	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
 	@$(bin)/shadowbench report results/demo
 	@echo; echo "What to try next:"

@@ -147,7 +147,7 @@ class _SilentReporter:
     def note(self, line: str) -> None:
         """Nothing."""
 
-    def stage(self, name: str, total: int) -> None:
+    def stage(self, name: str, total: int | None, *, timed: int = 0) -> None:
         """Nothing."""
 
     def step(self, what: str) -> None:

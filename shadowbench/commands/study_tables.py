@@ -80,7 +80,7 @@ def _kind_of(kind: "Sequence[Section]", kinds: Sequence[object]) -> str:
 def _print_section(section: "Section", costs: str, swept: "SweepPositions") -> None:
     """A table with a line for each spec and map size; then unsuccessful cells, slopes, notes and bias sweeps."""
     from shadowbench.plugin.registry import preset_names
-    from shadowbench.reports.words import bias_notes, phase_note
+    from shadowbench.reports.words import bias_notes, phase_note, preset_note
     from shadowbench.results.curves import curves, slopes
     from shadowbench.results.times import time_notes
 
@@ -97,8 +97,7 @@ def _print_section(section: "Section", costs: str, swept: "SweepPositions") -> N
     if section.max_cells > 1:
         several = f"medians of up to {section.max_cells} cells (views × phases)"
         lines.append(f"{several}; in brackets the 95% interval of {error}")
-    if note := phase_note(found):
-        lines.append(note)
+    lines += filter(None, (phase_note(found), preset_note(found)))
     lines += [*bias_notes(found), *time_notes(section.reference, [one.rough for one in section.timed])]
     _print_configurations(f"{section.scene}, best first{' by RMSE' if section.soft else ''}{costs}", found)
     for line in lines:
@@ -174,6 +173,7 @@ def _cell(one: "Configuration", key: str) -> str:
 def print_verdict(sections: "Sequence[Section]") -> None:
     """The cheapest setting for each accuracy in each scene of one run, then each technique's cost over its scenes."""
     from shadowbench.reports.verdict import cell_texts, real_time, target_name, verdict
+    from shadowbench.reports.words import preset_note, sentence
     from shadowbench.results.configurations import by_kind
     from shadowbench.results.ranking import candidates, cost_row, targets_of
 
@@ -202,6 +202,8 @@ def print_verdict(sections: "Sequence[Section]") -> None:
     for kind in kinds:
         console.print_text("")
         _print_costs(kind, _kind_of(kind, kinds))
+    if (presets := preset_note([one for section in sections for one in section.scored])) is not None:
+        console.print_line(sentence(presets))
 
 
 def _print_costs(sections: "Sequence[Section]", kind: str) -> None:

@@ -38,8 +38,8 @@ class Reporter(Protocol):
     def note(self, line: str) -> None:
         """Show one line to the user."""
 
-    def stage(self, name: str, total: int | None) -> None:
-        """Begin a stage of `total` steps, None if unknown."""
+    def stage(self, name: str, total: int | None, *, timed: int = 0) -> None:
+        """Begin a stage of `total` steps, None if unknown; timed: how many of them time a cell."""
 
     def step(self, what: str) -> None:
         """Count one step of the stage as done."""

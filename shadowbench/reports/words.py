@@ -5,7 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from shadowbench.errors import counted
-from shadowbench.plugin.registry import preset_names
+from shadowbench.maps.presets import ENGINES
+from shadowbench.plugin.registry import engines, preset_names
 from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, CostName, Section
 from shadowbench.results.folder import Folder, Run
 from shadowbench.results.submission import SHORTEST_MS
@@ -78,6 +79,8 @@ def section_notes(section: Section) -> list[str]:
         notes += [f"medians over up to {section.max_cells} cells (views × phases) a configuration", _BRACKETS]
     if (one_phase := phase_note(section.scored)) is not None:
         notes.append(one_phase)
+    if (presets := preset_note(section.scored)) is not None:
+        notes.append(presets)
     if section.soft and not any(one.values["hardening"] for one in section.scored):
         notes.append(NO_HARDENING)
     return [*notes, *time_notes(section.reference, [one.rough for one in section.timed])]
@@ -90,6 +93,19 @@ def phase_note(found: Sequence[Configuration]) -> str | None:
         return None
     which = "" if all(single) else "maps without an interval: "
     return f"{which}scored in one phase (sub-texel offset) only; another may reverse the order of two maps (--phases 8)"
+
+
+def preset_note(found: Sequence[Configuration]) -> str | None:
+    """That presets with the name of an engine are not its pictures; None where there are none."""
+    shown = [one.name.partition(":preset=") for one in found if one.cells]
+    names = sorted({preset for technique, _, preset in shown if preset in ENGINES and technique not in ENGINES})
+    if not names:
+        return None
+    where = "; rows of engines: results/published/engines, docs/how-to/engines.md" if {*names} & {*engines()} else ""
+    return (
+        f"presets with an engine's name ({', '.join(names)}) draw its parameters in our shaders; the engine's own "
+        f"picture may be far less accurate{where}"
+    )
 
 
 def bias_notes(found: Sequence[Configuration]) -> list[str]:

@@ -165,10 +165,12 @@ def _announce(study: Study, blocks: Sequence[Block], campaign: Campaign) -> None
     """Begin the stage of the cells, after a note if they take long."""
     cells = [(block, cell) for block in blocks for cell in block.cells]
     missing = [cell for block in blocks for cell in campaign.unscored(block)]
+    timed = sum(block.times(cell) for block, cell in cells)
     if (seconds := sum(_seconds(study, cell) for cell in missing)) >= _LONG_S:
         rough = f"about {duration(seconds)} on two cores without a GPU"
-        campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to measure: {rough}")
-    campaign.reporter.stage("cells", len(cells) + sum(block.times(cell) for block, cell in cells))
+        also = f" and {timed} to time" if timed else ""
+        campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to draw{also}: {rough}")
+    campaign.reporter.stage("cells", len(cells) + timed, timed=timed)
 
 
 def _nothing(what: str, failures: Sequence[Failure]) -> ShadowbenchError:

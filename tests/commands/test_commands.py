@@ -421,6 +421,27 @@ def test_what_is_left_takes_as_long_as_the_steps_so_far_but_those_measured_befor
     assert capsys.readouterr().err.splitlines()[-1] == "cells: 14 of 24, about 5 min left, stairs unshadowed"
 
 
+def test_what_is_left_to_time_takes_as_long_as_other_times(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two scenes of ten cells, drawn in a second each and timed in twenty, which are reported together."""
+    now = [0.0]
+    monkeypatch.setattr(console, "err", lambda: Console(stderr=True, width=80, get_time=lambda: now[0]))
+    monkeypatch.setattr(console, "_EVERY", 0.0)
+    with console.Reporter(quiet=False) as reporter:
+        reporter.stage("cells", 40, timed=20)
+        for _ in range(2):
+            for now[0] in [now[0] + at for at in range(1, 11)]:
+                reporter.step("stairs shadow-map")
+            now[0] += 200
+            for _ in range(10):
+                reporter.step("stairs: timed")
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(",")[0] for line in lines] == [f"cells: {at} of 40" for at in range(1, 41)]
+    second = [line.split(" left")[0].split("about ")[1] for line in lines[20:30]]
+    assert set(second) == {"3 min"}, "200 s of times, and up to ten of drawing"
+
+
 @pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (40, "40 s"), (100, "2 min"), (7200, "2.0 h")])
 def test_a_duration_is_rough(seconds: float, text: str) -> None:
     assert duration(seconds) == text

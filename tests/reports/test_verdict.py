@@ -8,12 +8,16 @@ from typing import Any
 
 import pytest
 
+from shadowbench.maps import presets
+from shadowbench.plugin.registry import engines, own_techniques, techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.html import html_report
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.panels import panel_data, panels_of
 from shadowbench.reports.verdict import cell_texts, cost_note, device_note, verdict
-from shadowbench.results.configurations import Section, by_kind
+from shadowbench.reports.words import preset_note
+from shadowbench.results.configurations import Configuration, Section, by_kind
 from shadowbench.results.ranking import Target, candidates, cheapest, cost_matrix, mean_section, targets_of, ties
 from shadowbench.scores.metrics import METRICS
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell
@@ -401,3 +405,25 @@ def test_short_predicted_times_are_not_told_apart(measured) -> None:
     cells = [Cell("a", size, 0.001 * size / 512, 1.0, work=1e6, predicted=0.1) for size in (512, 1024)]
     line = verdict(measured(*cells, Cell("b", 512, 0.001, 1.0, predicted=0.1)))[0]
     assert line.endswith("<0.1 ms a frame; as cheap: `b at 512`.") and "within the noise" not in line
+
+
+@pytest.mark.parametrize(
+    ("spec", "named"),
+    [("shadow-map:preset=three", "three"), ("cascades:preset=unity", "unity"), ("three", None), ("shadow-map", None)],
+)
+def test_a_preset_named_after_an_engine_is_not_said_to_be_its_picture(spec, named) -> None:
+    text = parse_spec(spec, techniques() | engines()).sizeless_text
+    one = Configuration(spec.partition(":")[0], text, text, 512, 1, (), {}, 1)
+    note = preset_note([one])
+    assert (note is not None) == (named is not None)
+    assert note is None or (f"({named})" in note and ("results/published/engines" in note) == (named == "three"))
+    assert preset_note([replace(one, cells=0)]) is None, "nothing was drawn"
+
+
+def test_every_preset_of_an_engine_is_known_as_one() -> None:
+    """Their parameters are declared beside where they come from."""
+    declared = {name.lower() for name, value in vars(presets).items() if name.isupper() and isinstance(value, str)}
+    named = {name for one in own_techniques() for name in one.presets}
+    assert (
+        set(presets.ENGINES) == declared & named == named - {"course", "constant", "webgl", "offset", "dither", "fixed"}
+    )

@@ -164,6 +164,18 @@ def test_a_slab_under_a_box_needs_no_larger_a_map_than_its_top(tmp_path: Path) -
     assert sizes[0] == pytest.approx(sizes[1], rel=0.05)
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+def test_what_rounding_leaves_of_a_coordinate_is_printed_as_0(tmp_path: Path, size: float) -> None:
+    """A box that stands on y = 0 but for a part in 10⁸ of its size, as single precision leaves it."""
+    low = np.array([-1, -1e-8, -1 + 1e-8]) * size
+    path = tmp_path / "box.obj"
+    path.write_text(trimesh.creation.box(bounds=[low, np.array([1, 2, 1]) * size]).export(file_type="obj", digits=14))
+    notes = load_scene(path).notes
+    assert "at y = 0 around (0, 0)," in notes[1]
+    height = f"{size:g}"
+    assert f"looking at (0, {height}, 0)," in notes[2]
+
+
 def test_without_the_ground_the_rest_is_the_same_and_its_view_another(box: Path) -> None:
     view, bare = (chosen_view(str(box), 64, ViewOptions(no_ground=no_ground)) for no_ground in (False, True))
     assert [mesh.name for mesh in bare.scene.meshes] == ["box"] and bare.scene.cameras == view.scene.cameras
