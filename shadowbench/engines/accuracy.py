@@ -50,7 +50,7 @@ of other built-in scenes are below, and none of the built-in techniques', even w
 _MISSING, _AREA, _MOST = 0.1, 0.002, 0.15
 """Of shadows that lie elsewhere: the least share of the true interior that is lit; the least area of false shadow, as a
 share of the picture; the most false shadow in such areas, as a share of the scored pixels, as acne covers more. In 21
-built-in scenes, at poor settings, of the techniques only maps of up to 48 texels are like that."""
+built-in scenes at 256², at poor settings, only maps of up to 48 texels are like that, and in streets of 128."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +231,7 @@ def _warnings(external: ExternalMask, comparison: Comparison, encoding: MaskEnco
     if seems_unrelated(comparison):
         yield "has little in common with the truth; is it a mask of this scene, view and light?"
     elif shadows_elsewhere(comparison):
-        yield "shadows are missing and lie elsewhere, in large areas; is it a mask of this light and view?"
+        yield "shadows are missing and lie elsewhere, in large areas: another light or view, or a very coarse map?"
     if clipped > _NOTED_CLIPPED:
         yield f"the lit picture is at full in {clipped:.1%} of the scored pixels and may be cut off there"
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shadowbench.advice.costs import Cost, cost_of
-from shadowbench.advice.law import OWN, SHARED, find_law, law_of, laws
+from shadowbench.advice.law import OWN, SHARED, counts_of, find_law, law_of, laws
 from shadowbench.advice.space import full_space
 from shadowbench.advice.target import Target
 from shadowbench.errors import InputError
@@ -49,6 +49,12 @@ def test_times_that_follow_a_law_give_it_back() -> None:
         assert law.milliseconds(kind, counts) == pytest.approx(expected / 1e6, rel=0.05), kind
     assert all(error.median == pytest.approx(1, abs=0.02) for error in law.errors.values())
     assert law.milliseconds("unshadowed", counts) == 0
+
+
+def test_a_law_counts_the_vertices_of_geometry_shaders_and_nothing_of_the_floor() -> None:
+    work = {"vertices": 100, "geometry": 40, "reads": 7, "fragments": 64**2 + 5}
+    counts = counts_of({"work": work, "gpu_bytes": 4 * 64**2 + 3, "view_size": 64}, triangles=9)
+    assert counts == {"vertices": 140, "reads": 7, "gpu_bytes": 3, "fragments": 5, "triangles": 9}
 
 
 def test_errors_are_those_of_scenes_left_out() -> None:

@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 STUDY = """
 scenes = ["cube-on-plane", "stairs", "spot-lamp", "railings", "terrain", "pebbles", "street", "lamp-over-table"]
-map_size = [128, 256, 1024]
+map_size = [256, 1024]
 view_size = 256
 rounds = 0
 [[technique]]

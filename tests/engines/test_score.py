@@ -211,7 +211,7 @@ def test_a_shift_and_an_encoding_are_warned_of_and_scored_as_they_are(
 
 
 UNRELATED = "has little in common with the truth; is it a mask of this scene, view and light?"
-ELSEWHERE = "shadows are missing and lie elsewhere, in large areas; is it a mask of this light and view?"
+ELSEWHERE = "shadows are missing and lie elsewhere, in large areas: another light or view, or a very coarse map?"
 UNIFORM = "the mask is {} in every scored pixel, so most metrics say little"
 
 

@@ -97,7 +97,9 @@ def test_the_upper_of_two_layers_changes_no_shadow_on_the_ground(kind: LightKind
 
 @pytest.mark.parametrize("kind", ["directional", "spot"])
 def test_the_light_passes_through_the_up_axis(kind: LightKind) -> None:
-    directions = np.array([first("through-up", value, kind).light.direction for value in AXES["through-up"].values])
+    values = AXES["through-up"].values
+    directions = np.array([first("through-up", value, kind).light.direction for value in values])
+    assert np.degrees(np.arctan2(*-directions[:, :2].T)) == pytest.approx(values, rel=1e-9)
     assert (directions[:, 0] < 0).any() and (directions[:, 0] > 0).any()
     assert (directions == [0.0, -1.0, 0.0]).all(axis=1).any()
     assert np.ptp(directions[:, 2]) == 0

@@ -26,6 +26,7 @@ from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Coordinates, View, view_digest, view_of
+from shadowbench.scores.metrics import METRICS
 from shadowbench.techniques.shadow_map import ShadowMap
 
 DRAWER = {"renderer": "r", "embree": "e"}
@@ -127,6 +128,18 @@ def test_declared_versions_and_libraries_are_in_the_key(monkeypatch: pytest.Monk
         monkeypatch.setattr(versions, "installed", lambda name, library=library: name == library or installed(name))
         found.append(key())
     assert len(set(found)) == 9
+
+
+def test_a_plug_in_s_metric_is_in_the_key_by_its_name_and_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    keys = [key()]
+    for name, text in (("one", "def metric(): 1"), ("two", "def metric(): 1"), ("two", "def metric(): 2")):
+        file, scope = tmp_path / "metrics.py", dict[str, Any]()
+        file.write_text(text)
+        exec(compile(text, file, "exec"), scope)
+        with monkeypatch.context() as patch:
+            patch.setitem(METRICS, name, replace(METRICS["iou"], name=name, function=scope["metric"]))
+            keys.append(key())
+    assert len(set(keys)) == 4
 
 
 def test_a_view_differs_with_all_that_can_move_a_shadow(cube: View) -> None:

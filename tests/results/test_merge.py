@@ -65,6 +65,7 @@ def test_cells_times_images_and_facts_of_all_folders_are_in_the_result(merge: Me
     [
         ({"metrics": WORSE}, ["iou", "ssim"]),
         ({"mask_sha256": "f" * 64}, ["mask"]),
+        ({"metrics": GOOD | {"iou": GOOD["iou"] * (1 + 1e-6)}}, ["iou"]),
         ({"metrics": GOOD | {"contact": None}}, ["contact"]),
         ({"status": "unsupported: too large"}, ["status"]),
     ],
