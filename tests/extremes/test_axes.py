@@ -1,9 +1,11 @@
 """The axes of `stress`: what each one varies, and that a mask can be scored at every value."""
 
+import csv
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise, product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -225,3 +227,8 @@ def test_steps_are_parts_of_a_texel(name: str) -> None:
                 assert (moved, turned) == (pytest.approx(texels * TEXEL), 0)
             else:
                 assert moved == 0 and 0 < turned <= texels * TEXEL
+
+
+def test_published_ranges_are_of_every_axis() -> None:
+    with (Path(__file__).parents[2] / "results" / "ranges.csv").open(encoding="utf-8") as file:
+        assert list(dict.fromkeys(row["axis"] for row in csv.DictReader(file))) == list(AXES)
