@@ -46,7 +46,7 @@ def verdict_of(needs: Needs) -> str:
     edges, cascades = needs.texels.edge_size, needs.cascades
     if edges is None:
         shadow = "all that is seen is in shadow" if needs.receivers.shadowed.value else "no shadow is seen"
-        return f"{shadow}, and no edge: no map size is needed"
+        return f"{shadow}, and no edge, so that any map size does"
     shape, sparing = "a cube map with faces" if needs.texels.faces > 1 else "one map", ""
     needed = f"{shape} of {edges.value:.0f}²"
     if cascades and cascades.worthwhile:
