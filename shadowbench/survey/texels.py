@@ -122,7 +122,8 @@ class CascadeSizes:
 
     depth_ratio: farthest over nearest view depth of the visible receivers; size, edge_size: of each map, defined as in
     `Texels`; best: number of cascades with the fewest texels in total, by `edge_size`; saving: texels of one map
-    divided by those of the best number of cascades.
+    divided by those of the best number of cascades; best_by_size, saving_by_size: the same by `size`, of the whole
+    view, where edges may be at one distance only.
     """
 
     depth_ratio: float
@@ -130,11 +131,18 @@ class CascadeSizes:
     edge_size: Mapping[int, float]
     best: int
     saving: float
+    best_by_size: int
+    saving_by_size: float
 
     @property
     def worthwhile(self) -> bool:
-        """Whether some number of cascades needs fewer texels than one map."""
+        """Whether some number of cascades needs fewer texels than one map for the edges of the view."""
         return self.saving > 1.0
+
+    @property
+    def worthwhile_elsewhere(self) -> bool:
+        """Whether it does so for the visible receivers, though not for the edges that are there now."""
+        return self.saving_by_size > 1.0 and not self.worthwhile
 
 
 def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
@@ -150,10 +158,12 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
         by_edges = edge_size(fitted, extents)
         assert by_edges is not None  # as there are edges
         edge_sizes[count] = by_edges.value
-    best = min(edge_sizes, key=lambda count: count * edge_sizes[count] ** 2)
+    best, best_by_size = (min(COUNTS, key=lambda count: count * some[count] ** 2) for some in (edge_sizes, sizes))
     ahead = samples.view.camera.basis()[2] @ (np.array(samples.view.camera.position)[:, None] - samples.point)
     saving = one.edge_size.value**2 / (best * edge_sizes[best] ** 2)
-    return CascadeSizes(float(ahead.max() / ahead.min()), sizes, edge_sizes, best, saving)
+    saving_by_size = one.size.value**2 / (best_by_size * sizes[best_by_size] ** 2)
+    ratio = float(ahead.max() / ahead.min())
+    return CascadeSizes(ratio, sizes, edge_sizes, best, saving, best_by_size, saving_by_size)
 
 
 def _extents(view: View, bounds: Floats, space: LightSpace, coords: Floats, count: int) -> Floats:
