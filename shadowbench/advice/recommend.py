@@ -255,7 +255,8 @@ def find_cheapest(
     trials, reference = cost.compared(ranked.trials)
     trials = sorted((*trials, *(replace(one, cost=math.inf) for one in others.trials)), key=lambda trial: trial.rank)
     tried = {trial.spec for trial in trials}
-    left_out = {spec: why for spec, why in left_out.items() if spec not in tried and spec.text not in unsuccessful}
+    searched = {*tried, *ranked.unmeasured, *others.unmeasured}
+    left_out = {spec: why for spec, why in left_out.items() if spec not in searched and spec.text not in unsuccessful}
     excluded += [Exclusion(*reason, count) for reason, count in Counter(left_out.values()).items()]
     untried = ranked.untried()
     for spec in others.unmeasured:

@@ -381,6 +381,8 @@ def test_nothing_meets_the_target_only_if_nothing_in_the_space_does(found: Calla
 
     one = found(Target("iou", 0.99), ["shadow-map"], row)
     assert one.choice is not None and "depth" not in one.choice.spec.text and one.choice.spec.map_size == 256
+    rest = sum(sum(dataclasses.astuple(of)) for of in one.untried.values())
+    assert one.space_size == one.measured + sum(of.specs for of in one.excluded) + rest
     none = found(Target("iou", 0.99), ["shadow-map"], lambda spec: texels_cost(spec, {"iou": 0.1}))
     assert none.choice is None and none.measured == len(specs_of(KNOWN["shadow-map"], 4096))
     assert not any(one.specs for one in none.excluded) and not none.untried
