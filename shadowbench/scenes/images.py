@@ -32,7 +32,7 @@ def _of_bytes(image: Image.Image) -> Image.Image:
     if not image.mode.startswith("I"):
         return image
     grey, clear = np.asarray(image), image.info.get("transparency")  # of a PNG, the grey that is transparent
-    bytes_of = [np.rint(grey / 257), 255 * (grey != clear)]
+    bytes_of = [grey // 257, 255 * (grey != clear)]
     return Image.merge("LA", [Image.fromarray(values.astype(np.uint8)) for values in bytes_of])
 
 
