@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 import pytest
 
-from shadowbench.gl.device import RawGL
+from shadowbench.gl.device import Device, RawGL
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import Drawable, Program
 from shadowbench.measure.rendering import declared_work, finite_facts
@@ -251,13 +251,13 @@ def test_bytes_are_those_of_the_textures_and_buffers_that_a_frame_uses(
             used.add(name.value)
         draw(drawable, target, *others, **named)
 
-    before = sizes_of(ask)
+    before = sizes_of(device, ask)
     one = build(spec, shot)
     monkeypatch.setattr(Program, "bind", recorded_bind)
     monkeypatch.setattr(Drawable, "draw", recorded_draw)
     monkeypatch.setattr(drawing, "download", lambda mask: used.add(mask.glo) or download(mask))
     one.draw(shot)
-    made = {name: size for name, size in sizes_of(ask).items() if name not in before}
+    made = {name: size for name, size in sizes_of(device, ask).items() if name not in before}
     assert one.stage.bytes == sum(made.values())
     assert sum(size for (kind, name), size in made.items() if kind == "glIsTexture" and name not in used) <= 16
 
@@ -274,7 +274,7 @@ EXTENTS = 0x1000, 0x1001, 0x8071  # width, height, depth
 COMPONENTS = 0x805C, 0x805D, 0x805E, 0x805F, 0x884A, 0x88F1  # bits of red to alpha, depth, stencil
 
 
-def sizes_of(ask: RawGL) -> dict[tuple[str, int], int]:
+def sizes_of(device: Device, ask: RawGL) -> dict[tuple[str, int], int]:
     """Bytes of all textures and buffers of the context, by kind and name."""
 
     def asked(call: str, *arguments: int) -> int:
@@ -282,8 +282,11 @@ def sizes_of(ask: RawGL) -> dict[tuple[str, int], int]:
         ask(call, *arguments, ctypes.byref(value))
         return value.value
 
-    found = {}
-    for name in range(1, 5000):
+    newest = device.context.texture((1, 1), 1), device.context.buffer(reserve=4)
+    last, found = max(one.glo for one in newest), {}
+    for one in newest:
+        one.release()
+    for name in range(1, last):
         if ask("glIsBuffer", name) & 1:
             found["glIsBuffer", name] = asked("glGetNamedBufferParameteriv", name, 0x8764)
         if ask("glIsTexture", name) & 1:
