@@ -36,7 +36,7 @@ LINE = "stairs  cascades:count=3  512  0.031 [0.029, 0.033]"  # of a page
 SIZE = 128  # pixels along a side of the views
 SMALLER = {  # by command, the largest values of options
     "run": ("--view-size", str(SIZE), "--rounds", "1"),
-    **dict.fromkeys(("export", "render", "truth", "needs", "recommend"), ("--view-size", str(SIZE))),
+    **dict.fromkeys(("export", "render", "truth", "needs"), ("--view-size", str(SIZE))),
 }
 OTHER_PROGRAMS = {
     "pytest": [sys.executable, "-m", "pytest", "-p", "no:cacheprovider"],
@@ -48,7 +48,7 @@ KINDS = [  # what may differ between two outputs of the same kind, and the word 
     (rf"\b({TECHNIQUES})(:[\w(][^\s;]*)?( at \d+)?(?=[\s;]|$)", "SPEC"),
     (rf"\b({'|'.join(sorted(METRICS, key=len, reverse=True))})\b", "METRIC"),
     (r"METRIC( METRIC)+", "METRIC"),
-    (r"[~+-]?\d+([,.]\d+)*(e-?\d+)?", "#"),
+    (r"[~<>+-]?\d+([,.]\d+)*(e-?\d+)?", "#"),
     (r"\[#, #\]", "#"),
     (r"\b[kM]B\b", "B"),
     (r"#( #)+", "#"),
@@ -104,7 +104,8 @@ def commands_of(block: Block) -> list[tuple[list[str], list[str]]]:
 
 
 FIGURE = re.compile(r"(?<![\w.-])[~<]?(\d[\d,]*(?:\.\d+)?)(?![\w.]*\w)")
-WITH_FIGURES = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
+TUTORIALS = sorted((ROOT / "docs" / "tutorial").glob("*.md"))
+WITH_FIGURES = [ROOT / "README.md", *TUTORIALS]
 """Pages of which no figure may be wrong; docs/explanation/choosing.md is generated."""
 
 
@@ -217,7 +218,7 @@ def test_toml_is_a_scene_or_a_study_or_registers_a_technique(block: Block, desk:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in RUN if page not in TUTORIALS], ids=lambda page: page.stem)
 def test_the_commands_of_a_page_print_what_it_shows(
     page: Path, shadowbench: Callable[..., Any], desk: Path, only_device: Device
 ) -> None:
@@ -242,7 +243,7 @@ def test_the_commands_of_a_page_print_what_it_shows(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [page for page in WITH_FIGURES if page in RUN], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_shows_the_numbers_that_its_commands_print(
     page: Path, shadowbench: Callable[..., Any], desk: Path, shared_scenes: Path, only_device: Device
 ) -> None:

@@ -56,7 +56,6 @@ choice    cube-map:depth=d16,filter=hard  1024  0.9914   1.5         1  13.2  61
 next      hybrid                           512       1   3.1      2.11  7.16  4823dda1222e7a5201a92ccf
 next      shadow-volume                              1   4.1      2.76  3.07  7ad95578bf763337ec0f789c
 unranked  hybrid:fit=visible              2048       1                  74.7  966a28ac45318ab16333ecbf
-misses    planar-projection                     0.9789  0.34     0.232  1.04  8ce655536d2459ccb84c7cd8
 …
 ```
 
@@ -111,9 +110,9 @@ measured, and a cheaper one may exist; it may then miss the limits below; values
 
 ## Comparison with exhaustive search
 
-{size} × {size} pixels, the first camera and light of each scene. `× cheapest` is the cost of the choice relative to
-that of the cheapest spec of the space that meets the target; that spec is named where the two costs differ. Limits:
-{ratio:g} for this ratio, {share:.0%} of the space for the number of measurements.
+{size} × {size} pixels, maps of up to {largest}², the first camera and light of each scene. `× cheapest` is the cost of
+the choice relative to that of the cheapest spec of the space that meets the target; that spec is named where the two
+costs differ. Limits: {ratio:g} for this ratio, {share:.0%} of the space for the number of measurements.
 """
 
 
@@ -174,7 +173,7 @@ def main() -> None:
     for target, found in lines.items():
         print(_summary(target, found))
     if options.docs:
-        options.docs.write_text(page(lines, options.view_size), encoding="utf-8")
+        options.docs.write_text(page(lines, options.view_size, options.largest), encoding="utf-8")
     every = [line for found in lines.values() for line in found]
     dearer = sum(line.ratio > MAX_RATIO for line in every)
     print(f"{dearer} of {len(every)} choices cost more than the cheapest by device of the rows that meet the target")
@@ -201,7 +200,7 @@ def check(
     return lines
 
 
-def page(lines: Mapping[Target, Sequence[Line]], size: int) -> str:
+def page(lines: Mapping[Target, Sequence[Line]], size: int, largest: int) -> str:
     """The whole page."""
     (same, other), (edges, _) = MARGINS["iou"], MARGINS["edge_px"]
     space = "\n".join(_space())
@@ -213,6 +212,7 @@ def page(lines: Mapping[Target, Sequence[Line]], size: int) -> str:
             other=other,
             edges=edges,
             size=size,
+            largest=largest,
             ratio=MAX_RATIO,
             share=MAX_SHARE,
         )
