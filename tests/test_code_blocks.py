@@ -243,7 +243,7 @@ def test_the_commands_of_a_page_print_what_it_shows(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*TUTORIALS, ROOT / "docs/explanation/choosing.md"], ids=lambda page: page.stem)
 def test_a_tutorial_shows_the_numbers_that_its_commands_print(
     page: Path, shadowbench: Callable[..., Any], desk: Path, shared_scenes: Path, only_device: Device
 ) -> None:
