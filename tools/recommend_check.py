@@ -176,7 +176,8 @@ def main() -> None:
         options.docs.write_text(page(lines, options.view_size, options.largest), encoding="utf-8")
     every = [line for found in lines.values() for line in found]
     dearer = sum(line.ratio > MAX_RATIO for line in every)
-    print(f"{dearer} of {len(every)} choices cost more than the cheapest by device of the rows that meet the target")
+    more = f"over {MAX_RATIO - 1:.0%} more than the cheapest by device of the rows that meet the target"
+    print(f"{dearer} of {len(every)} choices cost {more}")
     sys.exit(0 if all(line.passes for line in every) else 1)
 
 
