@@ -30,7 +30,7 @@ help:
 	@echo "make demo       every technique on four scenes: what is good enough at which cost, and report.html"
 	@echo "make view       a window on a built-in scene: techniques beside the ray-traced truth"
 	@echo "make test       lint and the fast tests"
-	@echo "make test-slow  the slow tests; as OpenGL 4.1, and truths as on other processors"
+	@echo "make test-slow  the slow tests, benchmarks at small sizes; as OpenGL 4.1, and truths as on other processors"
 	@echo "make test-all   both, with every value of what test-slow takes samples of, and all GL tests as OpenGL 4.1"
 	@echo "make lint       format, ruff, mypy, the arrows between the packages"
 	@echo "make docs       the documentation into build/docs/, a warning or a broken link being an error"
@@ -46,7 +46,7 @@ setup:
 	@$(setup)
 
 demo: setup
-	@echo "Measuring every technique on four scenes: about a minute on two cores without a GPU"
+	@echo "Measuring every technique on four scenes: some minutes on two cores without a GPU"
 	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
 	@$(bin)/shadowbench report results/demo
 	@echo; echo "What to try next:"
@@ -64,6 +64,7 @@ test: lint
 test-slow:
 	@$(setup) $(for_slow)
 	$(bin)/pytest -q -m "slow and not exhaustive" $(two_cores)
+	$(bin)/pytest -q --benchmark-disable $(two_cores) benchmarks
 	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) $(of_4_1)
 	SHADOWBENCH_ISA=sse4.2 $(bin)/pytest -q -m "not slow" $(two_cores) $(of_isa)
 	SHADOWBENCH_ISA=avx2 $(bin)/pytest -q -m "not slow" $(two_cores) $(of_isa)

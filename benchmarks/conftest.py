@@ -1,30 +1,37 @@
 """Shared fixtures of the benchmark suites: a drawing session in this process, and curves of time over size.
 
     pytest benchmarks                                  # all of them, in less than ten minutes on two cores
+    pytest benchmarks --benchmark-disable              # each once, at the smallest of its sizes: do they still run?
     pytest benchmarks -k cascades --benchmark-autosave
     pytest benchmarks -k cascades --benchmark-compare
 
 pytest-benchmark times one cell after the other, so that load of the machine affects some cells and not others, whereas
 `shadowbench run` interleaves them. Use these numbers to follow one cell over time, and `run` for ratios between cells.
+Times and memory are those of one machine: they are printed and stored, and no test fails by them.
 """
 
-import os
 import shutil
+import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import psutil
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.errors import Unsupported
+from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.scenes.model import View
 
-ROUNDS = 9
+ROUNDS = 5
 
 
 class Point(NamedTuple):
@@ -70,8 +77,8 @@ class Cells:
     def __init__(self) -> None:
         self.session = Session()
 
-    def time(self, benchmark: BenchmarkFixture, view: View, spec: str) -> None:
-        """Time frames of a spec after a warm-up; skips the test if the cell is unsupported."""
+    def time(self, benchmark: BenchmarkFixture, view: View, spec: str) -> Rendering:
+        """Draw a spec, and time its frames after a warm-up; skips the test if the cell is unsupported."""
         samples = []
         request = CellRequest(spec)
         try:
@@ -90,6 +97,15 @@ class Cells:
             "prepare_ms": prepare_ms,
             "gpu_bytes": rendering.gpu_bytes,
         }
+        return rendering
+
+
+class Cost(NamedTuple):
+    """What a command and the processes that it starts take."""
+
+    returncode: int
+    cpu_s: float
+    peak_bytes: int
 
 
 _GROWTH = pytest.StashKey[Growth]()
@@ -97,6 +113,27 @@ _GROWTH = pytest.StashKey[Growth]()
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[_GROWTH] = Growth()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """With --benchmark-disable, leave each test here the smallest of its sizes: of its parameters that are integers."""
+    if not config.getoption("benchmark_disable"):
+        return
+    sizes = {
+        item: [((item.function, name), value) for name, value in item.callspec.params.items() if isinstance(value, int)]
+        for item in items
+        if isinstance(item, pytest.Function) and hasattr(item, "callspec") and item.path.parent == Path(__file__).parent
+    }
+    least: dict[Any, int] = {}
+    for size, value in chain.from_iterable(sizes.values()):
+        least[size] = min(value, least.get(size, value))
+    items[:] = [item for item in items if all(value == least[size] for size, value in sizes.get(item, ()))]
+
+
+@pytest.fixture(scope="session")
+def smallest(pytestconfig: pytest.Config) -> bool:
+    """Whether benchmarks are disabled, for sizes that are no parameters."""
+    return bool(pytestconfig.getoption("benchmark_disable"))
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
@@ -116,25 +153,33 @@ def growth(request: pytest.FixtureRequest) -> Growth:
 
 
 @pytest.fixture(scope="session")
-def scene_file() -> Callable[[str], str | Path]:
-    """Argument of `load_scene` for a built-in scene, or a mesh in the folder of larger scenes."""
-
-    def find(name: str) -> str | Path:
-        if "." not in name:
-            return name
-        file = Path(__file__).resolve().parents[1] / os.environ.get("SHADOWBENCH_SCENES", "../shared/scenes") / name
-        if not file.exists():
-            pytest.skip(f"no {file}; SHADOWBENCH_SCENES names its folder")
-        return file
-
-    return find
-
-
-@pytest.fixture(scope="session")
 def cells() -> Iterator[Cells]:
     cells = Cells()
     yield cells
     cells.session.unload()
+
+
+@pytest.fixture(scope="session")
+def cost() -> Callable[..., Cost]:
+    """Runs `python WORDS` and says what it took; the last few hundredths of a second of each process are missed."""
+
+    def run(*words: str | Path) -> Cost:
+        process = psutil.Popen([sys.executable, *map(str, words)], stdout=subprocess.DEVNULL)
+        seconds: dict[int, float] = {}
+        peak = 0
+        while process.poll() is None:
+            resident = 0
+            with suppress(psutil.NoSuchProcess):
+                for one in (process, *process.children(recursive=True)):
+                    with suppress(psutil.NoSuchProcess):
+                        times = one.cpu_times()
+                        seconds[one.pid] = times.user + times.system
+                        resident += one.memory_info().rss
+            peak = max(peak, resident)
+            time.sleep(0.02)
+        return Cost(process.returncode, sum(seconds.values()), peak)
+
+    return run
 
 
 @pytest.fixture(scope="module")

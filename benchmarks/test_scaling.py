@@ -17,12 +17,9 @@ from shadowbench.scenes.model import View, view_of
 from shadowbench.truths.trace import trace
 
 # Number of triangles: (number of spheres, subdivisions of each). A million triangles take three spheres.
-SPHERES = {1_280: (1, 3), 5_120: (1, 4), 20_480: (1, 5), 81_920: (1, 6), 327_680: (1, 7), 983_040: (3, 7)}
-VIEWS = (256, 512, 1024, 2048)
-# Only for the techniques that are meant for so much. Ten million triangles take 8 GiB of memory.
-MANY = {3_932_160: (12, 7), 9_830_400: (30, 7)}
-LARGE = (4096,)
-SCALING = ("shadow-map", "cascades", "shadow-volume", "hybrid", "ray-traced", "ray-traced:where=gpu")
+SPHERES = {1_280: (1, 3), 20_480: (1, 5), 983_040: (3, 7)}
+VIEWS = (256, 512, 1024)
+NAMES = (*techniques(), "ray-traced:where=gpu")
 TRIANGLES, VIEW = 20_480, 512  # while the other is varied
 
 SCENE = """
@@ -56,7 +53,7 @@ def view(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, int, str], 
 
     @lru_cache(1)
     def scene(triangles: int) -> Any:
-        count, subdivisions = (SPHERES | MANY)[triangles]
+        count, subdivisions = SPHERES[triangles]
         file = tmp_path_factory.mktemp("scenes") / f"{triangles}.toml"
         step = 2.2 / max(count - 1, 2)  # of spheres that overlap if they are many, so that the view has all of them
         places = {"count": count, "step": step, "first": -0.5 * step * (count - 1)}
@@ -75,9 +72,7 @@ def _kind(name: str) -> str:
     return "directional" if "directional" in techniques()[name.partition(":")[0]].lights else "point"
 
 
-@pytest.mark.parametrize(
-    ("triangles", "name"), [*product(SPHERES, dict.fromkeys([*techniques(), *SCALING])), *product(MANY, SCALING)]
-)
+@pytest.mark.parametrize(("triangles", "name"), [*product(SPHERES, NAMES)])
 @pytest.mark.benchmark(group="triangles")
 def test_triangles(
     triangles: int, name: str, view: Callable[..., View], cells: Any, growth: Any, benchmark: BenchmarkFixture
@@ -87,9 +82,7 @@ def test_triangles(
     growth.add_entries(f"{name} over triangles", triangles, benchmark)
 
 
-@pytest.mark.parametrize(
-    ("size", "name"), [*product(VIEWS, dict.fromkeys([*techniques(), *SCALING])), *product(LARGE, SCALING)]
-)
+@pytest.mark.parametrize(("size", "name"), [*product(VIEWS, NAMES)])
 @pytest.mark.benchmark(group="view size")
 def test_view_size(
     size: int, name: str, view: Callable[..., View], cells: Any, growth: Any, benchmark: BenchmarkFixture

@@ -17,7 +17,7 @@ from shadowbench.scores.metrics import score
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
-SIZES = (512, 1024, 2048, 4096)
+SIZES = (256, 512, 1024)
 
 
 @lru_cache

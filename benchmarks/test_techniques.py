@@ -11,7 +11,6 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.measure.cells import Cell
 from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.measure.session import CellRequest
 from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.model import View
 from shadowbench.scores.prepared import PreparedTruth
@@ -31,8 +30,9 @@ class ScoringView(NamedTuple):
 
 
 @pytest.fixture(scope="module", params=STUDY.scenes)
-def scoring_view(request: pytest.FixtureRequest) -> ScoringView:
-    (block,) = STUDY.with_(scenes=(request.param,)).blocks()
+def scoring_view(request: pytest.FixtureRequest, smallest: bool) -> ScoringView:
+    study = STUDY.with_(view_size=64) if smallest else STUDY
+    (block,) = study.with_(scenes=(request.param,)).blocks()
     truth = cached_truth(block.view)
     return ScoringView(block.view, truth, prepare_truth(truth))
 
@@ -41,21 +41,21 @@ def _id(cell: Cell) -> str:
     return "-".join(filter(None, (cell.spec.sizeless_text, str(cell.spec.map_size or ""))))
 
 
-@pytest.mark.parametrize("cell", STUDY.cells(), ids=_id)
-def test_frame(scoring_view: ScoringView, cell: Cell, cells: Any, growth: Any, benchmark: BenchmarkFixture) -> None:
+@pytest.mark.parametrize(
+    ("cell", "map_size"), [pytest.param(cell, cell.spec.map_size, id=_id(cell)) for cell in STUDY.cells()]
+)
+def test_frame(
+    scoring_view: ScoringView, cell: Cell, map_size: int | None, cells: Any, growth: Any, benchmark: BenchmarkFixture
+) -> None:
     view, truth, prepared = scoring_view
     benchmark.group = view.scene.name
-    request = CellRequest(cell.spec.full_text, cell.phase)
-    cells.time(benchmark, view, request.spec)
-    rendering = cells.session.draw(view, request)
+    rendering = cells.time(benchmark, view, cell.spec.full_text)
     record = mask_record(rendering.visibility, truth, prepared, cells.session.surface(view).triangle)
     benchmark.extra_info |= record["metrics"] | {
         "spec": cell.spec.text,
-        "gpu_bytes": rendering.gpu_bytes,
         "mask_sha256": record["mask_sha256"],
         **{f"work_{name}": count for name, count in rendering.work.items()},
     }
     assert np.isfinite(rendering.visibility).all()
-    if cell.spec.map_size:
-        curve = f"{view.scene.name}: {cell.spec.sizeless_text} over map size"
-        growth.add(curve, cell.spec.map_size, benchmark)
+    if map_size:
+        growth.add(f"{view.scene.name}: {cell.spec.sizeless_text} over map size", map_size, benchmark)

@@ -31,6 +31,5 @@ bool is_opaque(int cutout, vec2 coordinates, float vertex_alpha) {
         float below = alpha_of(image, around.xw) * (1.0 - part.x) + alpha_of(image, around.zw) * part.x;
         alpha = above * (1.0 - part.y) + below * part.y;
     }
-    if (vertex_alpha > 1.0 - 1e-5) vertex_alpha = 1.0;  // interpolated between ones, it may be a little less
     return alpha * vertex_alpha >= intBitsToFloat(rest.z);
 }

@@ -23,6 +23,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shadowbench import options
+from shadowbench.advice.costs import by_of
 from shadowbench.advice.law import find_law
 from shadowbench.advice.recommend import Recommendation, has_penumbra
 from shadowbench.advice.recommend import recommend as measure_recommendation
@@ -231,7 +232,7 @@ def recommend(
     max_edge_px: float | None = None,
     max_rmse: float | None = None,
     budget_ms: float | None = None,
-    on_this_machine: bool = False,
+    by: str | None = None,
     device: str | None = None,
     techniques: str | Iterable[str] = (),
     view_size: int = 512,
@@ -243,8 +244,9 @@ def recommend(
     """Search for the cheapest technique and parameters that meet a target in a view, by measuring few of them.
 
     min_iou, max_edge_px or max_rmse: the target, by default an IoU of 0.99, or an RMSE of 0.02 if there are penumbrae;
-    budget_ms: largest frame time; on_this_machine: rank by times even of a software renderer; device: by those that
-    are predicted for it; techniques: those to search. `choice` is None if nothing measured meets it. Raises InputError.
+    budget_ms: largest frame time; by: what ranks, "time" (of this machine), "device" (times predicted for a GPU, by
+    default where none draws) or "work"; device: its name, the first on record if None; techniques: those to search.
+    `choice` is None if nothing meets it. Raises InputError.
     """
     limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "budget_ms": budget_ms, "max_rmse": max_rmse}
     given = {name: None if value is None else options.number(value, name) for name, value in limits.items()}
@@ -254,9 +256,7 @@ def recommend(
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
     with shared_worker(files) as worker, campaign(_kept_in(folder), worker) as made:
-        return measure_recommendation(
-            chosen, target, known, made, on_this_machine=on_this_machine, among=among, law=find_law(device)
-        )[0]
+        return measure_recommendation(chosen, target, known, made, by=by_of(by), among=among, law=find_law(device))[0]
 
 
 def stress(

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
+import numpy as np
 from numba.core import event
 from numba.core.caching import NullCache
 
@@ -20,11 +21,15 @@ UNCACHED = (
     "set NUMBA_CACHE_DIR"
 )
 
+DISABLED = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]  # by NUMBA_DISABLE_JIT
+
 
 def compiled(**options: Any) -> Callable[[Any], Any]:
-    """Decorator: `numba.njit` without the GIL, cached on disk if possible."""
+    """Decorator: `numba.njit` without the GIL, cached on disk if possible; Python with NUMBA_DISABLE_JIT."""
 
     def compile_cached(function: Any) -> Any:
+        if DISABLED:  # Python would warn of what compiled code computes in silence, such as 0/0
+            return np.errstate(all="ignore")(function)
         _own.append(cached_if_possible(lambda cache: numba.njit(nogil=True, cache=cache, **options)(function)))
         return _own[-1]
 

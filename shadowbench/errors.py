@@ -27,6 +27,10 @@ class InputError(ShadowbenchError):
     exit_code = 2
 
 
+class NotInFile(InputError):
+    """A clip or variant that a scene does not have; others may have it."""
+
+
 class MetricError(ShadowbenchError):
     """A metric raised an exception, or returned no number."""
 

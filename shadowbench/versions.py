@@ -10,11 +10,11 @@ from importlib.metadata import PackageNotFoundError, version
 VERSION = "0.1.0"
 """Version of this package."""
 
-DRAW = 1
+DRAW = 2
 """Raised when Python code changes a mask, count of work, fact or number of bytes; shaders and plug-ins are hashed."""
-TRACE = 1
+TRACE = 2
 """Raised when any array of a truth changes."""
-SCORE = 2
+SCORE = 3
 """Raised when a metric or another number about a given mask and truth changes, or is added."""
 
 ENGINES = 1

@@ -103,6 +103,22 @@ def commands_of(block: Block) -> list[tuple[list[str], list[str]]]:
     return [(shlex.split(lines[0], comments=True), lines[1:]) for lines in (part.splitlines() for part in parts)]
 
 
+FIGURE = re.compile(r"(?<![\w.-])[~<]?(\d[\d,]*(?:\.\d+)?)(?![\w.]*\w)")
+WITH_FIGURES = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
+"""Pages of which no figure may be wrong; docs/explanation/choosing.md is generated."""
+
+
+def figures(text: str) -> list[float]:
+    """The numbers of a text, in order, without those inside of words, specs and keys."""
+    return [float(found.replace(",", "")) for found in FIGURE.findall(text)]
+
+
+def same_figures(shown: str, printed: str) -> bool:
+    """Whether two lines of one kind have the same numbers, but for what another processor rounds otherwise."""
+    pair = figures(shown), figures(printed)
+    return kind(shown) == kind(printed) and len(pair[0]) == len(pair[1]) and np.allclose(*pair, rtol=0.02, atol=1e-4)
+
+
 def smaller(words: Sequence[str]) -> list[str]:
     """A command of shadowbench on a small view."""
     kept, options = list(words), SMALLER.get(words[0], ()) if "--help" not in words else ()
@@ -223,3 +239,31 @@ def test_the_commands_of_a_page_print_what_it_shows(
                 assert code == 0, (block.place, words, printed)
             else:
                 assert_same_kind(shown, printed, f"{block.place}: {shlex.join(words)}")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in WITH_FIGURES if page in RUN], ids=lambda page: page.stem)
+def test_a_tutorial_shows_the_numbers_that_its_commands_print(
+    page: Path, shadowbench: Callable[..., Any], desk: Path, shared_scenes: Path, only_device: Device
+) -> None:
+    if not only_device.software:
+        pytest.skip("the pages show what a software renderer prints")
+    (desk / "my-model.obj").unlink()
+    (desk / "my-model.obj").symlink_to(shared_scenes.resolve() / "armadillo.obj")
+    for block in (block for block in BLOCKS if block.page == page and block.language == "console"):
+        for (_, *words), shown in commands_of(block):
+            answer = shadowbench(*words)
+            printed = (answer.err + answer.out).splitlines()
+            for line in shown:
+                assert line == "…" or any(same_figures(line, one) for one in printed), (
+                    f"{block.place}: {line}\n{printed}"
+                )
+
+
+@pytest.mark.parametrize("page", WITH_FIGURES, ids=lambda page: page.stem)
+def test_every_figure_in_the_prose_of_a_tutorial_stands_in_an_output_or_a_command(page: Path) -> None:
+    prose = re.sub(r"\]\([^)]*\)", "]", FENCE.sub("", page.read_text(encoding="utf-8")))
+    code = [*(block.text for block in blocks_of(page)), *re.findall(r"`[^`]+`", prose)]
+    known = {figure for text in code for split in (text, re.sub("[=,×²`]", " ", text)) for figure in figures(split)}
+    lines = [re.sub(r"`[^`]+`|²|^#.*|^\*\*\d\.", " ", line) for line in prose.splitlines()]
+    assert [(line, figure) for line in lines for figure in figures(line) if figure not in known] == []

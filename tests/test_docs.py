@@ -22,6 +22,7 @@ GENERATED = (
     "technique_docs.py",
     "reference_docs.py",
     "device_page.py",
+    "choosing_page.py",
 )  # the tools of other pages have tests of their own
 
 

@@ -15,10 +15,14 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import shadowbench as sb
+from shadowbench.maps.biases import Bias
+from shadowbench.maps.filters import Filter
+from shadowbench.maps.fits import Fit, Split
+from shadowbench.maps.presets import ENGINES
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.studies.artefacts import folder
 
@@ -146,6 +150,16 @@ def test_settings_of_course_notes_are_specs_and_their_sheets_exist() -> None:
     headings = re.findall(r"^### (.*)", gallery.PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     sheets = {heading.lower().replace(":", "").replace(" ", "-") for heading in headings}
     assert set(re.findall(r"gallery.md#([\w-]+)", page)) <= sheets and len(sheets) == len(ARTEFACTS)
+
+
+def test_course_notes_name_every_setting_that_is_not_of_an_engine_or_a_paper() -> None:
+    page = (gallery.PAGE.parent / "course.md").read_text(encoding="utf-8")
+    specs = {text: parse_spec(text, techniques()) for text in re.findall(r"`((?:shadow-|cube-|cascades)[^`]*)`", page)}
+    named = {type(component) for spec in specs.values() for component in spec.components}
+    others = {name for family in (Bias, Filter, Fit, Split) for name, one in family.table.items() if one not in named}
+    assert others == {"receiver-plane", "terminator", "castano", "dpcf", "view", "ends"}
+    presets = {f"{one.name}:preset={name}" for one in own_techniques() for name in {*one.presets} - {*ENGINES}}
+    assert presets <= specs.keys()
 
 
 def test_the_page_is_what_the_tool_writes() -> None:

@@ -26,6 +26,15 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
+def test_a_page_has_the_range_of_undecided_pixels_in_hard_views() -> None:
+    rows = [
+        one for one in rows_of(publish.PUBLISHED / "techniques") if one["kind"] == "score" and one["status"] == "ok"
+    ]
+    shares = [one["undecided"] / one["receivers"] for one in rows if "penumbra" not in one]
+    page = (publish.PUBLISHED.parents[1] / "docs" / "explanation" / "truth-and-scores.md").read_text(encoding="utf-8")
+    assert f"They are few: {min(shares):.3%} to {max(shares):.3%} of the\nreceivers in the hard views" in page
+
+
 def test_files_are_those_of_the_digests_and_few_bytes() -> None:
     assert (publish.PUBLISHED / "SHA256SUMS").read_text(encoding="utf-8") == "".join(publish.digests(publish.PUBLISHED))
     assert sum(file.stat().st_size for file in publish.PUBLISHED.rglob("*") if file.is_file()) <= MOST

@@ -16,6 +16,7 @@ from pages import png
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from shadowbench.advice.law import law_on_record
 from shadowbench.reports.report import write_report
 from shadowbench.results.configurations import sections
 from shadowbench.results.folder import read_folders
@@ -35,7 +36,7 @@ def main() -> None:
     runs, sweeps = read_folders([parser.parse_args().folder])
     with tempfile.TemporaryDirectory() as scratch:
         report = Path(scratch) / "report.html"
-        write_report(runs, sections(runs), sweeps, report, "html")
+        write_report(runs, sections(runs, law_on_record()), sweeps, report, "html")
         for page, name in ((report, "report.png"), (SITE, "site.png")):
             shown = Image.open(io.BytesIO(_first_screen(page))).convert("RGB")
             (PICTURES / name).write_bytes(png([np.asarray(shown)], LARGEST))

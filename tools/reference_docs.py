@@ -13,7 +13,7 @@ import typer
 from pages import compare
 
 from shadowbench.commands import app
-from shadowbench.results.columns import FIXED
+from shadowbench.measure.columns import FIXED
 from shadowbench.studies.catalogue import catalogue
 
 REFERENCE = Path(__file__).resolve().parent.parent / "docs" / "reference"
@@ -22,11 +22,11 @@ METRICS = """\
 
 ```console
 $ shadowbench run stairs -t shadow-map:bias=none -t shadow-map -t shadow-map:preset=course --rounds 0
-stairs, best first
-spec                       map   1 − IoU  IoU soft    SSIM  edge px      acne      leak    contact  MiB
-shadow-map                1024  0.004724    0.9904  0.9716    0.262  4.90e-05         0   0.002106  5.4
-shadow-map:preset=course  1024   0.02328    0.9549  0.9601   0.6842         0  0.008517    0.05403  5.4
-shadow-map:bias=none      1024    0.6443    0.3553  0.2263    49.66    0.4998         0  0.0006319  5.4
+stairs, best first; ms predicted for NVIDIA H100 80GB HBM3
+spec                       map   1 − IoU  IoU soft    SSIM  edge px      acne      leak    contact  predicted ms  MiB
+shadow-map                1024  0.004724    0.9904  0.9716    0.262  4.90e-05         0   0.002106         1.146  5.4
+shadow-map:preset=course  1024   0.02328    0.9549  0.9601   0.6842         0  0.008517    0.05403        0.1766  5.4
+shadow-map:bias=none      1024    0.6443    0.3553  0.2263    49.66    0.4998         0  0.0006319         1.146  5.4
 …
 ```
 

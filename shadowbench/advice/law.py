@@ -24,7 +24,9 @@ from scipy.optimize import nnls
 from shadowbench.errors import InputError
 from shadowbench.gl.clock import QUERIES
 from shadowbench.measure.rows import Record
-from shadowbench.results.submission import Submission, beside_work, counted_work, known_submissions
+from shadowbench.results.submission import SHORTEST_MS as SHORTEST_MS
+from shadowbench.results.submission import Submission, beside_work, counted_work, kind_of, known_submissions
+from shadowbench.scores.metrics import is_soft
 from shadowbench.techniques.unshadowed import Unshadowed
 
 SHARED = ("vertices", "reads", "gpu_bytes")
@@ -35,8 +37,6 @@ LEAST_SCENES = 3
 _FLOOR = Unshadowed.name
 _BYTES = 4  # of the mask, which `unshadowed` draws too, a pixel
 _LEAST_MS = 0.2  # below which errors of a fit are absolute
-SHORTEST_MS = 0.1
-"""To which shorter times are raised, as measured ones cannot be told apart below."""
 
 
 @dataclass(frozen=True)
@@ -69,20 +69,30 @@ class Law:
         """Whether it gives times of a kind of technique."""
         return kind == _FLOOR or (kind in self.errors and self.errors[kind].holds)
 
-    def milliseconds(self, kind: str, counts: dict[str, float]) -> float:
+    def milliseconds(self, kind: str, counts: Mapping[str, float]) -> float:
         """Time of a frame beyond `unshadowed`, SHORTEST_MS or more, of a kind of technique for which the law holds.
 
         counts: those of SHARED, vertices being those of geometry shaders too, and `fragments` and `triangles`.
         """
+        return 0.0 if kind == _FLOOR else max(self.share(kind, counts), SHORTEST_MS)
+
+    def share(self, kind: str, counts: Mapping[str, float]) -> float:
+        """Milliseconds of a frame and of the counts that are given, however short."""
         if kind == _FLOOR:
             return 0.0
-        shared = sum(self.nanoseconds[name] * counts[name] for name in SHARED)
-        own = sum(self.nanoseconds[f"{kind} {name}"] * (counts | {"frames": 1})[name] for name in OWN)
-        return max((shared + own) / 1e6, SHORTEST_MS)
+        shared = sum(self.nanoseconds[name] * counts.get(name, 0) for name in SHARED)
+        own = sum(self.nanoseconds[f"{kind} {name}"] * {"frames": 1, **counts}.get(name, 0) for name in OWN)
+        return (shared + own) / 1e6
+
+    def of_row(self, row: Record) -> float | None:
+        """Milliseconds of a score row that a software renderer drew; None where the law gives no time."""
+        kind = kind_of(row["spec"])
+        known = "triangles" in row and "vertices" in row["work"] and not is_soft(row["metrics"])
+        return self.milliseconds(kind, counts_of(row, row["triangles"])) if known and self.holds(kind) else None
 
 
 def counts_of(row: Record, triangles: int) -> dict[str, float]:
-    """What a law takes of a score row that a software renderer drew; triangles: of the casters."""
+    """What a law takes of a score row that a software renderer drew; triangles: of the scene."""
     work = {"reads": 0, **row["work"], "gpu_bytes": row["gpu_bytes"]}
     return _beyond_floor(work, row["view_size"]) | {"triangles": triangles}
 
@@ -101,6 +111,11 @@ def _beyond_floor(work: Any, view_size: int) -> dict[str, Any]:
 def laws() -> Mapping[str, Law]:
     """The laws of all devices with times, by their names."""
     return {one.device: law_of(one) for one in known_submissions()}
+
+
+def law_on_record() -> Law | None:
+    """The law of the first device with times, which ranks where none is named and nothing can be timed."""
+    return next(iter(laws().values()), None)
 
 
 def find_law(name: str | None) -> Law | None:

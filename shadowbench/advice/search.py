@@ -29,7 +29,8 @@ TINY = 1e-6  # smallest error used in predictions
 class Trial:
     """A measured spec: its cost in work or milliseconds, GPU bytes, error and rows.
 
-    fixed: cost of vertices, which does not depend on the map size.
+    cost: infinite if it is not known; tie: the lower, the better at equal cost; fixed: cost of vertices, which does not
+    depend on the map size.
     """
 
     spec: Spec
@@ -38,11 +39,17 @@ class Trial:
     bytes: int
     error: float
     result: Result
+    tie: float = 0.0
 
     @property
-    def rank(self) -> tuple[float, int, float]:
+    def ranked(self) -> bool:
+        """Whether its cost is known."""
+        return math.isfinite(self.cost)
+
+    @property
+    def rank(self) -> tuple[float, float, int, float]:
         """The lower, the better among trials that meet a target."""
-        return self.cost, self.bytes, self.error
+        return self.cost, self.tie, self.bytes, self.error
 
 
 @dataclass
@@ -50,28 +57,36 @@ class Untried:
     """Numbers of specs of a technique that a search left out.
 
     dearer: predicted to cost at least as much as the cheapest that meets the target; inaccurate: predicted to miss the
-    target; beyond: with the map of one that failed, or a larger one.
+    target; beyond: with the map of one that failed, or a larger one; unranked: without a cost.
     """
 
     dearer: int = 0
     inaccurate: int = 0
     beyond: int = 0
+    unranked: int = 0
 
 
 @dataclass(frozen=True)
 class SearchPoint:
     """Position of a spec in the search space.
 
-    group: the spec without size, filter and depth format; reads: texels read per pixel; size: None without a map.
+    group: the spec without size, filter and depth format; size: None without a map; base: the part of its cost that is
+    known before it is drawn.
     """
 
     group: str
     filter: str
-    reads: int
     size: int | None
+    base: float
 
 
-def point_of(spec: Spec) -> SearchPoint:
+def reads_of(spec: Spec) -> int:
+    """Texels that the filter of a spec reads per pixel, 0 without one."""
+    chosen = getattr(spec.params, "filter", None)
+    return chosen.reads if isinstance(chosen, Filter) else 0
+
+
+def point_of(spec: Spec, base: float = 0.0) -> SearchPoint:
     """Position of a spec in the search space."""
     known = type(spec.params).model_fields
     bare = {name: known[name].default for name in ("size", "filter", "depth") if name in known}
@@ -79,8 +94,8 @@ def point_of(spec: Spec) -> SearchPoint:
     return SearchPoint(
         group=spec.with_(**bare).text if bare else spec.text,
         filter=format_value(chosen) if chosen is not None else "",
-        reads=chosen.reads if isinstance(chosen, Filter) else 0,
         size=spec.map_size,
+        base=base,
     )
 
 
@@ -88,25 +103,25 @@ def point_of(spec: Spec) -> SearchPoint:
 class Search:
     """Measures specs of `space` until the cheapest with an error of at most `limit` is known, if there is one.
 
-    pixels: of the picture; start: map size predicted for a spec, used for a group's first trial; measure: returns None
-    if the spec failed; margins: factors by which an error may be below its prediction from another size, and from
-    another filter; price: cost of a unit of work, 1 if costs are work, 0 if unknown, which prunes less; least: smallest
-    possible error above 0.
+    base: the part of a spec's cost that is known before it is drawn, 0 if none is, which prunes less; start: map size
+    predicted for a spec, used for a group's first trial; measure: returns None if the spec failed; margins: factors by
+    which an error may be below its prediction from another size, and from another filter; least: smallest possible
+    error above 0.
     """
 
     space: Sequence[Spec]
     limit: float
-    pixels: int
+    base: Callable[[Spec], float]
     start: Callable[[Spec], float]
     measure: Callable[[Spec], Trial | None]
     margins: tuple[float, float]
-    price: float = 1.0
     least: float = TINY
     trials: list[Trial] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._left = {spec: point_of(spec) for spec in self.space}
+        self._left = {spec: point_of(spec, self.base(spec)) for spec in self.space}
         self._beyond: list[Spec] = []
+        self._begun: set[str] = set()
         self._within = max(self.limit, self.least)
         # By group: the cost of a map's texels and of vertices by size, and errors by filter and size.
         self._costs: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
@@ -114,14 +129,42 @@ class Search:
 
     def run(self) -> Trial | None:
         """Search, and return the cheapest spec measured that meets the target; None if none does."""
-        for spec, point in list(self._left.items()):
-            if point.size is None and self.cost(point) < self.cost_limit:
-                self._measure(spec)
-        for group in dict.fromkeys(point.group for point in self._left.values() if point.size is not None):
-            self._try_first(group)
+        self.run_first()
         while (following := self._next() or self._next_of_others()) is not None:
             self._measure(following)
         return self.best
+
+    def run_first(self) -> None:
+        """Measure what has no map, and one spec of each group of maps, those first that may cost least."""
+        for spec, point in sorted(self._left.items(), key=lambda item: item[1].base):
+            if point.size is None and self.cost(point) < self.cost_limit:
+                self._measure(spec)
+            elif point.size is not None and point.group not in self._begun:
+                self._begun.add(point.group)
+                self._try_first(point.group)
+
+    def run_spare(self, left_out: Iterable[Spec]) -> None:
+        """Measure what was left out, the cheapest first, while it is predicted to meet the target for less."""
+        spare = {spec: point_of(spec, self.base(spec)) for spec in left_out}
+        while (limit := self.cost_limit) < math.inf:
+            costs = {spec: self.cost(point) for spec, point in spare.items() if self._expected(point) <= self._within}
+            cheapest = min(costs, key=lambda spec: costs[spec], default=None)
+            if cheapest is None or costs[cheapest] >= limit:
+                return
+            self._left[cheapest] = spare.pop(cheapest)
+            self._measure(cheapest)
+
+    def run_rest(self, left_out: Iterable[Spec] = ()) -> Trial | None:
+        """Measure what is left and what was left out, the cheapest predicted first, until one meets the target."""
+        self._left |= {spec: point_of(spec, self.base(spec)) for spec in left_out}
+        while self._left and self.best is None:
+            self._measure(min(self._left, key=lambda spec: self.cost(self._left[spec])))
+        return self.best
+
+    @property
+    def unmeasured(self) -> list[Spec]:
+        """Specs that were not measured."""
+        return [*self._left, *self._beyond]
 
     def untried(self) -> dict[str, Untried]:
         """Specs that were not measured, counted by technique and by what is predicted of them."""
@@ -157,7 +200,7 @@ class Search:
             return
         self.trials.append(trial)
         if point.size is not None:
-            texels = trial.cost - trial.fixed - self.price * self.pixels * (1 + point.reads)
+            texels = trial.cost - trial.fixed - point.base
             self._costs[point.group][point.size] = max(texels, TINY), trial.fixed
             self._errors[point.group].setdefault(point.filter, {})[point.size] = trial.error
 
@@ -203,12 +246,9 @@ class Search:
 
     def cost(self, point: SearchPoint) -> float:
         """Predicted cost of a spec; a lower bound before anything of its group was measured."""
-        base = self.price * self.pixels
-        if point.size is None:
-            return base
-        reads, known = base * point.reads, self._costs.get(point.group)
-        if not known:
-            return base + reads
+        known = self._costs.get(point.group)
+        if point.size is None or not known:
+            return point.base
         near, *others = _nearest(known, point.size)
         texels, fixed = known[near]
         growth = GROWTH[point.size < near]
@@ -216,7 +256,7 @@ class Search:
             measured = math.log(known[others[0]][0] / texels) / math.log(others[0] / near)
             growth = min(max(measured, 0.0), GROWTH[1])
         grown: float = texels * (point.size / near) ** growth
-        return base + fixed + grown + reads
+        return point.base + fixed + grown
 
     def error(self, point: SearchPoint) -> tuple[float, float]:
         """Predicted error of a spec, and the factor by which it may be smaller; 0 if nothing is known."""

@@ -1,7 +1,6 @@
 """Search space of `recommend`: a parameter grid for each technique, pruned by the survey of the view."""
 
 import itertools
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -97,20 +96,14 @@ def untried_filters(space: Sequence[Spec], soft: bool) -> list[Exclusion]:
     return [Exclusion(f"the filters {', '.join(names)}", f"{why}; `shadowbench run -t` measures them", 0)]
 
 
-def prune(
-    space: Sequence[Spec], needs: Needs, least_iou: float | None, rules: Sequence[Rule]
-) -> tuple[list[Spec], list[Exclusion]]:
-    """Prune a space by the needs of a view; returns the remaining specs and the exclusions.
+def prune(space: Sequence[Spec], needs: Needs, least_iou: float | None) -> dict[Spec, tuple[str, str]]:
+    """The specs of a space that the needs of a view leave out, with what and why as in `Exclusion`.
 
-    least_iou: target IoU, None for another target; rules: those of the cost.
+    least_iou: target IoU, None for another target.
     """
-    rules = [_depth_rule(needs), _planar_rule(needs, least_iou), *rules]
-    left, excluded = list(space), []
-    for rule in rules:
-        found = {spec: reason for spec in left if (reason := rule(spec)) is not None}
-        excluded += [Exclusion(*reason, count) for reason, count in Counter(found.values()).items()]
-        left = [spec for spec in left if spec not in found]
-    return left, excluded
+    rules = _depth_rule(needs), _planar_rule(needs, least_iou)
+    reasons = {spec: next(filter(None, (rule(spec) for rule in rules)), None) for spec in space}
+    return {spec: reason for spec, reason in reasons.items() if reason is not None}
 
 
 def _depth_rule(needs: Needs) -> Rule:
@@ -146,6 +139,5 @@ def start_size(spec: Spec, needs: Needs) -> float:
     """Predicted map size for a technique: one texel per pixel, at shadow edges if there are any."""
     texels, several, slices = needs.texels, needs.cascades, spec.technique.view_slices(spec.params)
     if slices > 1 and several is not None:
-        sizes = several.edge_size or several.size
-        return sizes.get(slices, sizes[several.best])
+        return several.edge_size.get(slices, several.edge_size[several.best])
     return (texels.edge_size or texels.size).value

@@ -55,8 +55,8 @@ def tune_parameters(
         split = split_scenes([scene.name for scene in scenes_of(blocks)], held_out)
         space = SearchSpace(base, names, cells.unsupported_components(base, names, blocks))
         found = ParameterSearch(space, cells, blocks, split).run(trials, presets)
-    campaign.finish(study.facts, [], [result.score["key"] for result in found.results])
-    write_cells(campaign.folder, {})
+        campaign.finish(study.facts, [], [result.score["key"] for result in found.results])
+        write_cells(campaign.folder, {})
     return found
 
 

@@ -6,11 +6,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from shadowbench.advice.costs import Cost
-from shadowbench.advice.law import SHORTEST_MS, Law, laws
+from shadowbench.advice.law import SHORTEST_MS
 from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.search import Trial
-from shadowbench.advice.space import SIZES
+from shadowbench.advice.space import SIZES, start_size
+from shadowbench.errors import number
 from shadowbench.files import replace_file
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Drawer
@@ -61,34 +61,42 @@ def phase_notes(found: Recommendation) -> list[str]:
     return ["maps are scored in one phase (sub-texel offset): `shadowbench run --phases 8` shows how others differ"]
 
 
-def law_notes(found: Recommendation) -> list[str]:
-    """How far predicted times can be off; where work ranks, what known devices draw faster than the choice."""
+def cost_notes(found: Recommendation) -> list[str]:
+    """How far predicted times can be off; why work ranks where no time can; why specs have no cost."""
+    notes = []
     if found.law is not None:
         errors = found.law.errors
         kinds = sorted({kind_of(trial.spec.sizeless_text) for trial in found.trials})
         factors = ", ".join(f"{kind} ×{errors[kind].median:.2f}" for kind in kinds if kind in errors)
-        return [
-            f"ms: beyond a frame without shadows, predicted from work; <{SHORTEST_MS:g} is not told apart; "
-            f"median error in other scenes at 1024²: {factors}"
+        notes = [
+            f"ms: beyond a frame without shadows, predicted from work; of <{SHORTEST_MS:g}, not told apart, less work "
+            f"is first" + (f"; median error in other scenes at 1024²: {factors}" if factors else "")
         ]
-    if found.unit != "work" or found.choice is None or found.view.light.soft:
-        return []
-    faster = "; ".join(line for law in laws().values() if (line := _faster(found, law)))
-    return [f"ranked by work; by predicted times another is faster (--device): {faster}"] if faster else []
+    elif found.cost.without_law:
+        notes = [f"work, not predicted times: {found.cost.without_law}"]
+    whys: dict[str, dict[str, None]] = {}
+    for spec, why in found.unranked.items():
+        whys.setdefault(why, {})[kind_of(spec.sizeless_text) if found.law else spec.sizeless_text] = None
+    return [*notes, *(f"no cost is known of {', '.join(kinds)}: {why}" for why, kinds in whys.items())]
 
 
-def _faster(found: Recommendation, law: Law) -> str | None:
-    """Which spec that meets the target a device draws faster than the choice; None if by less than a law's errors."""
-    cost = Cost("ms", law)
-    kinds = {trial: kind for trial in found.met if law.holds(kind := kind_of(trial.spec.sizeless_text))}
-    times = {trial: cost.trial(trial.spec, trial.result, found.target, found.view).cost for trial in kinds}
-    best = min(times, key=lambda trial: times[trial], default=None)
-    if best is None or best is found.choice or found.choice not in times:
-        return None
-    sure = math.prod(law.errors[kinds[trial]].most for trial in (best, found.choice) if kinds[trial] in law.errors)
-    if times[found.choice] < sure * times[best]:
-        return None
-    return f"{law.device} draws {_name(best)} in {times[best]:.2g} ms, the choice in {times[found.choice]:.2g}"
+def cost_text(found: Recommendation, trial: Trial) -> str:
+    """A cost in the unit of its column; empty if it is not known."""
+    if not trial.ranked:
+        return ""
+    if found.unit == "work":
+        return f"{trial.cost:,.0f}"
+    if found.law is not None:
+        return f"{trial.cost:.2g}" if trial.cost > SHORTEST_MS else f"<{SHORTEST_MS:g}"
+    return number(trial.cost)
+
+
+def relative_text(found: Recommendation, trial: Trial) -> str:
+    """A cost relative to the choice's, or a lower bound; empty without either."""
+    if found.choice is None or not (trial.ranked and found.choice.ranked and found.choice.cost):
+        return ""
+    least = found.law is not None and trial.cost > found.choice.cost <= SHORTEST_MS
+    return f"{'>' * least}{trial.cost / found.choice.cost:.3g}"
 
 
 def step_lines(found: Recommendation) -> list[str]:
@@ -96,13 +104,16 @@ def step_lines(found: Recommendation) -> list[str]:
     choice, cheaper, better = found.choice, found.cheaper, found.better
     assert choice is not None
     lines = ["of those measured, none saves a tenth or more if the target is relaxed"]
+    if not choice.ranked:
+        lines = ["nothing whose cost is known meets the target"]
     if cheaper is not None:
         saved = math.floor(100 * (1 - cheaper.cost / choice.cost))
         target = _error(found, cheaper, as_target=True)
         lines = [f"of those measured, relaxing the target to {target} saves {saved}%: {_name(cheaper)}"]
     if better is not None:
-        target, times = _error(found, better, as_target=True), better.cost / choice.cost
-        lines.append(f"of those measured, tightening it to {target} costs {times:.3g} × as much: {_name(better)}")
+        target, times = _error(found, better, as_target=True), relative_text(found, better)
+        costs = f"costs {times} × as much" if times else f"costs {cost_text(found, better)} {found.unit}"
+        lines.append(f"of those measured, tightening it to {target} {costs}: {_name(better)}")
     elif choice.error > 0:
         lines.append("tightening it: nothing measured has less than half the error")
     return lines
@@ -118,7 +129,8 @@ def obstacles(found: Recommendation) -> list[str]:
     line = f"nothing measured{of} meets {target}; the closest is {_name(near)}: {_error(found, near)}"
     if found.met:  # over the budget
         met = found.met[0]
-        return [line, f"obstacle: the budget; {_name(met)} reaches {_error(found, met)} in {met.cost:.3g} ms"]
+        time = f"in {met.cost:.3g} ms" if met.ranked else "in a time that is not known"
+        return [line, f"obstacle: the budget; {_name(met)} reaches {_error(found, met)} {time}"]
     soft = target.metric == "rmse" and is_soft(near.result.score["metrics"])
     faults = _soft_faults(near) if soft else _hard_faults(found, near)
     return [line, *(f"obstacle: {one}" for one in faults)]
@@ -136,43 +148,46 @@ def _soft_faults(near: Trial) -> list[str]:
 
 def _hard_faults(found: Recommendation, near: Trial) -> list[str]:
     """What is wrong with the closest trial, where IoU or edges judge it."""
-    metrics, largest = near.result.score["metrics"], max(trial.spec.map_size or 0 for trial in found.trials)
-    size = (found.needs.texels.edge_size or found.needs.texels.size).value
+    metrics, name = near.result.score["metrics"], near.spec.technique.name
+    largest = max(trial.spec.map_size or 0 for trial in found.trials if trial.spec.technique.name == name)
+    size = start_size(near.spec, found.needs)
     kinds = {kind: metrics[kind] for kind in _KINDS if metrics[kind] and METRICS[kind].suits(is_soft(metrics))}
     lines = []
     if kinds:
         worst = max(kinds, key=lambda kind: kinds[kind])
         lines.append(f"{worst}, {100 * kinds[worst]:.3g}% {_KINDS[worst]}")
     if 0 < largest < size:
-        lines.append(f"map size; `needs` asks for about {size:.0f} texels a side, the largest tried has {largest}")
+        slices = near.spec.technique.view_slices(near.spec.params)
+        each = f" of each of {slices} cascades" if slices > 1 else ""
+        lines.append(
+            f"map size; `needs` asks for about {size:.0f} texels a side{each}, the largest tried has {largest}"
+        )
     elif not kinds and metrics["edge_px"] is not None:
         lines.append(f"edges, {metrics['edge_px']:.3g} px off on average")
     return lines
 
 
 def excluded_lines(found: Recommendation) -> list[str]:
-    """What was not tried or failed, and why."""
-    lines = []
-    for exclusion in found.excluded:
-        count = f" ({exclusion.specs} specs)" if exclusion.specs > 1 else ""
-        lines.append(f"not tried: {exclusion.what}{count}: {exclusion.why}")
-    lines += [_untried_line(found, name) for name in found.untried]
-    return [*lines, *(f"not measured: {spec}: {status}" for spec, status in found.unsuccessful.items())]
-
-
-def _untried_line(found: Recommendation, name: str) -> str:
-    """What is predicted of the specs of a technique that were not measured, and how to have it searched."""
-    rest, met = found.untried[name], found.met
-    limit = "the choice" if found.choice or not met else _name(met[0])
+    """What was not tried or failed: techniques, what `needs` rules out, what predictions leave out, and failures."""
+    names = [one.what for one in found.excluded if not one.specs]
+    lines = [f"not tried: {', '.join(names)}; --json says why"] if names else []
+    lines += [f"not tried: {one.what} ({one.specs} specs): {one.why}" for one in found.excluded if one.specs]
+    limit = "the choice" if found.choice or not found.met else _name(found.met[0])
     whys = {
-        f"predicted to cost at least as much as {limit}": rest.dearer,
-        "predicted to miss the target": rest.inaccurate,
-        "with the map of one that failed, or a larger one": rest.beyond,
+        "dearer": f"predicted to cost at least as much as {limit}",
+        "inaccurate": "predicted to miss the target",
+        "beyond": "with the map of one that failed, or a larger one",
+        "unranked": "without a cost",
     }
-    reasons = ", ".join(f"{count} {why}" for why, count in whys.items() if count)
-    measured, has_met = ({trial.spec.technique.name for trial in trials} for trials in (found.trials, met))
-    alone = f"; -t {name} searches it alone" if rest.dearer and name not in has_met else ""
-    return f"not tried{' further' if name in measured else ''}: {name}: {reasons}{alone}"
+    left = {why: {name: getattr(rest, why) for name, rest in found.untried.items()} for why in whys}
+    counts = [
+        f"{sum(of.values())} {whys[why]} ({', '.join(f'{name} {count}' for name, count in of.items() if count)})"
+        for why, of in left.items()
+        if any(of.values())
+    ]
+    if counts:
+        lines.append(f"not tried: {', '.join(counts)}; -t TECHNIQUE searches one alone")
+    return [*lines, *(f"not measured: {spec}: {status}" for spec, status in found.unsuccessful.items())]
 
 
 def _error(found: Recommendation, trial: Trial, as_target: bool = False) -> str:
@@ -204,7 +219,7 @@ def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "light": view.light.name,
         "view_size": view.size,
         "target": asdict(found.target),
-        "notes": target_notes(found) + facet_notes(found) + law_notes(found),
+        "notes": target_notes(found) + facet_notes(found) + cost_notes(found),
         "ranked_by": "work_cost" if found.unit == "work" else "frame_ms" if found.law is None else "predicted_ms",
         "device": None if found.law is None else found.law.device,
         "reference": None if found.reference is None else asdict(found.reference),
@@ -230,7 +245,7 @@ def _values(trial: Trial | None) -> dict[str, Any] | None:
     if trial is None:
         return None
     row = trial.result.score
-    values = {"spec": trial.spec.text, "cost": trial.cost, "gpu_bytes": trial.bytes}
+    values = {"spec": trial.spec.text, "cost": trial.cost if trial.ranked else None, "gpu_bytes": trial.bytes}
     return values | {name: row[name] for name in ("key", "metrics")}
 
 

@@ -131,6 +131,8 @@ def _answer(error: Exception) -> tuple[int, str]:
         return error.exit_code, str(error)
     if isinstance(error, OSError) and error.errno in FULL:
         return 2, f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})"
+    if isinstance(error, FileNotFoundError) and not _is_anywhere():
+        return 2, "the working folder is gone; allowed: one that exists"
     if _lacks_process(error):
         return 3, NO_PROCESS
     if isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
@@ -145,6 +147,14 @@ def _lacks_process(error: BaseException | None) -> bool:
         return False
     lacks = str(error) == _NO_THREAD or (isinstance(error, OSError) and error.errno == errno.EAGAIN)
     return lacks or _lacks_process(error.__cause__ or error.__context__)
+
+
+def _is_anywhere() -> bool:
+    """Whether the working folder, in which relative paths are looked up, exists."""
+    try:
+        return bool(os.getcwd())
+    except FileNotFoundError:
+        return False
 
 
 def _can_start_threads() -> bool:

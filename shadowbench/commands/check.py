@@ -65,7 +65,8 @@ def check(
 
     \b
     Columns
-      what         the metric, work counter or `status` that changed most
+      what         the metric, work counter or `status` that changed most, or of acne, leak and contact that
+                   which takes the largest share of its region, if it changed and is 1% or more
       × tolerance  the change as a multiple of the tolerance
       also         the other values of the cell that changed
 
@@ -137,7 +138,7 @@ def _write_files(found: "CheckResult", run: Path, asked: CheckOptions, failed: b
     values = json_module.dumps(_json(found.findings, pictures), indent=2, allow_nan=False, default=str)
     for name, content in (("summary.md", text), ("summary.json", values + "\n")):
         with replace_file(folder / name) as temporary:
-            temporary.write_text(content, encoding="utf-8")
+            temporary.write_text(content, encoding="utf-8", errors="replace")
     return pictures
 
 
@@ -155,7 +156,7 @@ def _annotate(findings: "Findings", run: Path, asked: CheckOptions, pictures: Ma
     for line in annotations(findings, pictures, asked.time):
         console.print_line(line)
     if (summary := os.environ.get("GITHUB_STEP_SUMMARY")) and asked.baseline is not None:
-        with Path(summary).open("a", encoding="utf-8") as file:
+        with Path(summary).open("a", encoding="utf-8", errors="replace") as file:
             file.write(markdown(findings, asked.baseline, run, pictures, asked.time))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
 from shadowbench.commands.executors import campaigns
-from shadowbench.errors import InputError, number
+from shadowbench.errors import InputError
 from shadowbench.options import ViewOptions, option, view_size
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def needs(
     standard error. The error of hard shadows is that of the ray-traced truth, which `run` reads too. Each prediction
     has its reason. Needs no OpenGL.
     """
-    from shadowbench.survey.explanations import explanations_of
+    from shadowbench.survey.explanations import explanations_of, verdict_of
     from shadowbench.survey.survey import needs as needs_of
 
     with console.Reporter(printed.quiet) as reporter:
@@ -41,10 +41,10 @@ def needs(
     if printed.json:
         values = asdict(found)
         values["reach"].pop("matters")
-        names = {"scene": chosen.scene.name, "view": chosen.camera.name}
+        names = {"scene": chosen.scene.name, "view": chosen.camera.name, "verdict": verdict_of(found)}
         console.print_json(names | values | {"told": [asdict(row) for row in rows]})
         return
-    title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels"
+    title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels: {verdict_of(found)}"
     lines = [(row.need, row.number, row.reason) for row in rows]
     console.print_table(title, ("need", "number", "why"), lines, padded=True)
 
@@ -63,13 +63,17 @@ class RecommendOptions:
         "X",
     )
     budget_ms: float | None = option(
-        "Maximum time per frame, in ms; needs a GPU, or --device, then of what shadows add.", "X"
+        "Maximum time per frame, in ms; without a GPU, of what shadows add, as predicted.", "X"
     )
     device: str | None = option(
-        "Without a GPU, rank by the times that are predicted for this one (shadowbench list devices), from work.",
+        "Device whose times rank without a GPU, predicted from work (shadowbench list devices)  [the first].",
         "NAME",
     )
-    on_this_machine: bool = options.flag("Rank by time even on a software renderer.")
+    by: str | None = option(
+        "What ranks: predicted times of the device on record, work, or time, even of a software renderer  [time on a "
+        "GPU; without one device, or work where that has no times].",
+        "device|work|time",
+    )
     export: Path | None = option("Folder for the parameters and shaders (GLSL) of the choice.", "DIR")
     techniques: list[str] = options.technique(
         "Name of a technique to search (shadowbench list techniques), such as one that your engine has; repeatable  "
@@ -103,15 +107,17 @@ def recommend(
 
     Searches techniques, parameters and map sizes. Few specs are measured: the scene's geometry rules some out (see
     `shadowbench needs`), and cost and error of the others are predicted from the measurements, so that a cheaper
-    one may exist. Cost is the time of a frame; on a software renderer it is work (shader invocations, texture
-    reads), since its times are not those of a GPU, or with --device the time that the work would take on that GPU.
-    Exit code 1 if nothing measured meets the target; the closest is then shown with the reason.
+    one may exist. Cost is the time of a frame; on a software renderer, whose times are not those of a GPU, it is
+    the time that its work would take on the device on record, or work (shader invocations, texture reads) for
+    lights with a size, which were not timed there. What has no cost is tried, too, and what predictions leave out
+    if nothing else meets the target. Exit code 1 if nothing does; the closest is then shown with the reason.
 
     \b
     Lines of the table, all of specs that were measured
       choice    the cheapest that meets the target
       next      of each other technique, the cheapest that meets the target
-      too slow  the same, but over --budget-ms
+      unranked  meets the target, at a cost that is not known
+      too slow  meets the target, but over --budget-ms
       so far    of a technique of which none measured meets the target, the most
                 accurate; others were not tried, by predictions below the table
       misses    the same, where all were tried but those ruled out below the table
@@ -120,10 +126,11 @@ def recommend(
       map         texels along a side of the shadow map
       iou         or edge_px, rmse: the target's metric
       work or ms  cost of a frame; ~ marks a time that varied widely
-      × choice    cost relative to the choice's
+      × choice    cost relative to the choice's; > is a lower bound, where times are too short to be told apart
       MiB         memory of textures and buffers
       key         name of the cell's mask and picture in the output folder
     """
+    from shadowbench.advice.costs import by_of
     from shadowbench.advice.law import find_law
     from shadowbench.advice.recommend import has_penumbra
     from shadowbench.advice.recommend import recommend as measure_recommendation
@@ -137,7 +144,7 @@ def recommend(
     target_of(*wanted)  # invalid options, before the scene is read
     known = techniques_with(asked.plugin)
     among = technique_names(asked.techniques, known)
-    law = find_law(asked.device)
+    by, law = by_of(asked.by), find_law(asked.device)
     engines = _engines() if asked.engines else ()
     if asked.export is not None:
         make_folder(asked.export, "--export ")
@@ -151,7 +158,7 @@ def recommend(
             target_of(*wanted, soft=has_penumbra(chosen)),
             known,
             campaign,
-            on_this_machine=asked.on_this_machine,
+            by=by,
             timed=machines.dask is None or machines.time_on is not None,
             among=among,
             engines=engines,
@@ -201,9 +208,9 @@ def _print_engines(found: "Recommendation") -> None:
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     from shadowbench.advice.words import (
+        cost_notes,
         excluded_lines,
         facet_notes,
-        law_notes,
         obstacles,
         phase_notes,
         step_lines,
@@ -229,7 +236,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
         _print_engines(found)
     lines = step_lines(found) if found.choice else obstacles(found)
     rough = [_is_rough(found, one) for one in shown]
-    notes = [*target_notes(found), *facet_notes(found), *phase_notes(found), *law_notes(found)]
+    notes = [*target_notes(found), *facet_notes(found), *phase_notes(found), *cost_notes(found)]
     notes += time_notes(found.reference, rough)
     for line in [*lines, *notes, *excluded_lines(found)]:
         console.print_line(line)
@@ -246,17 +253,8 @@ def _is_rough(found: "Recommendation", one: "Trial") -> bool:
     return found.unit == "ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]
 
 
-def _cost_text(found: "Recommendation", one: "Trial") -> str:
-    from shadowbench.advice.law import SHORTEST_MS
-
-    if found.unit == "work":
-        return f"{one.cost:,.0f}"
-    if found.law is not None:
-        return f"{one.cost:.2g}" if one.cost > SHORTEST_MS else f"<{SHORTEST_MS:g}"
-    return "~" * _is_rough(found, one) + number(one.cost)
-
-
 def _cells(found: "Recommendation", one: "Trial") -> list[str]:
+    from shadowbench.advice.words import cost_text, relative_text
     from shadowbench.scores.metrics import METRICS
 
     row = one.result.score
@@ -265,8 +263,8 @@ def _cells(found: "Recommendation", one: "Trial") -> list[str]:
         one.spec.sizeless_text,
         str(one.spec.map_size or ""),
         "" if value is None else METRICS[found.target.metric].text(value, found.target.digits, row),
-        _cost_text(found, one),
-        f"{one.cost / found.choice.cost:.3g}" if found.choice else "",
+        "~" * _is_rough(found, one) + cost_text(found, one),
+        relative_text(found, one),
         f"{one.bytes / 2**20:.3g}",
         str(row["key"]),
     ]

@@ -65,6 +65,7 @@ def report(
     over all scenes; – if no setting reaches it wherever the technique is supported. Accuracy is an IoU, or for soft
     shadows (lights with a size) an RMSE.
     """
+    from shadowbench.advice.law import law_on_record
     from shadowbench.commands.study_tables import print_verdict
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.reports.report import FIGURES, report_target, write_report
@@ -77,7 +78,7 @@ def report(
         reporter.stage("reading", 1, ", ".join(map(str, folders)))
         runs, sweeps = read_folders(folders)
         reporter.stage("charts and pictures", 1, str(target))
-        scenes = sections(runs)
+        scenes = sections(runs, law_on_record())
         count = write_report(runs, scenes, sweeps, target, asked.format, asked.split, asked.picture)
     if quiet:
         return

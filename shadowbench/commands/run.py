@@ -59,7 +59,9 @@ class RunOptions:
     "  RMSE      of soft shadows (lights with a size), which it ranks: root mean\n"
     "            square error of visibility; RMSE pen: in the penumbra\n"
     "  flips     share of the pixels near edges that flicker after a step (--step)\n"
-    "  ms        time of a frame's shadows; ~ marks a time that varied widely\n"
+    "  ms        time of a frame's shadows on a GPU; ~ marks one that varied widely\n"
+    "            without a GPU: predicted for a device on record (predicted ms), or\n"
+    "            under a light with a size work, in millions (M)\n"
     "  × ref     time relative to the reference technique\n"
     "  MiB       memory of textures and buffers\n\n"
     "`shadowbench list metrics` has the exact definitions, also of the other columns of soft shadows; < marks a value "
@@ -128,9 +130,10 @@ def run(
     if found.run.earlier and not printed.quiet:
         console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
     if printed.json:
+        from shadowbench.advice.law import law_on_record
         from shadowbench.results.configurations import sections
 
-        made = [section for parts in sections([found.run.last]).values() for section in parts]
+        made = [section for parts in sections([found.run.last], law_on_record()).values() for section in parts]
         console.print_json({section.scene: [asdict(one) for one in section.configurations] for section in made})
     else:
         print_study(found, asked.output, printed.quiet)

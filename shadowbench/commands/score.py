@@ -49,8 +49,9 @@ def score(
     place of the scene no Embree either. `shadowbench export` writes the scene to draw. A mask that is flipped, inverted
     or not square is refused; one that seems shifted or sRGB-encoded is scored unchanged, with a warning. Below the
     metrics, faults of the whole mask are named, and the wrong pixels that are left once these are undone are listed by
-    kind of error, most pixels first; the line `displaced edge` covers those pixels only, whereas edge_px and edge_p95
-    cover all edges, also of leaks. Under a light with a size, the errors that stand out are listed instead: causes (a
+    kind of error: first that of acne, leak and contact which takes the largest share of its region, if that is 1% or
+    more, then most pixels first; the line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover
+    all edges, also of leaks. Under a light with a size, the errors that stand out are listed instead: causes (a
     shift, an sRGB encoding, a blur, a wrong width of penumbrae) before errors of penumbra, umbra and full light, the
     larger first. The column `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or
     both.

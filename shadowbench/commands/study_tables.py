@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from shadowbench.results.tables import SweepPositions
     from shadowbench.studies.run import StudyResult
 
-_COSTS = ("frame_ms", "ratio", "gpu_bytes")  # memory: five cascades need more than one map of their size
+_COSTS = ("cost", "ratio", "gpu_bytes")  # memory: five cascades need more than one map of their size
 _PENUMBRA = ("bias_pen", "bleed", "false_dark", "noise", "banding", "width", "hardening")
 # As they are shown.
 _OF_HARD = ("error", "iou_soft", "ssim", "edge_px", "acne", "leak", "contact", "terminator", "flips", *_COSTS)
@@ -24,24 +24,29 @@ _HEADINGS = {  # of others it is the name
     "iou_soft": "IoU soft",
     "ssim": "SSIM",
     "rmse_pen": "RMSE pen",
-    "frame_ms": "ms",
     "ratio": "× ref",
     "gpu_bytes": "MiB",
 }
 _WIDE = 110  # characters; a narrower terminal gets the columns that matter most
-_NARROW = ("error", "rmse_pen", "iou", "ssim", "frame_ms", "ratio")
+_NARROW = ("error", "rmse_pen", "iou", "ssim", "cost", "ratio")
 _OPTIONAL = ("terminator", "bleed", "false_dark", "width", "hardening", "flips", *_COSTS)  # shown where a row has them
 
 
 def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     """One table per scene, one over all scenes, and the path of table.csv."""
+    from shadowbench.advice.law import law_on_record
     from shadowbench.results.configurations import by_kind, sections
     from shadowbench.results.ranking import mean_section
 
-    made = [section for parts in sections([found.run.last]).values() for section in parts]
+    made = [section for parts in sections([found.run.last], law_on_record()).values() for section in parts]
     times = "; times of a software renderer, not of a GPU" if found.info.software else "; times of this GPU"
     for section in made:
-        _print_section(section, times if found.study.rounds else "", found.sweep_positions)
+        costs = {
+            "frame_ms": times if found.study.rounds else "",
+            "predicted_ms": f"; ms predicted for {section.device}",
+            "work_cost": "; work in millions of shader invocations and texture reads",
+        }
+        _print_section(section, costs.get(section.cost_name, ""), found.sweep_positions)
     kinds = by_kind(made) if found.run.last.frame["renderer"].nunique() == 1 else []  # no mean over renderers
     for kind in (kind for kind in kinds if len(kind) > 1):
         title = f"mean over the {len(kind)} {_kind_of(kind, kinds)}scenes, of what has a score in each"
@@ -72,10 +77,10 @@ def _kind_of(kind: "Sequence[Section]", kinds: Sequence[object]) -> str:
     return "" if len(kinds) == 1 else "soft " if kind[0].soft else "hard "
 
 
-def _print_section(section: "Section", times: str, swept: "SweepPositions") -> None:
+def _print_section(section: "Section", costs: str, swept: "SweepPositions") -> None:
     """A table with a line for each spec and map size; then unsuccessful cells, slopes, notes and bias sweeps."""
     from shadowbench.plugin.registry import preset_names
-    from shadowbench.reports.words import bias_notes, phase_note
+    from shadowbench.reports.words import bias_notes, phase_note, preset_note
     from shadowbench.results.curves import curves, slopes
     from shadowbench.results.times import time_notes
 
@@ -92,10 +97,9 @@ def _print_section(section: "Section", times: str, swept: "SweepPositions") -> N
     if section.max_cells > 1:
         several = f"medians of up to {section.max_cells} cells (views × phases)"
         lines.append(f"{several}; in brackets the 95% interval of {error}")
-    if note := phase_note(found):
-        lines.append(note)
+    lines += filter(None, (phase_note(found), preset_note(found)))
     lines += [*bias_notes(found), *time_notes(section.reference, [one.rough for one in section.timed])]
-    _print_configurations(f"{section.scene}, best first{' by RMSE' if section.soft else ''}{times}", found)
+    _print_configurations(f"{section.scene}, best first{' by RMSE' if section.soft else ''}{costs}", found)
     for line in lines:
         console.print_line(f"  {line}")
     console.print_text("")
@@ -117,12 +121,15 @@ def _print_configurations(title: str, found: "Sequence[Configuration]") -> None:
 
 def _columns(found: "Sequence[Configuration]", narrow: bool) -> dict[str, str]:
     """The columns of a table, by heading: fewer on a narrow terminal, no optional one that is empty."""
+    from shadowbench.reports.words import COST_HEADINGS
     from shadowbench.scores.metrics import plugged_in
 
     soft = any(one.soft for one in found)
     added = {one.name: one.label or one.name for one in plugged_in() if one.suits(soft)}
-    headings = {"error": "RMSE" if soft else "1 − IoU"} | _HEADINGS | added
-    lacking = {key for key in _OPTIONAL if all(one.values.get(key) is None for one in found)}
+    cost = found[0].cost_name if found else "frame_ms"
+    headings = {"error": "RMSE" if soft else "1 − IoU", "cost": COST_HEADINGS[cost]} | _HEADINGS | added
+    lacking = {key for key in _OPTIONAL if all(_value(one, key) is None for one in found)}
+    lacking |= set() if cost == "frame_ms" else {"ratio"}  # of measured times
     return {
         headings.get(key, key.replace("_", " ")): key
         for key in (*(_OF_SOFT if soft else _OF_HARD), *added)
@@ -149,19 +156,24 @@ def _print_curves(section: "Section", found: "list[Curve]") -> None:
     console.print_text("")
 
 
+def _value(one: "Configuration", key: str) -> float | None:
+    return one.cost if key == "cost" else one.value(key)
+
+
 def _cell(one: "Configuration", key: str) -> str:
     """The error with its interval, else the median; 1 − IoU for `iou`."""
-    value = one.value(key)
+    value = _value(one, key)
     if key == "error":
         return one.error_text(number)
     if value is not None and key in ("iou", "gpu_bytes"):
         return number(1 - value) if key == "iou" else f"{value / 2**20:.1f}"
-    return one.text(key, number)
+    return one.text(one.cost_name if key == "cost" else key, number)
 
 
 def print_verdict(sections: "Sequence[Section]") -> None:
     """The cheapest setting for each accuracy in each scene of one run, then each technique's cost over its scenes."""
     from shadowbench.reports.verdict import cell_texts, real_time, target_name, verdict
+    from shadowbench.reports.words import preset_note, sentence
     from shadowbench.results.configurations import by_kind
     from shadowbench.results.ranking import candidates, cost_row, targets_of
 
@@ -178,7 +190,8 @@ def print_verdict(sections: "Sequence[Section]") -> None:
             if cell.cheapest is None:
                 setting = f"none, {note}"
             elif cell.ties:
-                setting += f", or {counted(len(cell.ties), 'other')} within the noise"
+                noise = " within the noise" if section.cost_name == "frame_ms" else ""
+                setting += f", or {counted(len(cell.ties), 'other')}{noise}"
             rows.append((name, target_name(cell.target), cost, setting))
             name = ""
     if rows:
@@ -189,6 +202,8 @@ def print_verdict(sections: "Sequence[Section]") -> None:
     for kind in kinds:
         console.print_text("")
         _print_costs(kind, _kind_of(kind, kinds))
+    if (presets := preset_note([one for section in sections for one in section.scored])) is not None:
+        console.print_line(sentence(presets))
 
 
 def _print_costs(sections: "Sequence[Section]", kind: str) -> None:

@@ -6,10 +6,9 @@ from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, cast
+from typing import TYPE_CHECKING, Any, Self, cast
 
 from shadowbench.engines.environment import browser_version, environment, what_lacks
-from shadowbench.engines.session import EngineSession
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.geometry.topology import is_closed, surrounds
 from shadowbench.measure.cells import Block, Cell
@@ -23,6 +22,9 @@ from shadowbench.plugin.spec import Spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import View
 from shadowbench.versions import ENGINES
+
+if TYPE_CHECKING:
+    from shadowbench.engines.session import EngineSession
 
 _MOST_OPEN = 2  # programs, of hundreds of MB each; a page of an engine that is drawn with others is opened again
 _MOST_BYTES = 1 << 30  # memory of an engine that is started anew: some keep what each picture took, and grow slow
@@ -95,6 +97,8 @@ class EngineDrawer:
         if session is None:
             while len(self._sessions) >= _MOST_OPEN:
                 self._close(next(iter(self._sessions)))
+            from shadowbench.engines.session import EngineSession  # imports trimesh, 0.8 s
+
             session = EngineSession(engine, view.size)
         self._sessions[engine] = session  # behind those that were used before
         try:

@@ -10,6 +10,7 @@ from scipy import ndimage, optimize
 from shadowbench.engines.detection import Image, MaskEncoding, shift_image, shift_text, smooth
 from shadowbench.engines.external_mask import decode_srgb
 from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.metrics import leading_error
 from shadowbench.scores.prepared import INTERIOR_PX
 from shadowbench.scores.soft_faults import LEAST, soft_faults
 
@@ -31,12 +32,12 @@ class ErrorKind:
 
 
 def error_kinds(comparison: Comparison, metrics: dict[str, float | None]) -> list[ErrorKind]:
-    """Kinds of error among the wrong pixels of a mask, most pixels first; empty if no pixel is wrong.
+    """Kinds of error among the wrong pixels of a mask, that of `leading_error` first, then most pixels first.
 
     Connected wrong pixels (visibility on the other side of ½ than the truth) form a patch. A patch of false light is
     peter-panning if more than half of it lies close to the occluder; any patch is a displaced edge if more than half
     of it lies within 4 px of the true edge; the rest is acne where dark and a leak where lit.
-    metrics: values of `score` for the same comparison.
+    Empty if no pixel is wrong. metrics: values of `score` for the same comparison.
     """
     prepared = comparison.truth
     false_shadow, false_light = wrong_pixels(comparison)
@@ -57,7 +58,8 @@ def error_kinds(comparison: Comparison, metrics: dict[str, float | None]) -> lis
         "leak": (leak, f"{share['leak']} of the shadow's interior is lit{others} (leak)"),
     }
     found = [ErrorKind(name, int(np.count_nonzero(pixels)), line) for name, (pixels, line) in lines.items()]
-    return sorted((kind for kind in found if kind.pixels), key=lambda kind: -kind.pixels)
+    leading = {"contact": "peter-panning"}.get(name := leading_error(metrics) or "", name)
+    return sorted((kind for kind in found if kind.pixels), key=lambda kind: (kind.name != leading, -kind.pixels))
 
 
 def faint_kinds(comparison: Comparison) -> list[ErrorKind]:

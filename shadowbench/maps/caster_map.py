@@ -250,9 +250,9 @@ class FilteredMap(CasterMap):
         return self._debug_passes[fragment](frame, textures, **uniforms)
 
     def facts(self, pixels: int) -> dict[str, float]:
-        """Culled triangles, and texture reads if the map is read to prepare it, as other filters' are per pixel."""
-        facts: dict[str, float] = {"culled_triangles": self.culled}
-        return facts | ({"reads": self.filter.reads * pixels + self.contents.reads} if self.contents else {})
+        """Culled triangles, and texture reads: the filter's of each pixel, and those that prepare what it stores."""
+        prepared = self.contents.reads if self.contents else 0
+        return {"culled_triangles": self.culled, "reads": self.filter.reads * pixels + prepared}
 
 
 def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -> State:

@@ -35,14 +35,15 @@ class MapContents:
     ) -> None:
         self._contents, self.kind, self._layers = contents, kind, layers
         self._taps = contents.blur | 1  # texels that the kernel touches: an odd number
-        self.texture = stage.map_texture((size, size), kind, layers, contents.components, contents.dtype)
+        stored = contents.components, contents.dtype, contents.mips
+        self.texture = stage.map_texture((size, size), kind, layers, *stored)
         program = stage.program(
             "fullscreen.vert", "contents-far.frag", params=params, defines={"LAYERS": layers}, includes=includes
         )
         far = stage.texture((1, 1), contents.components)
         stage.fullscreen(program).draw(stage.target(far))
-        stored = np.frombuffer(far.read(), dtype=np.float32)
-        x, y, z, w = np.pad(stored, (0, 4 - contents.components)).tolist()
+        values = np.frombuffer(far.read(), dtype=np.float32)
+        x, y, z, w = np.pad(values, (0, 4 - contents.components)).tolist()
         self.far = x, y, z, w
         blurred = contents.blur > 1
         self.reads = layers * size**2 * (2 * self._taps * blurred + contents.mips)

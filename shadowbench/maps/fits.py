@@ -6,6 +6,7 @@ All fits but `fixed` pad the covered part by the filter radius.
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -144,12 +145,14 @@ class FittedView:
     def __init__(self, stage: Stage, fit: Fit, size: int, filter_radius: float) -> None:
         self.hull = SceneHull(stage.scene)
         self._stage, self._fit, self._size, self._padding = stage, fit, size, filter_radius + 1
-        self._bounds = VisibleBounds(stage)
+        self._bounds = cache(lambda: VisibleBounds(stage))
+        if isinstance(fit, VisibleFit):
+            self._bounds()  # now, and not in the first frame, as of fits of plug-ins that ask for it
 
     def __call__(self, frame: Frame, light_radius: float = 0.0) -> LightView:
         """The light view for a frame. light_radius: see `Filter.light_radius`."""
         context = FitContext(
-            frame.view, self._stage.placement, self.hull, lambda space: self._bounds(frame, space), light_radius
+            frame.view, self._stage.placement, self.hull, lambda space: self._bounds()(frame, space), light_radius
         )
         return self._fit.light_view(context, self._size, self._padding, frame.phase.shift)
 

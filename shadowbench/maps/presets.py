@@ -45,3 +45,6 @@ UNITY = (
     "depth=d16,bias=normal-offset(0.589,ulps=0,falloff=versine)+receiver-plane(limit=1e-9,slack=2.5,ulps=0),"
     "filter=castano(5)"
 )
+
+ENGINES = ("babylon", "bevy", "filament", "godot", "three", "unity")
+"""The engines whose parameters presets of techniques are named after."""

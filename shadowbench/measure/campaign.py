@@ -38,8 +38,8 @@ class Reporter(Protocol):
     def note(self, line: str) -> None:
         """Show one line to the user."""
 
-    def stage(self, name: str, total: int | None) -> None:
-        """Begin a stage of `total` steps, None if unknown."""
+    def stage(self, name: str, total: int | None, *, timed: int = 0) -> None:
+        """Begin a stage of `total` steps, None if unknown; timed: how many of them time a cell."""
 
     def step(self, what: str) -> None:
         """Count one step of the stage as done."""
@@ -208,6 +208,7 @@ class Campaign:
             return row | {"status": f"failed: {error}"}, None
         row |= {"status": "ok", **scores}
         row |= {"gpu_bytes": first.gpu_bytes, "work": dict(first.work), "facts": dict(first.facts)}
+        row["triangles"] = block.view.scene.geometry.count
         row |= {"engine": dict(first.engine)} if first.engine else {}
         row["assumptions"] = list(block.view.scene.notes)
         if later:

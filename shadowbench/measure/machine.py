@@ -16,7 +16,7 @@ import psutil
 from shadowbench.files import replace_file
 from shadowbench.measure.drawer import Drawer
 from shadowbench.measure.row_store import command_line
-from shadowbench.measure.rows import SCHEMA, StudyFacts
+from shadowbench.measure.rows import SCHEMA, StudyFacts, escaped
 from shadowbench.versions import VERSION, installed
 
 _LIBRARIES = ("moderngl", "pyglm", "numpy", "embreex", "scikit-image", "scipy", "pandas", "trimesh", "pydantic")
@@ -64,7 +64,9 @@ def write_run_file(file: Path, drawer: Drawer, notes: Sequence[str], study: Stud
         "keys": list(keys),
     }
     with replace_file(file) as temporary:
-        temporary.write_text(json.dumps(text, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
+        temporary.write_text(
+            json.dumps(escaped(text), indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace"
+        )
 
 
 def _processor() -> str:

@@ -64,13 +64,21 @@ def forward_output(pipe: IO[bytes]) -> threading.Thread:
 def techniques_with(plugins: Sequence[Path]) -> "Mapping[str, type[Technique]]":
     """All techniques by name, those of plug-ins included. Output printed on loading goes to stderr, truncated.
 
-    Raises InputError for a plug-in that cannot be loaded.
+    Raises InputError for a plug-in that cannot be loaded, and for a metric that has the name of a column.
     """
     from shadowbench.plugin.registry import techniques  # the worker's start does not wait for this import
+    from shadowbench.scores.metrics import plug_in, plugged_in
 
     stream = TruncatedStream(sys.stderr)
     with redirect_stdout(stream), redirect_stderr(stream):
-        return techniques(plugins)
+        found = techniques(plugins)
+    if metrics := plugged_in():
+        from shadowbench.measure.columns import is_taken
+
+        for name in [metric.name for metric in metrics if is_taken(metric.name)]:
+            plug_in([])  # a later call does without it
+            raise InputError(f"--plugin: a metric is called {name!r}, as is a column; allowed: another name")
+    return found
 
 
 def subjects_with(plugins: Sequence[Path]) -> "Mapping[str, type[Subject]]":

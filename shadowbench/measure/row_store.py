@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.files import remove_temporaries
-from shadowbench.measure.rows import ROW, RUN_FILE, SCHEMA, CellIdentity, Record, RunFile
+from shadowbench.measure.rows import ROW, RUN_FILE, SCHEMA, CellIdentity, Record, RunFile, escaped
 from shadowbench.scenes.model import View
 from shadowbench.strict import explain
 
@@ -67,6 +67,30 @@ def _valid(schema: Any, text: bytes, where: str) -> Any:
         raise explain(where, error) from None
 
 
+def lock(file: Path, folder: Path, command: str) -> FileLock:
+    """The lock of a folder, by a file in it or beside it, until `unlock`.
+
+    Raises InputError if another process has it, `command` in words, and if the file cannot be written.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        found = FileLock(file, timeout=0, thread_local=False, fallback_to_soft=False)
+        found.acquire()
+    except Timeout:
+        told = f"another {command} writes into it; wait for it, or choose another with -o"
+        raise InputError(f"{folder}: {told}") from None
+    except OSError as error:
+        raise _cannot_write(folder, error, "; choose another with -o") from None
+    return found
+
+
+def unlock(held: FileLock) -> None:
+    """Release a lock and remove its file."""
+    # Removed while still locked: a process that has it open finds that it is gone, and opens a new one.
+    Path(held.lock_file).unlink(missing_ok=True)
+    held.release()
+
+
 class RowStore:
     """The `rows.jsonl` of a run folder, locked for writing.
 
@@ -79,18 +103,11 @@ class RowStore:
         self.file = folder / "rows.jsonl"
         self.scores: dict[str, Record] = {}
         self._times: dict[tuple[str, str | None], Record] = {}
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._lock = FileLock(folder / "writing.lock", timeout=0, thread_local=False, fallback_to_soft=False)
-            self._lock.acquire()
-        except Timeout:
-            raise InputError(f"{folder}: another run writes into it; wait for it, or choose another with -o") from None
-        except OSError as error:
-            raise _cannot_write(folder, error, "; choose another with -o") from None
+        self._lock = lock(folder / "writing.lock", folder, "run")
         try:
             self._open(sweep)
         except BaseException as error:
-            self._unlock()
+            unlock(self._lock)
             if isinstance(error, OSError):
                 raise _cannot_write(self.file, error) from None
             raise
@@ -130,7 +147,9 @@ class RowStore:
         Raises InputError, with nothing written, if the disk is full.
         """
         signed = {"command": command_line()}
-        made = [{"schema": SCHEMA, **record, **(signed if record["kind"] == "score" else {})} for record in records]
+        made = [
+            escaped({"schema": SCHEMA, **record, **(signed if record["kind"] == "score" else {})}) for record in records
+        ]
         # A lone surrogate, from a file name that is not UTF-8, cannot be encoded.
         lines = "".join(json.dumps(record, allow_nan=False, ensure_ascii=False) + "\n" for record in made)
         left = lines.encode(errors="replace")
@@ -148,12 +167,7 @@ class RowStore:
     def close(self) -> None:
         """Close the file and unlock the folder."""
         self._stream.close()
-        self._unlock()
-
-    def _unlock(self) -> None:
-        # Removed while still locked: a process that has it open finds that it is gone, and opens a new one.
-        Path(self._lock.lock_file).unlink(missing_ok=True)
-        self._lock.release()
+        unlock(self._lock)
 
 
 def identity(view: View, technique: str, spec: str, full_spec: str) -> CellIdentity:

@@ -5,6 +5,7 @@ would leave the folder when used in a path; anything else raises InputError. Unk
 """
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NotRequired
@@ -29,7 +30,11 @@ Record = Mapping[str, Any]
 """A ScoreRow or a TimeRow, unknown fields included."""
 
 Key = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{24}$")]
-Name = Annotated[str, StringConstraints(pattern=r"^[^/\\\x00]*$")]
+_CONTROL = r"\x00-\x1f\x7f-\x9f"
+CONTROLS = re.compile(f"[{_CONTROL}]")
+Text = Annotated[str, StringConstraints(pattern=rf"^[^{_CONTROL}]*$")]
+"""Text without control characters, which would reach a terminal; `RowStore` writes them escaped."""
+Name = Annotated[str, StringConstraints(pattern=rf"^[^/\\{_CONTROL}]*$")]
 """Name of a scene, view or light; `truth/` has files named after them."""
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Size = Annotated[int, Field(ge=1, lt=2**31)]
@@ -48,9 +53,9 @@ class CellIdentity(TypedDict):
     view: Name
     light: Name
     phase: Count
-    technique: str
-    spec: str
-    full_spec: str
+    technique: Text
+    spec: Text
+    full_spec: Text
     map_size: Size | None
     view_size: Size
     coordinates: Coordinates
@@ -60,14 +65,15 @@ class CellIdentity(TypedDict):
 class InputRecord(TypedDict):
     """Warnings about a mask from another renderer."""
 
-    warnings: NotRequired[list[str]]
+    warnings: NotRequired[list[Text]]
 
 
 @with_config(_STRICT)
 class ScoreRow(CellIdentity):
     """Score record of a cell: measurements if its status is `ok`, and its axis value if `stress` made it.
 
-    command: the command line that produced the row; engine: of another engine's row, which has no `gpu_bytes`, its
+    command: the command line that produced the row; triangles: of the scene, with its work the input of a device's law,
+    which gives no time without it; engine: of another engine's row, which has no `gpu_bytes`, its
     version, renderer, light box and phase; content: digest of the input of another renderer's row, which has
     no `gpu_bytes`. A row of a soft truth has its standard error, root mean square over receivers and over the penumbra,
     the penumbra's pixels, and the share of the truth's edge pixels at which widths are compared.
@@ -76,37 +82,38 @@ class ScoreRow(CellIdentity):
     schema: Literal[1]
     kind: Literal["score"]
     key: Key
-    renderer: str
-    status: Annotated[str, StringConstraints(pattern=r"^(ok|(unsupported|failed): (?s:.*))$")]
-    command: NotRequired[str]
+    renderer: Text
+    status: Annotated[str, StringConstraints(pattern=rf"^(ok|(unsupported|failed): [^{_CONTROL}]*)$")]
+    command: NotRequired[Text]
 
-    metrics: NotRequired[dict[str, FiniteFloat | None]]
+    metrics: NotRequired[dict[Text, FiniteFloat | None]]
     receivers: NotRequired[Count]
     undecided: NotRequired[Count]
     gpu_bytes: NotRequired[Count | None]
-    work: NotRequired[dict[str, Integer]]
-    facts: NotRequired[dict[str, FiniteFloat]]
-    mask_sha256: NotRequired[str | None]
+    work: NotRequired[dict[Text, Integer]]
+    triangles: NotRequired[Count]
+    facts: NotRequired[dict[Text, FiniteFloat]]
+    mask_sha256: NotRequired[Text | None]
     truth_error: NotRequired[NonNegative]
     truth_error_pen: NotRequired[NonNegative]
     penumbra: NotRequired[Count]
     width_share: NotRequired[NonNegative | None]
     width_bias: NotRequired[FiniteFloat | None]
     surface_mismatch: NotRequired[Count]
-    assumptions: NotRequired[list[str]]
+    assumptions: NotRequired[list[Text]]
     flips: NotRequired[FiniteFloat | None]
-    step: NotRequired[str]
+    step: NotRequired[Text]
 
-    engine: NotRequired[dict[str, str]]
+    engine: NotRequired[dict[Text, Text]]
 
-    content: NotRequired[str]
+    content: NotRequired[Text]
     input: NotRequired[InputRecord]
 
-    axis: NotRequired[str]
-    axis_value: NotRequired[Integer | FiniteFloat | str]
-    axis_unit: NotRequired[str]
+    axis: NotRequired[Text]
+    axis_value: NotRequired[Integer | FiniteFloat | Text]
+    axis_unit: NotRequired[Text]
     light_kind: NotRequired[LightShape]
-    home_spec: NotRequired[str]
+    home_spec: NotRequired[Text]
 
 
 @with_config(_STRICT)
@@ -114,7 +121,7 @@ class PassTime(TypedDict):
     """Median time of a pass, in milliseconds, and which change makes it redraw."""
 
     ms: NonNegative
-    changes: NotRequired[str]
+    changes: NotRequired[Text]
 
 
 @with_config(_STRICT)
@@ -127,8 +134,8 @@ class TimeRow(TypedDict):
     schema: Literal[1]
     kind: Literal["time"]
     key: Key
-    status: NotRequired[Annotated[str, StringConstraints(pattern=r"^failed: (?s:.*)$")]]
-    clock: NotRequired[str]
+    status: NotRequired[Annotated[str, StringConstraints(pattern=rf"^failed: [^{_CONTROL}]*$")]]
+    clock: NotRequired[Text]
     n: NotRequired[Annotated[Count, Field(ge=1)]]
     frame_ms: NotRequired[NonNegative]
     frame_iqr_ms: NotRequired[NonNegative]
@@ -138,32 +145,32 @@ class TimeRow(TypedDict):
     still_ms: NotRequired[NonNegative | None]
     camera_ms: NotRequired[NonNegative | None]
     light_ms: NotRequired[NonNegative | None]
-    passes: NotRequired[dict[str, PassTime]]
-    machine: NotRequired[str]
-    reference: NotRequired[str]
-    reference_key: NotRequired[str]
+    passes: NotRequired[dict[Text, PassTime]]
+    machine: NotRequired[Text]
+    reference: NotRequired[Text]
+    reference_key: NotRequired[Text]
     reference_ms: NotRequired[NonNegative | None]
     ratio: NotRequired[NonNegative | None]
     ratio_iqr: NotRequired[NonNegative | None]
     ratio_quartiles: NotRequired[Annotated[list[NonNegative], Field(min_length=2, max_length=2)] | None]
-    no_ratio: NotRequired[str | None]
+    no_ratio: NotRequired[Text | None]
 
 
 @with_config(_STRICT)
 class MachineFacts(TypedDict, total=False):
     """The computer, in `run.json`."""
 
-    processor: str | None
+    processor: Text | None
     cores: int | None
     memory_gib: FiniteFloat
-    system: str
+    system: Text
 
 
 @with_config(_STRICT)
 class DeviceFacts(TypedDict, total=False):
     """The OpenGL renderer, and whether it is a software renderer, in `run.json`."""
 
-    renderer: str
+    renderer: Text
     software: bool
     version: Count
     subpixel_bits: Count
@@ -173,23 +180,23 @@ class DeviceFacts(TypedDict, total=False):
 class StudyFacts(TypedDict, total=False):
     """The measured study, in `run.json`."""
 
-    scenes: list[str]
-    specs: list[str]
-    reference: str
+    scenes: list[Text]
+    specs: list[Text]
+    reference: Text
     view_size: Size
     rounds: Count
     phases: Count
     coordinates: Coordinates
     sun: bool
     no_ground: bool
-    up: str
+    up: Text
     time: float
-    clip: str
-    variant: str
-    camera: str
-    target: str
-    lamp: str
-    sun_at: str
+    clip: Text
+    variant: Text
+    camera: Text
+    target: Text
+    lamp: Text
+    sun_at: Text
 
 
 @with_config(_STRICT)
@@ -197,14 +204,14 @@ class RunFile(TypedDict, total=False):
     """`run.json`: description of the last command. `keys` lists its cells; older folders lack it."""
 
     schema: Literal[1]
-    command: str
-    finished: str
-    versions: dict[str, str]
+    command: Text
+    finished: Text
+    versions: dict[Text, Text]
     machine: MachineFacts
-    machine_key: str
+    machine_key: Text
     device: DeviceFacts
-    clock: str
-    assumptions: list[str]
+    clock: Text
+    assumptions: list[Text]
     study: StudyFacts
     keys: list[Key]
 
@@ -262,18 +269,25 @@ def _check_time_row(row: TimeRow) -> TimeRow:
 
 
 def _check_unknown(row: Record, typed: frozenset[str]) -> None:
-    """Raises ValueError for NaN or infinity in unknown fields: neither is JSON, so it could not be written back."""
+    """Raises ValueError for what typed fields may not have either, in unknown ones.
+
+    NaN and infinity are no JSON, so that they could not be written back.
+    """
     for name in row.keys() - typed:
-        if not _is_finite(row[name]):
-            raise ValueError(f"{name}: found NaN or infinity; allowed: finite numbers")
+        if not _is_plain(row[name]):
+            raise ValueError(
+                f"{name}: found NaN, infinity or a control character; allowed: finite numbers, printable text"
+            )
 
 
-def _is_finite(value: object) -> bool:
+def _is_plain(value: object) -> bool:
     if type(value) is float:  # most values, so it comes first
         return math.isfinite(value)
-    if isinstance(value, dict | list):
-        return all(map(_is_finite, value.values() if isinstance(value, dict) else value))
-    return True
+    if isinstance(value, str):
+        return CONTROLS.search(value) is None
+    if isinstance(value, dict):
+        return all(map(_is_plain, [*value, *value.values()]))
+    return not isinstance(value, list) or all(map(_is_plain, value))
 
 
 _SCORE_FIELDS = frozenset({*CellIdentity.__annotations__, *ScoreRow.__annotations__} - {"input"})
@@ -285,6 +299,15 @@ ROW: TypeAdapter[ScoreRow | TimeRow] = TypeAdapter(
     ]
 )
 RUN_FILE: TypeAdapter[RunFile] = TypeAdapter(RunFile)
+
+
+def escaped(value: Any) -> Any:
+    """A JSON value whose texts have control characters escaped, as rows are written."""
+    if isinstance(value, str):
+        return CONTROLS.sub(lambda found: ascii(found[0])[1:-1], value)
+    if isinstance(value, Mapping):
+        return {escaped(name): escaped(part) for name, part in value.items()}
+    return [escaped(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 def renderer_of(driver: str, arithmetic: str | None) -> str:

@@ -38,7 +38,7 @@ def serve(handle: str, parent: str) -> None:
         pipe.send(("error", error))
         return
     pipe.send(("answer", session.info()))
-    import scipy.spatial  # noqa: F401  # for hulls of casters: while the parent works on, and in no build that is timed
+    import scipy.spatial  # noqa: F401  # for hulls of casters: while the parent works on
 
     while True:
         try:

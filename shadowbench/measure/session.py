@@ -9,8 +9,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
+
+import numpy as np
 
 from shadowbench.errors import Unsupported, quoted
 from shadowbench.gl.arithmetic import arithmetic
@@ -74,6 +76,22 @@ class _BuiltCell:
     stage: Stage
     frame: Frame
     prepare_ms: float
+
+
+@cache
+def load_for_builds() -> None:
+    """Import what building a technique imports, and compile or load its loops, for which no timed build then waits."""
+    import scipy.spatial  # noqa: F401
+
+    from shadowbench.geometry import facing  # noqa: F401
+    from shadowbench.geometry.tree import build_tree
+    from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order
+    from shadowbench.truths.embree import Tracer
+
+    corners, faces = np.eye(3), np.arange(3, dtype=np.int32).reshape(1, 3)
+    by_first_use(faces[in_reuse_order(faces)])
+    build_tree(corners, faces)
+    Tracer(corners, faces)
 
 
 class Session:
@@ -159,6 +177,8 @@ class Session:
         tinted: multiply the technique's debug colours, if any, into the picture; keep: the built cell stays for
         `prepare_timing` if all kept cells of the view together take at most this many bytes, else it is released.
         """
+        if keep:
+            load_for_builds()
         open_view = self._ensure_open(view, request.coordinates)
         built = self._kept.pop(request, None) or self._build(open_view, request)
         try:
@@ -193,6 +213,7 @@ class Session:
 
     def prepare_timing(self, view: View, request: CellRequest) -> float:
         """Prepare a cell for timing: build it unless kept, and warm it up. Returns its build time in milliseconds."""
+        load_for_builds()
         open_view = self._ensure_open(view, request.coordinates)
         built = self._kept.pop(request, None) or self._build(open_view, request)
         self._timed.append(built)

@@ -155,7 +155,7 @@ class Subject(ABC):
 
     @classmethod
     def extra_work(cls, params: TechniqueParams) -> str | None:
-        """Why these parameters are excluded where specs are ranked by counts of work; None if they are not."""
+        """Why these parameters have no cost where specs are ranked by counts of work; None if they have."""
         return None
 
     @classmethod

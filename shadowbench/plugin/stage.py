@@ -111,15 +111,23 @@ class Stage:
         needed = width * height * components * _COMPONENT_BYTES[dtype]
         return self._allocated(needed, lambda: create((width, height), components, dtype=dtype))
 
-    def map_texture(self, size: tuple[int, int], kind: Kind, layers: int, components: int, dtype: str) -> Color:
-        """A colour texture of a kind of map: one, an array of `layers`, or the six faces of a cube."""
-        context = self.device.context
-        if kind == "2d":
-            return self.texture(size, components, dtype)
-        texels = size[0] * size[1] * components * _COMPONENT_BYTES[dtype]
-        if kind == "cube":
-            return self._allocated(FACES * texels, lambda: context.texture_cube(size, components, dtype=dtype))
-        return self._allocated(layers * texels, lambda: context.texture_array((*size, layers), components, dtype=dtype))
+    def map_texture(
+        self, size: tuple[int, int], kind: Kind, layers: int, components: int, dtype: str, mips: bool = False
+    ) -> Color:
+        """A colour texture of a kind of map: one, an array of `layers`, or the six faces of a cube.
+
+        mips: `build_mipmaps` will be called, whose levels count too.
+        """
+        context, (width, height) = self.device.context, size
+        levels = max(size).bit_length() if mips else 1
+        texels = sum(max(width >> level, 1) * max(height >> level, 1) for level in range(levels))
+        needed = {"2d": 1, "cube": FACES, "array": layers}[kind] * texels * components * _COMPONENT_BYTES[dtype]
+        create: dict[Kind, Callable[[], Color]] = {
+            "2d": lambda: context.texture(size, components, dtype=dtype),
+            "cube": lambda: context.texture_cube(size, components, dtype=dtype),
+            "array": lambda: context.texture_array((*size, layers), components, dtype=dtype),
+        }
+        return self._allocated(needed, create[kind])
 
     def target(
         self, *textures: Color, depth: moderngl.Texture | DepthTexture | None = None, layer: int | None = None

@@ -44,21 +44,25 @@ _ZOOM = {
     },
 }
 # A label at the right edge goes below its point and to the left, where a Pareto front has no other.
-_NO_ROOM = "scale('x', datum.ms) + 8 + 6.5 * length(datum.label) > width"
+_NO_ROOM = "scale('x', datum.cost) + 8 + 6.5 * length(datum.label) > width"
 
 
 def front_chart(section: Section, styles: Styles | None) -> Chart | None:
-    """Error against frame time of all configurations, with the Pareto front emphasised; None without times."""
+    """Error against cost of all configurations, with the Pareto front emphasised; None without costs.
+
+    Its axis has no zero, so that `unshadowed`, whose predicted time is none, is left out.
+    """
     front = section.front
-    points = [{**chart_point(section, one), "front": one in front} for one in section.timed]
+    points = [{**chart_point(section, one), "front": one in front} for one in section.ranked if one.cost]
     if not points:
         return None
-    _label(sorted((point for point in points if point["front"]), key=lambda point: point["ms"]))
-    title = f"frame time, ms{' (software renderer)' if section.run.software else ''}"
-    x = quantity("ms", title, **log_axis("x", [point["ms"] for point in points]))
+    _label(sorted((point for point in points if point["front"]), key=lambda point: point["cost"]))
+    titles = {"predicted_ms": f"ms predicted for {section.device}", "work_cost": "work, M"}
+    title = titles.get(section.cost_name, f"frame time, ms{' (software renderer)' if section.run.software else ''}")
+    x = quantity("cost", title, **log_axis("x", [point["cost"] for point in points]))
     at = {"x": x, "y": _error_axis(section, [point["drawn"] for point in points])}
     on_front, hidden = {"filter": "datum.front"}, {"filter": "datum.front && datum.shown === false"}
-    look = looks(styles, (one.spec for one in section.timed)) | {
+    look = looks(styles, (point["spec"] for point in points)) | {
         channel: {"condition": {"test": "datum.front", "value": best}, "value": other}
         for channel, best, other in (("size", 140, 60), ("stroke", INK, None), ("opacity", 1, 0.55))
     }
@@ -71,19 +75,19 @@ def front_chart(section: Section, styles: Styles | None) -> Chart | None:
     named = {**at, "text": {"field": "label"}}
     layer: list[Chart] = [
         *_zero_error_rule(section, points),
-        mark("line", {**at, "order": {"field": "ms"}}, on_front, **line),
+        mark("line", {**at, "order": {"field": "cost"}}, on_front, **line),
         mark("point", at | TOLD, hidden, filled=True, color=INK, size=25, clip=True),
         {"params": [_ZOOM], **mark("point", at | look | TOLD, SHOWN_ONLY, **point)},
         mark("text", named, on_front, SHOWN_ONLY, **label, fontSize=11, color=INK, clip=True),
     ]
-    return chart_of(f"Error against frame time in {section.title}; the line is the Pareto front", points, layer, 430)
+    return chart_of(f"Error against cost in {section.title}; the line is the Pareto front", points, layer, 430)
 
 
 def _label(front: Sequence[Chart]) -> None:
-    """Label the points of a Pareto front, by increasing time, except where one would overlap the previous label."""
+    """Label the points of a Pareto front, by increasing cost, except where one would overlap the previous label."""
     last: Chart | None = None
     for point in front:
-        near = last is not None and point["ms"] < 1.2 * last["ms"] and point["drawn"] > 0.6 * last["drawn"]
+        near = last is not None and point["cost"] < 1.2 * last["cost"] and point["drawn"] > 0.6 * last["drawn"]
         point["label"] = "" if near else point["told"]["map"]
         last = last if near else point
 
@@ -242,5 +246,5 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
 
 def default_size(section: Section) -> int | None:
     """The map size of charts that show one: the median size, rounded down; None without maps."""
-    sizes = sorted({one.map_size for one in section.timed if one.map_size})
+    sizes = sorted({one.map_size for one in section.ranked if one.map_size})
     return sizes[(len(sizes) - 1) // 2] if sizes else None

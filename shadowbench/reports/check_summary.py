@@ -10,6 +10,7 @@ from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.rows import Record
 from shadowbench.reports.markdown import table
 from shadowbench.results.baseline import MISSING, Change, Findings, Verdict
+from shadowbench.scores.metrics import leading_error
 
 COLUMNS = ("scene, view, light", "spec", "map", "what", "before", "", "after", "× tolerance", "also")
 LINES = 40
@@ -25,11 +26,14 @@ _TITLES: Mapping[Verdict, str] = {
 
 
 def by_cell(changes: Iterable[Change]) -> list[list[Change]]:
-    """The changes of each cell, the largest first."""
+    """The changes of each cell, the largest first, but the kind of error that leads them before all others."""
     cells: dict[int, list[Change]] = {}  # by the record, which the changes of a cell share
     for change in changes:
         cells.setdefault(id(change.score), []).append(change)
-    return list(cells.values())
+    leading = [leading_error(cell[0].score.get("metrics", {}), {one.what for one in cell}) for cell in cells.values()]
+    return [
+        sorted(cell, key=lambda one: one.what != first) for cell, first in zip(cells.values(), leading, strict=True)
+    ]
 
 
 def tables(findings: Findings, time: bool) -> Iterator[tuple[str, list[tuple[str, ...]]]]:

@@ -49,21 +49,23 @@ def scored_cells(section: Section) -> list[Picture]:
     first = min((row.get("phase") or 0 for row in scored), default=0)
     configurations = {(one.spec, one.map_size): one for one in section.configurations}
     return [
-        (row, _scored_cell(row, configurations[row["spec"], row["map_size"]], bool(section.run.software)))
+        (row, _scored_cell(row, configurations[row["spec"], row["map_size"]], section))
         for row in scored
         if (row.get("phase") or 0) == first
     ]
 
 
-def _scored_cell(row: Record, one: Configuration, software: bool) -> dict[str, Any]:
+def _scored_cell(row: Record, one: Configuration, section: Section) -> dict[str, Any]:
     metrics, phase, own = row["metrics"], row.get("phase") or 0, _score(row)
     if is_soft(metrics):
         others = [f"{METRICS['rmse_pen'].text(metrics.get('rmse_pen'), digits, row)} in the penumbra", _iou(metrics)]
     else:
         edge = metrics.get("edge_px")  # rows of an older version may lack it
         others = ["edge –" if edge is None else f"edge {digits(edge)} px"]
-    untimed = one.value("frame_ms") is None
-    cost = "not timed" if untimed else f"{one.text('frame_ms', digits)} ms{' (software renderer)' if software else ''}"
+    how = {"predicted_ms": " (predicted)", "work_cost": " of work"}
+    software = " (software renderer)" if section.run.software else ""
+    cost = "not timed" if section.cost_name in ("frame_ms", "map_size") else "not ranked"
+    cost = cost if one.cost is None else one.cost_text(digits) + how.get(section.cost_name, software)
     score, caption = own, ", ".join([own, *others, cost])
     if one.cells > 1:
         score = f"median {one.ranked_by.label} {median_text(one, one.ranked_by.name)}"

@@ -4,10 +4,9 @@ import re
 from collections.abc import Sequence
 
 from shadowbench.reports.html import Scenes
-from shadowbench.reports.words import COLUMNS, digits, section_notes, sentence, time_source
+from shadowbench.reports.words import COLUMNS, COST_HEADINGS, cost_source, digits, section_notes, sentence
 from shadowbench.results.configurations import Section
 
-_TIMES = {"ms": "frame_ms", r"× reference": "ratio"}
 _SPECIAL = {
     **{character: f"\\{character}" for character in "&%$#_{}"},
     "\\": r"\textbackslash{}",
@@ -29,13 +28,14 @@ _SPECIAL = {
 
 
 def latex_tables(scenes: Scenes) -> str:
-    """A table environment for each section: its configurations, best first; the best of error and time are bold."""
+    """A table environment for each section: its configurations, best first; the best of error and cost are bold."""
     tables = [_table(section) for parts in scenes.values() for section in parts if section.scored]
     return "\n".join(["% \\usepackage{booktabs}", *tables])
 
 
 def _table(section: Section) -> str:
-    columns = COLUMNS[section.soft] | (_TIMES if section.timed else {})
+    costs: dict[str, str] = {COST_HEADINGS[section.cost_name]: section.cost_name} if section.ranked else {}
+    columns = COLUMNS[section.soft] | costs | ({"× reference": "ratio"} if section.timed else {})
     best, rows = section.front, []
     for one in section.scored:
         name = rf"\texttt{{{escaped(one.name)}}}"
@@ -46,8 +46,8 @@ def _table(section: Section) -> str:
         ]
         rows.append([rf"\textbf{{{name}}}" if one in best else name, *map(escaped, values)])
     headings = ["Setting", "Map", section.ranked_by.error_label, *columns]
-    notes = [section.title, *([time_source(section.run)] if section.timed else []), *section_notes(section)]
-    notes += ["bold: on the Pareto front of error and time"] if best else []
+    notes = [section.title, *([cost_source(section)] if section.ranked else []), *section_notes(section)]
+    notes += ["bold: on the Pareto front of error and cost"] if best else []
     label = re.sub(r"[^a-z0-9]+", "-", f"{section.run.label}-{section.title}".lower()).strip("-")
     return "\n".join(
         [

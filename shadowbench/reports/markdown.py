@@ -1,5 +1,6 @@
 """The report as Markdown tables, for READMEs and papers."""
 
+import re
 from collections.abc import Collection, Iterable, Sequence
 
 from shadowbench.extremes.model import NAMES
@@ -9,6 +10,8 @@ from shadowbench.reports.stability import Stability, range_text, tolerances
 from shadowbench.reports.verdict import target_name, verdict
 from shadowbench.reports.words import (
     COLUMNS,
+    COST_HEADINGS,
+    cost_source,
     digits,
     fault_lines,
     mask_warnings,
@@ -16,7 +19,6 @@ from shadowbench.reports.words import (
     run_facts,
     section_notes,
     sentence,
-    time_source,
     unscored,
 )
 from shadowbench.results.configurations import Section, specs_of
@@ -24,7 +26,8 @@ from shadowbench.results.folder import Folder, Run
 from shadowbench.results.ranking import targets_of
 from shadowbench.scores.metrics import METRICS
 
-_TIMES = {"ms": "frame_ms", "camera moves, ms": "camera_ms", "× ref": "ratio"}
+_MARKUP = re.compile(r"\||<(?=[A-Za-z/!?])|\](?=\()")
+_TIMES = {"camera moves, ms": "camera_ms", "× ref": "ratio"}
 
 
 def markdown_report(runs: Sequence[Run], scenes: Scenes, swept: Sequence[Stability]) -> str:
@@ -63,10 +66,11 @@ def _over_scenes(panel: Panel, runs: Sequence[Run]) -> list[str]:
 
 def _section(section: Section) -> list[str]:
     blocks = verdict([section])
-    if section.timed:
-        blocks.append(f"*{sentence(time_source(section.run))}* Bold: on the Pareto front of error and time.")
+    if section.ranked:
+        blocks.append(f"*{sentence(cost_source(section))}* Bold: on the Pareto front of error and cost.")
     blocks += [escaped(sentence(line)) for line in section_notes(section)]
-    columns = COLUMNS[section.soft] | _TIMES
+    columns = COLUMNS[section.soft] | {COST_HEADINGS[section.cost_name]: section.cost_name}
+    columns |= _TIMES if section.cost_name == "frame_ms" else {}
     best, rows = section.front, []
     for one in section.scored:
         name = f"**`{one.name}`**" if one in best else f"`{one.name}`"
@@ -119,5 +123,5 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], texts: Collect
 
 
 def escaped(text: str) -> str:
-    """Text escaped for a cell of a table: on one line, and without separators."""
-    return " ".join(text.replace("|", "\\|").split())
+    """Text escaped for a cell of a table: on one line, without separators, tags of HTML and links."""
+    return " ".join(_MARKUP.sub(r"\\\g<0>", text).split())

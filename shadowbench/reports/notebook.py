@@ -7,11 +7,12 @@ from typing import Any
 
 import pandas as pd
 
+from shadowbench.advice.law import law_on_record
 from shadowbench.errors import InputError, alternatives
 from shadowbench.reports.charts import front_chart, size_chart
 from shadowbench.reports.report import write_chart
 from shadowbench.reports.vega import Chart, styles_of, titled
-from shadowbench.reports.words import time_source
+from shadowbench.reports.words import cost_source
 from shadowbench.results.configurations import Section, sections, specs_of
 from shadowbench.results.folder import Run
 from shadowbench.results.tables import over_phases
@@ -59,15 +60,16 @@ class Results(pd.DataFrame):
         return Results
 
     def front(self, scene: str | None = None) -> Figure:
-        """Error against frame time of a scene, by default the first; the line is the Pareto front.
+        """Error against cost of a scene, by default the first; the line is the Pareto front.
 
-        Raises InputError for an unknown scene, and if nothing there was timed.
+        Cost is a time of this GPU or, without one, a predicted time, or work. Raises InputError for an unknown scene,
+        and if nothing there has a cost.
         """
         section, every = self._section(scene)
         chart = front_chart(section, styles_of(specs_of(every)))
         if chart is None:
             raise InputError(f"front: {section.title} has no times; allowed: results with rounds of 1 or more")
-        return Figure(titled(chart, section.title, section.run.renderer, time_source(section.run)))
+        return Figure(titled(chart, section.title, section.run.renderer, cost_source(section)))
 
     def sizes(self, scene: str | None = None) -> Figure:
         """Error against map size of a scene, by default the first.
@@ -84,7 +86,7 @@ class Results(pd.DataFrame):
         run: Any = getattr(self, "measured", None)
         if run is None:
             raise InputError("found a frame joined of others; allowed: the results of one call of run")
-        every = [section for parts in sections([run]).values() for section in parts]
+        every = [section for parts in sections([run], law_on_record()).values() for section in parts]
         names = [section.scene for section in every]
         if scene is not None and scene not in names:
             raise InputError(f"scene: found {scene!r:.60}{alternatives(scene, names)}")

@@ -9,7 +9,7 @@ from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.gallery import Place, gallery, scored_cells
 from shadowbench.reports.verdict import accuracy_text, cell_texts, real_time, verdict_candidate
-from shadowbench.reports.words import COLUMNS, digits
+from shadowbench.reports.words import COLUMNS, COST_HEADINGS, digits
 from shadowbench.results.configurations import Configuration, Section, by_kind
 from shadowbench.results.folder import Run
 from shadowbench.results.ranking import (
@@ -24,7 +24,6 @@ from shadowbench.results.ranking import (
     title_of_all,
 )
 
-_COST = "cost, ms"
 _TIMES = {
     "IQR, ms": "frame_iqr_ms",
     "all still, ms": "still_ms",
@@ -124,6 +123,7 @@ def panel_data(panel: Panel, place: Place) -> dict[str, Any]:
     several = len(panel.sections) > 1
     section = mean_section(panel.sections, panel.title) if several else panel.sections[0]
     sizes: list[int | None] = [*sorted({one.map_size for one in section.timed if one.map_size})]
+    cost = _cost_heading(panel)
     on_front = {(one.spec, one.map_size) for one in section.front}
     error, over_scenes = panel.sections[0].ranked_by.error_label, ["worst scene", "scenes"]
     return {
@@ -134,8 +134,8 @@ def panel_data(panel: Panel, place: Place) -> dict[str, Any]:
             "passes": [(size, chart) for size in sizes or [None] if (chart := pass_chart(section, size)) is not None],
             "pass_size": default_size(section),
         },
-        "columns": [_COST, "map", error, *(over_scenes if several else []), *_values(panel), "cells"],
-        "shown": [_COST, "map", error, *over_scenes, *COLUMNS[panel.soft].values()],
+        "columns": [cost, "map", error, *(over_scenes if several else []), *_values(panel), "cells"],
+        "shown": [cost, "map", error, *over_scenes, *COLUMNS[panel.soft].values()],
         "rows": [_row(panel, one, (one.mean.spec, one.mean.map_size) in on_front) for one in panel.candidates],
         "gallery": None if several else gallery(section.run.folder, scored_cells(section), place),
     }
@@ -147,7 +147,7 @@ def _row(panel: Panel, one: Candidate, on_front: bool) -> dict[str, Any]:
     error, worst_error = (found.error.median if found.error else None for found in (mean, worst))
     worst_scene = next(section.scene for section in panel.sections if section.title == one.worst_scene)
     values: dict[str, tuple[float | None, str]] = {
-        _COST: _value(mean, "frame_ms"),
+        _cost_heading(panel): _value(mean, mean.cost_name),
         "map": (mean.map_size, str(mean.map_size or "")),
         mean.ranked_by.error_label: (error, mean.error_text(digits)),
         "worst scene": (worst_error, f"{worst.error_text(digits, bounds=False)} in {worst_scene}"),
@@ -171,7 +171,13 @@ def _values(panel: Panel) -> dict[str, str]:
     """Values of the table by heading, besides the error by which it is ranked."""
     names = dict.fromkeys([*(COLUMNS[True].values() if panel.soft else ()), *ROW_METRICS])
     ranked_by = panel.sections[0].ranked_by.name
-    return {name: name for name in names if name != ranked_by} | _TIMES | {"GPU bytes": "gpu_bytes"}
+    times = _TIMES if panel.sections[0].cost_name == "frame_ms" else {}
+    return {name: name for name in names if name != ranked_by} | times | {"GPU bytes": "gpu_bytes"}
+
+
+def _cost_heading(panel: Panel) -> str:
+    heading = COST_HEADINGS[panel.sections[0].cost_name]
+    return f"cost, {heading}" if heading == "ms" else heading
 
 
 def _value(one: Configuration, name: str) -> tuple[float | None, str]:

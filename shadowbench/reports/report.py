@@ -25,10 +25,11 @@ from shadowbench.reports.stability import Stability, analyse, tolerances
 from shadowbench.reports.strips import Strip, strip_of
 from shadowbench.reports.sweep_charts import CELL, axis_figure, heat_map
 from shadowbench.reports.vega import Chart, styles_of, titled
-from shadowbench.reports.words import section_notes, sentence, time_source
+from shadowbench.reports.words import cost_source, section_notes, sentence
 from shadowbench.results.configurations import specs_of
 from shadowbench.results.folder import Run, Sweep
 from shadowbench.results.ranges import points_frame
+from shadowbench.results.tables import csv_of
 from shadowbench.scores.difference import write_difference
 
 FIGURES = ("png", "svg", "pdf")
@@ -82,10 +83,10 @@ def write_report(
         with data as place:
             text = html_report(runs, scenes, swept, place, beside.name if split else None, nav)
     else:
-        texts = {"csv": lambda: all_cells(runs, swept).to_csv(index=False), "tex": lambda: latex_tables(scenes)}
+        texts = {"csv": lambda: csv_of(all_cells(runs, swept)), "tex": lambda: latex_tables(scenes)}
         text = texts.get(form, lambda: markdown_report(runs, scenes, swept))()
     with replace_file(target) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
     return 0
 
 
@@ -194,7 +195,7 @@ def figures(scenes: Scenes, swept: Sequence[Stability]) -> Iterator[tuple[str, C
     for section in every:
         stem = section.file_stem + (f".{section.run.label}" if several else "")
         notes = (sentence(note).removesuffix(".") for note in section_notes(section))
-        about = f"{section.run.renderer}; {time_source(section.run)}", *notes
+        about = f"{section.run.renderer}; {cost_source(section)}", *notes
         for kind, chart in (
             ("front", front_chart(section, styles)),
             ("sizes", size_chart(section, styles)),

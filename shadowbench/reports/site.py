@@ -12,6 +12,7 @@ from typing import Any
 from markdown_it import MarkdownIt
 from PIL import Image
 
+from shadowbench.advice.law import law_on_record
 from shadowbench.files import make_folder
 from shadowbench.plugin.registry import engines
 from shadowbench.reports import verdict, words
@@ -47,7 +48,7 @@ def write_site(folders: Sequence[Path], target: Path) -> int:
     each scene, and how a reader's own results compare. Links to the documentation lead into `docs/` there.
     """
     runs = read_runs(folders)
-    found = sections(runs)
+    found = sections(runs, law_on_record())
     every = [section for parts in found.values() for section in parts]
     rows = site_rows(every)
     drawn = [run for run in runs if any(row.is_engine for row in rows if row.run is run)]
@@ -187,7 +188,7 @@ def _fronts(parts: Sequence[Section]) -> list[tuple[str, str]]:
         chart = front_chart(mean, styles_of(one.spec for one in mean.scored))
         if chart is not None:
             charts.append(
-                (f"{TITLES.get(run.label, run.label)}: {mean.title}; {words.time_source(run)}", _svg(chart, run.label))
+                (f"{TITLES.get(run.label, run.label)}: {mean.title}; {words.cost_source(mean)}", _svg(chart, run.label))
             )
     return charts
 

@@ -8,8 +8,8 @@ from typing import Any
 import duckdb  # writes Parquet without pyarrow, in whose presence pandas has other dtypes
 import pandas as pd
 
+from shadowbench.measure.columns import described
 from shadowbench.reports.report import all_cells
-from shadowbench.results.columns import described
 from shadowbench.results.folder import Run
 from shadowbench.versions import VERSION
 

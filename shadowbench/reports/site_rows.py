@@ -69,11 +69,12 @@ class SiteRow:
 
     @property
     def values(self) -> dict[str, str]:
-        """Its other metrics, work and time, by heading."""
+        """Its other metrics, work and the time of a GPU, by heading."""
         metrics, time = self.score.get("metrics", {}), self.result.time or {}
         found = {title: metrics.get(name) for title, name in COLUMNS[self.ranked_by.name == "rmse"].items()}
         found |= {"contact": metrics.get("contact"), "work": self.score.get("work", {}).get("cost")}
-        return {title: optional(value) for title, value in {**found, "ms": time.get("frame_ms")}.items()}
+        found |= {} if self.run.software else {"ms": time.get("frame_ms")}
+        return {title: optional(value) for title, value in found.items()}
 
     @property
     def address(self) -> str:

@@ -104,8 +104,7 @@ def chart_point(section: Section, one: Configuration) -> Chart:
     """The chart data of a scored configuration: coordinates, and the texts of its tooltip."""
     error = one.error
     assert error is not None  # only scored configurations are drawn
-    iou, ms, iqr, ratio = (one.value(name) for name in ("iou", "frame_ms", "frame_iqr_ms", "ratio"))
-    spread = f"IQR {'unknown' if iqr is None else f'{digits(iqr)} ms'}{'; rough' if one.rough else ''}"
+    iou, cost = one.value("iou"), one.cost and (one.cost / 1e6 if one.cost_name == "work_cost" else one.cost)
     ends = {"drawn": error.median, "low": error.low, "high": error.high}
     told = {
         "spec": one.spec,
@@ -114,13 +113,28 @@ def chart_point(section: Section, one: Configuration) -> Chart:
         one.ranked_by.error_label: one.error_text(digits),
         "IoU": "–" if iou is None else f"{iou:.6g}",
         **{title: one.text(name, digits) for title, name in COLUMNS[one.soft].items() if name != "iou"},
-        "time": "not timed" if ms is None else f"{digits(ms)} ms, {spread}",
-        "× reference": "–" if ratio is None else digits(ratio),
+        **_cost_told(one),
         "cells": one.cells,
         "phases": one.phases,
     }
-    place = {"spec": one.spec, "name": one.name, "size": one.map_size, "error": error.median, "ms": ms, "told": told}
+    place = {
+        "spec": one.spec,
+        "name": one.name,
+        "size": one.map_size,
+        "error": error.median,
+        "cost": cost,
+        "told": told,
+    }
     return place | {name: max(error.median if end is None else end, section.least_error) for name, end in ends.items()}
+
+
+def _cost_told(one: Configuration) -> dict[str, str]:
+    """Texts of a configuration's cost; of a measured time also its spread, and its ratio to the reference."""
+    if one.cost_name != "frame_ms" or one.cost is None:
+        return {"cost": one.cost_text(digits) if one.cost_name != "map_size" else "not timed"}
+    iqr, ratio = one.value("frame_iqr_ms"), one.value("ratio")
+    spread = f"IQR {'unknown' if iqr is None else f'{digits(iqr)} ms'}{'; rough' if one.rough else ''}"
+    return {"time": f"{digits(one.cost)} ms, {spread}", "× reference": "–" if ratio is None else digits(ratio)}
 
 
 def styles_of(specs: Iterable[str]) -> Styles:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from shadowbench.errors import counted
 from shadowbench.measure.clock_rates import device_name
 from shadowbench.plugin.registry import own_techniques
-from shadowbench.reports.words import digits, median_text, sentence, time_source
+from shadowbench.reports.words import cost_source, digits, median_text, sentence
 from shadowbench.results.configurations import Section
 from shadowbench.results.ranking import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
 from shadowbench.results.submission import known_submissions
@@ -30,7 +30,8 @@ def verdict(sections: Sequence[Section]) -> list[str]:
         return [f"{_NONE} {what}.", *_ray_traced(everything)]
     where = "" if len(sections) == 1 else f" in all {len(sections)} scenes"
     target, best = _answer(found)
-    lines = _closest(found, target, where) if best is None else _cheapest(found, target, best, where)
+    device = sections[0].device
+    lines = _closest(found, target, where) if best is None else _cheapest(found, target, best, where, device)
     return [*lines, *_where_supported(found, target, best), *_ray_traced(everything)]
 
 
@@ -41,11 +42,12 @@ def _closest(found: Sequence[Candidate], target: Target, where: str) -> list[str
     return [f"{_NONE} {_reaches(target, ' of the shadow right')}{where}.", f"Closest: `{near.mean.label}`, {how}."]
 
 
-def _cheapest(found: Sequence[Candidate], target: Target, best: Candidate, where: str) -> list[str]:
+def _cheapest(found: Sequence[Candidate], target: Target, best: Candidate, where: str, device: str) -> list[str]:
     complete = [one for one in found if one.in_all_scenes]
     tied = [one for one in ties(complete, best, target) if one.mean.technique != best.mean.technique][:2]
-    also = f"; as cheap within the noise: {', '.join(f'`{one.mean.label}`' for one in tied)}" if tied else ""
-    line = f"{_accuracy(target, ' of the shadow right')}{where}: {_cost_phrase(best)}{also}."
+    noise = " within the noise" if best.mean.cost_name == "frame_ms" else ""
+    also = f"; as cheap{noise}: {', '.join(f'`{one.mean.label}`' for one in tied)}" if tied else ""
+    line = f"{_accuracy(target, ' of the shadow right')}{where}: {_cost_phrase(best, device)}{also}."
     return [line, *_next_target(complete, target, best, where)]
 
 
@@ -89,7 +91,7 @@ def _next_target(complete: Sequence[Candidate], main: Target, best: Candidate, w
             return [f"{_NONE} {_reaches(target, ' right')}{where}."]
         if found is best:
             return [f"`{best.mean.label}` {_reaches(target, ' right')} too."]
-        factor = f" (× {digits(found.ms / best.ms)})" if found.ms and best.ms else ""
+        factor = f" (× {digits(found.cost / best.cost)})" if found.cost and best.cost else ""
         return [f"{_accuracy(target)} takes `{found.mean.label}`, {cost_text(found)}{factor}."]
     return []
 
@@ -97,16 +99,18 @@ def _next_target(complete: Sequence[Candidate], main: Target, best: Candidate, w
 def _where_supported(found: Sequence[Candidate], target: Target, best: Candidate | None) -> list[str]:
     """A sentence on the cheapest candidate that does not support all scenes, if it is cheaper than the best."""
     partial = cheapest([one for one in found if not one.in_all_scenes], target)
-    if partial is None or (best is not None and (best.ms is None or partial.ms is None or partial.ms >= best.ms)):
+    if partial is None or (
+        best is not None and (best.cost is None or partial.cost is None or partial.cost >= best.cost)
+    ):
         return []
     met, of = len(partial.by_scene), counted(len(partial.by_scene) + len(partial.unsupported), "scene")
-    cost = "" if partial.ms is None else f" for {cost_text(partial)}"
+    cost = "" if partial.cost is None else f" for {cost_text(partial)}"
     return [f"`{partial.mean.label}` suffices{cost} in the {met} of {of} that it supports."]
 
 
 def _ray_traced(found: Sequence[Candidate]) -> list[str]:
     """A sentence on the cost of ray tracing on the CPU, if it was measured and timed in all scenes."""
-    traced = [one for one in found if one.mean.technique == "ray-traced" and one.in_all_scenes and one.ms]
+    traced = [one for one in found if one.mean.technique == "ray-traced" and one.in_all_scenes and one.cost]
     costs = [cost_text(one) for one in traced if "where=gpu" not in one.mean.full_spec]
     return [f"For scale: ray tracing on the CPU takes {cost}." for cost in costs[:1]]
 
@@ -119,9 +123,13 @@ def _reaches(target: Target, of_what: str) -> str:
     return f"{'gets' if target.metric == 'iou' else 'reaches'} {_accuracy(target, of_what)}"
 
 
-def _cost_phrase(one: Candidate) -> str:
-    if one.ms is not None:
-        return f"`{one.mean.label}` is the cheapest real-time setting, {cost_text(one)} a frame"
+def _cost_phrase(one: Candidate, device: str) -> str:
+    """What the cheapest candidate costs, and by what it is the cheapest; device: whose times are predicted."""
+    if one.cost is not None:
+        by = {"predicted_ms": f" by times predicted for {device}", "work_cost": " by work"}.get(one.mean.cost_name, "")
+        return f"`{one.mean.label}` is the cheapest real-time setting{by}, {cost_text(one)} a frame"
+    if one.mean.cost_name != "map_size":
+        return f"`{one.mean.label}` suffices, at a cost that is not known; nothing does at a known one"
     what = "the smallest map that suffices" if one.mean.map_size else "sufficient, without a map"
     return f"`{one.mean.label}` is {what}"
 
@@ -135,31 +143,35 @@ def target_name(target: Target) -> str:
 
 def cost_note(sections: Sequence[Section]) -> str:
     """A note on what the costs are, and how far their times can be trusted."""
-    run = sections[0].run
-    timed = [one.ms is not None for one in candidates(sections)]
-    if not any(timed):
+    found, first = candidates(sections), sections[0]
+    costs = [one.cost is not None for one in found]
+    if first.cost_name == "map_size":
         return "Nothing here was timed: the cost is the size of the smallest map that suffices."
-    mean = "mean frame time of shadows over these scenes" if len(sections) > 1 else "frame time of shadows"
+    if not any(costs):
+        return "Nothing here has a cost that is known."
+    timed = first.cost_name == "frame_ms"
+    what = "work" if first.cost_name == "work_cost" else "frame time of shadows"
+    mean = f"mean {what} over these scenes" if len(sections) > 1 else what
     rough = " ~ marks a rough time." if any(one.rough for section in sections for one in section.timed) else ""
-    untimed = "" if all(timed) else ' Where a cost is a map size or "no map", that setting lacks times.'
-    return f"Cost: {mean}. {sentence(time_source(run))}{rough}{untimed}"
+    why = "lacks times" if timed else "has none that is known"
+    unranked = "" if all(costs) else f" What is not ranked {why}."
+    return f"Cost: {mean}. {sentence(cost_source(first))}{rough}{unranked}"
 
 
-def device_note(software: bool | None, renderer: str) -> str:
-    """Where times of GPUs are to be had: of which devices, and whether the one that drew is among them."""
-    known = [one.device for one in known_submissions()]
-    if software:
-        ranks = "`shadowbench recommend SCENE --device NAME` ranks by predicted times"
-        return f"For {', '.join(known)} {ranks}; for other GPUs none are known."
-    if device_name(renderer) in known:
-        return "Times on this device are predicted from work, too: `shadowbench recommend SCENE --device NAME`."
+def device_note(section: Section) -> str:
+    """Where times of GPUs are to be had; nothing where no command gives any."""
+    if section.run.software:
+        why = "No device's times are predicted for lights with a size; a run on a GPU measures its own."
+        return why if section.soft else ""
+    if section.soft or device_name(section.run.renderer) in [one.device for one in known_submissions()]:
+        return ""
     return "No times of this device are on record, to predict others from work: `shadowbench submit` would add them."
 
 
 def cost_text(one: Candidate) -> str:
-    """A candidate's cost: the frame time or, if it was not timed, the map size."""
-    if one.ms is not None:
-        return f"{one.mean.text('frame_ms', digits)} ms"
+    """A candidate's cost: a time, work, or where nothing has either the map size."""
+    if one.mean.cost_name != "map_size":
+        return one.mean.cost_text(digits)
     return f"map {one.mean.map_size}" if one.mean.map_size else "no map"
 
 

@@ -1,13 +1,15 @@
 """Texts that all report formats share: numbers, and notes on runs and on their sections."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from shadowbench.errors import counted
-from shadowbench.plugin.registry import preset_names
-from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, Section
+from shadowbench.maps.presets import ENGINES
+from shadowbench.plugin.registry import engines, preset_names
+from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, CostName, Section
 from shadowbench.results.folder import Folder, Run
+from shadowbench.results.submission import SHORTEST_MS
 from shadowbench.results.times import time_notes
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
@@ -16,6 +18,13 @@ SOFTWARE = "times of a software renderer: for trends only, not representative of
 NO_HARDENING = (
     "no hardening: it needs 30 true penumbrae wider than 4 px on planes, whose widths differ by a factor of 3"
 )
+COST_HEADINGS: Mapping[CostName, str] = {
+    "frame_ms": "ms",
+    "predicted_ms": "predicted ms",
+    "work_cost": "work",
+    "map_size": "ms",
+}
+"""Headings of the column of costs."""
 COLUMNS = {
     False: {"SSIM": "ssim", "edge px": "edge_px", "acne": "acne", "leak": "leak"},
     True: {"RMSE pen": "rmse_pen", "IoU": "iou", "SSIM": "ssim"}
@@ -53,6 +62,16 @@ def time_source(run: Run) -> str:
     return SOFTWARE if run.software else f"times of {run.renderer}"
 
 
+def cost_source(section: Section) -> str:
+    """A note on what the costs of a section are."""
+    if section.cost_name == "predicted_ms":
+        shortest = f"below {SHORTEST_MS:g} ms they are not told apart"
+        return f"times beyond a frame without shadows, predicted for {section.device} from counted work; {shortest}"
+    if section.cost_name == "work_cost":
+        return "millions (M) of shader invocations and texture reads, which is not time"
+    return time_source(section.run)
+
+
 def section_notes(section: Section) -> list[str]:
     """Notes on a section: medians, maps scored in one phase only, the reference of its times, and rough times."""
     notes = []
@@ -60,6 +79,8 @@ def section_notes(section: Section) -> list[str]:
         notes += [f"medians over up to {section.max_cells} cells (views × phases) a configuration", _BRACKETS]
     if (one_phase := phase_note(section.scored)) is not None:
         notes.append(one_phase)
+    if (presets := preset_note(section.scored)) is not None:
+        notes.append(presets)
     if section.soft and not any(one.values["hardening"] for one in section.scored):
         notes.append(NO_HARDENING)
     return [*notes, *time_notes(section.reference, [one.rough for one in section.timed])]
@@ -72,6 +93,19 @@ def phase_note(found: Sequence[Configuration]) -> str | None:
         return None
     which = "" if all(single) else "maps without an interval: "
     return f"{which}scored in one phase (sub-texel offset) only; another may reverse the order of two maps (--phases 8)"
+
+
+def preset_note(found: Sequence[Configuration]) -> str | None:
+    """That presets with the name of an engine are not its pictures; None where there are none."""
+    shown = [one.name.partition(":preset=") for one in found if one.cells]
+    names = sorted({preset for technique, _, preset in shown if preset in ENGINES and technique not in ENGINES})
+    if not names:
+        return None
+    where = "; rows of engines: results/published/engines, docs/how-to/engines.md" if {*names} & {*engines()} else ""
+    return (
+        f"presets with an engine's name ({', '.join(names)}) draw its parameters in our shaders; the engine's own "
+        f"picture may be far less accurate{where}"
+    )
 
 
 def bias_notes(found: Sequence[Configuration]) -> list[str]:

@@ -258,8 +258,9 @@ def _standard_error(time: Record) -> float:
 
 
 def write_baseline(results: Sequence[Result], folder: Path, masks: Path | None = None) -> None:
-    """Write a baseline's `rows.jsonl` atomically, and copy its cells' masks from a folder, in place of earlier ones.
+    """Write a baseline's `rows.jsonl`, and copy its cells' masks from a folder, in place of earlier ones.
 
+    If it is killed, the baseline is the old one or the new one, with its masks, and perhaps with those of the other.
     Raises InputError without a cell, and if one failed.
     """
     if not results:
@@ -274,12 +275,18 @@ def write_baseline(results: Sequence[Result], folder: Path, masks: Path | None =
     scores = [{name: value for name, value in result.score.items() if name != "command"} for result in results]
     records = [*scores, *(result.time for result in results if result.time)]
     make_folder(folder)
+    kept = folder / "masks"
+    copied = set[str]()
+    if masks is not None:
+        make_folder(kept)
+        for file in (masks / f"{result.score['key']}.png" for result in results):
+            if file.exists():
+                copied.add(file.name)
+                with replace_file(kept / file.name) as temporary:
+                    shutil.copyfile(file, temporary)
     with replace_file(folder / "rows.jsonl") as temporary:
         lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
         temporary.write_text("".join(lines), encoding="utf-8")
-    shutil.rmtree(folder / "masks", ignore_errors=True)
-    if masks is not None:
-        make_folder(folder / "masks")
-        for file in (masks / f"{result.score['key']}.png" for result in results):
-            if file.exists():
-                shutil.copyfile(file, folder / "masks" / file.name)
+    for file in kept.glob("*.png"):
+        if file.name not in copied:
+            file.unlink()

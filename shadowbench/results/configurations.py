@@ -1,27 +1,44 @@
 """Configurations, a spec at one map size each, summarised over the cells of a run in one scene."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
+from typing import Literal, Protocol, cast
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from shadowbench.errors import InputError
+from shadowbench.measure.columns import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.measure.flips import ROW_METRICS
-from shadowbench.plugin.grammar import parameters_of
-from shadowbench.plugin.registry import preset_names
-from shadowbench.results.columns import TIMES, TOTALS, TRUTH_ERRORS
+from shadowbench.measure.rows import Record
+from shadowbench.plugin.registry import own_techniques, preset_names
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.folder import Run
+from shadowbench.results.submission import SHORTEST_MS
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
 from shadowbench.scores.metric import Metric
 from shadowbench.scores.metrics import METRICS, is_soft, ranking
 
 BIAS_LENGTHS = ("fact_bias_m", "fact_bias_texels", "fact_normal_offset_m", "fact_normal_offset_texels")
-_VALUES = [*TRUTH_ERRORS, "width_bias", *list(TIMES)[:4], *TOTALS, "gpu_bytes"]  # besides metrics
+_VALUES = [*TRUTH_ERRORS, "width_bias", *list(TIMES)[:4], *TOTALS, "predicted_ms", "work_cost", "gpu_bytes"]
 _BOOTSTRAPS = 2000
+
+CostName = Literal["frame_ms", "predicted_ms", "work_cost", "map_size"]
+"""By what a section's configurations are ranked: a measured time, a predicted one, work, or without any the map."""
+
+
+class Prediction(Protocol):
+    """Predicts the times of a device from the work that a software renderer counts."""
+
+    @property
+    def device(self) -> str:
+        """Its name."""
+
+    def of_row(self, row: Record) -> float | None:
+        """Milliseconds of a score row; None where they cannot be told."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +91,7 @@ class Configuration:
     """A spec at one map size; spec: as written by the user, without the map size.
 
     cells, phases: numbers of successful cells and of their phases; refused: statuses of the others; values: medians
-    over the successful ones, with times normalised to one reference time; unset: numbers at their defaults that other
-    specs of the technique set, such as `n=16`.
+    over the successful ones, with times normalised to one reference time; cost_name: the value that is its cost.
     """
 
     technique: str
@@ -86,14 +102,13 @@ class Configuration:
     refused: tuple[str, ...]
     values: Mapping[str, Interval | None]
     phases: int
-    unset: tuple[str, ...] = ()
     passes: tuple[PassTime, ...] = ()
+    cost_name: CostName = "frame_ms"
 
     @property
     def name(self) -> str:
-        """The spec as tables print it: a preset by its name, or with the numbers by which it differs from others."""
-        spelt = f"{self.spec}{',' if ':' in self.spec else ':'}{','.join(self.unset)}" if self.unset else self.spec
-        return preset_names().get(self.spec, spelt)
+        """The spec as tables print it: a preset by its name, others as users write them."""
+        return preset_names().get(self.spec, self.spec)
 
     @property
     def label(self) -> str:
@@ -104,6 +119,17 @@ class Configuration:
         """Median of a metric or time such as `frame_ms`; None if it was not measured."""
         found = self.values.get(name)
         return None if found is None else found.median
+
+    @property
+    def cost(self) -> float | None:
+        """Median of its cost; None if it has none, or only a map size."""
+        return self.value(self.cost_name)
+
+    def cost_text(self, digits: Callable[[float], str]) -> str:
+        """Text of its cost, with a unit."""
+        if self.cost is None:
+            return "not ranked"
+        return self.text(self.cost_name, digits) + ("" if self.cost_name == "work_cost" else " ms")
 
     @property
     def rough(self) -> bool:
@@ -136,7 +162,10 @@ class Configuration:
         return below if below.startswith("<") else value.text(digits) if bounds else digits(value.median)
 
     def text(self, name: str, digits: Callable[[float], str]) -> str:
-        """Text of a value's median, – for none; ~ for a time that varied widely, `<0.0012` below the truth's error."""
+        """Text of a value's median, – for none; ~ for a time that varied widely, `<0.0012` below the truth's error.
+
+        Work is in millions, `1.39 M`.
+        """
         value = self.value(name)
         if value is None:
             return "–"
@@ -145,6 +174,10 @@ class Configuration:
             bias = self.value("width_bias") if name == "width" else None
             way = "" if not bias or abs(bias) < value / 2 else " wide" if bias > 0 else " narrow"  # of most penumbrae
             return METRICS[name].text(value, digits, errors) + way
+        if name == "work_cost":
+            return f"{digits(value / 1e6)} M"
+        if name == "predicted_ms":
+            return f"<{SHORTEST_MS:g}" if 0 < value <= SHORTEST_MS else digits(value)
         return f"{'~' if name.endswith('_ms') and self.rough else ''}{digits(value)}"
 
     @property
@@ -157,7 +190,8 @@ class Configuration:
 class Section:
     """Results of one run in one scene, under one light where there are several; configurations: best first.
 
-    frame: the run's cells, with times normalised to `reference`, None if no cell has a time ratio.
+    frame: the run's cells, with times normalised to `reference`, None if no cell has a time ratio; cost_name: the value
+    by which its configurations are ranked; device: whose times are predicted.
     """
 
     run: Run
@@ -166,6 +200,8 @@ class Section:
     frame: pd.DataFrame
     reference: ReferenceTime | None
     configurations: tuple[Configuration, ...]
+    cost_name: CostName = "frame_ms"
+    device: str = ""
 
     @cached_property
     def scored(self) -> list[Configuration]:
@@ -183,16 +219,24 @@ class Section:
         return ranking(self.soft)
 
     @cached_property
+    def ranked(self) -> list[Configuration]:
+        """The configurations with a score and a cost."""
+        return [one for one in self.scored if one.cost is not None]
+
+    @property
     def timed(self) -> list[Configuration]:
-        """The configurations with a score and a time."""
-        return [one for one in self.scored if one.value("frame_ms") is not None]
+        """The configurations with a score and a time that is their cost; none where costs are predicted or work."""
+        return self.ranked if self.cost_name == "frame_ms" else []
 
     @cached_property
     def front(self) -> list[Configuration]:
-        """The Pareto-optimal configurations in error and time, fastest and least accurate first."""
-        costs = [(one.value("frame_ms"), one.error) for one in self.timed]
-        points = [(ms, error.median) for ms, error in costs if ms and error]
-        return [self.timed[index] for index in pareto_front(points)]
+        """The Pareto-optimal configurations in error and cost, cheapest and least accurate first.
+
+        Without `unshadowed`, whose predicted time, beyond itself, is 0.
+        """
+        drawn = [one for one in self.ranked if one.cost]
+        points = [(one.cost, one.error.median) for one in drawn if one.cost and one.error]
+        return [drawn[index] for index in pareto_front(points)]
 
     @cached_property
     def least_error(self) -> float:
@@ -215,18 +259,61 @@ class Section:
         return max((one.cells for one in self.configurations), default=0)
 
 
-def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
-    """The sections of all runs, by title. Different lights, view sizes or coordinates are different sections."""
+def sections(runs: Sequence[Run], prediction: Prediction | None = None) -> dict[str, list[Section]]:
+    """The sections of all runs, by title. Different lights, view sizes or coordinates are different sections.
+
+    prediction: of the times by which they are ranked where a run has no GPU's.
+    """
     found: dict[str, list[Section]] = {}
     for run in runs:
-        for (scene, size, coordinates), measured in run.frame.groupby(
+        cells = _with_costs(run, prediction)
+        names = {soft: _cost_name(run, cells[cells["soft"] == soft]) for soft in (False, True)}
+        for (scene, size, coordinates), measured in cells.groupby(
             [_scenes(run.frame), "view_size", "coordinates"], sort=False, dropna=False
         ):
             title = f"{scene}, {size}² view" + (f", {coordinates} coordinates" if coordinates == "absolute" else "")
             frame, reference = normalise_times(measured)
-            section = Section(run, str(scene), title, frame, reference, tuple(_configurations(run, frame)))
-            found.setdefault(title, []).append(section)
+            cost = names[bool(measured["soft"].any())]
+            device = prediction.device if prediction and cost == "predicted_ms" else ""
+            made = tuple(_configurations(run, frame, cost))
+            shown = reference if cost == "frame_ms" else None
+            found.setdefault(title, []).append(Section(run, str(scene), title, frame, shown, made, cost, device))
     return found
+
+
+def _with_costs(run: Run, prediction: Prediction | None) -> pd.DataFrame:
+    """The cells of a run with `predicted_ms`, without the `work_cost` that stands for less than what is drawn; `soft`.
+
+    That is of rays, which are no shader invocations, and of what a technique says that counts of work do not see.
+    """
+    rows = [result.score for result in run.results]
+    drawn = [row["status"] == "ok" for row in rows]
+    told = prediction if run.software else None
+    predicted = [told.of_row(row) if told and ok else None for row, ok in zip(rows, drawn, strict=True)]
+    counted = {spec: _counted(spec) for spec in run.frame["full_spec"].unique()}
+    work = [
+        row["work"].get("cost") if ok and "rays" not in row["work"] and counted[row["full_spec"]] else None
+        for row, ok in zip(rows, drawn, strict=True)
+    ]
+    soft = [ok and is_soft(row["metrics"]) for row, ok in zip(rows, drawn, strict=True)]
+    costs = {"predicted_ms": pd.Series(predicted, dtype=float), "work_cost": pd.Series(work, dtype=float)}
+    return run.frame.assign(**costs, soft=soft)
+
+
+def _counted(full_spec: str) -> bool:
+    """Whether counts of work stand for what a spec draws; of a technique that is not known here they do."""
+    try:
+        spec = parse_spec(full_spec, {technique.name: technique for technique in own_techniques()})
+    except InputError:
+        return True
+    return spec.drawn_here.extra_work(spec.params) is None
+
+
+def _cost_name(run: Run, cells: pd.DataFrame) -> CostName:
+    """What ranks cells of one kind: times of a GPU, else predicted ones, else work; else what there is."""
+    names: list[CostName] = ["predicted_ms", "work_cost"]
+    names.insert(2 if run.software else 0, "frame_ms")
+    return next((name for name in names if cells[name].notna().any()), "map_size")
 
 
 def _scenes(frame: pd.DataFrame) -> pd.Series:
@@ -248,15 +335,8 @@ def specs_of(sections: Sequence[Section]) -> list[str]:
     return list(dict.fromkeys(str(spec) for section in sections for spec in section.run.frame["spec"]))
 
 
-def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
+def _configurations(run: Run, frame: pd.DataFrame, cost: CostName) -> list[Configuration]:
     """The configurations of a frame, best first; its times must be normalised to one reference time."""
-    given = [parameters_of(spec) for spec in frame["spec"].unique()]
-    set_numbers = {
-        (technique, name)
-        for technique, values in given
-        for name, value in values.items()
-        if type(value) in (int, float)
-    }
     names = [*ROW_METRICS, *_VALUES, *(name for name in BIAS_LENGTHS if name in frame)]
     numbers = frame[names].astype(float)
     found = []
@@ -274,8 +354,8 @@ def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
             refused=tuple(group.loc[group["status"] != "ok", "status"]),
             values={name: interval(measured[name].to_numpy()) for name in names},
             phases=succeeded["phase"].nunique(),
-            unset=_unset(spec, full_spec, set_numbers),
-            passes=_pass_times(run, group),
+            passes=_pass_times(run, group) if cost == "frame_ms" else (),
+            cost_name=cost,
         )
         found.append(one)
     return sorted(found, key=lambda one: (one.error.median if one.error else math.inf, one.spec, one.map_size or 0))
@@ -289,11 +369,3 @@ def _pass_times(run: Run, group: pd.DataFrame) -> tuple[PassTime, ...]:
     names = dict.fromkeys(name for time in times for name in time["passes"])
     medians = {name: interval(group[f"pass_{name}_ms"].tolist()) for name in names}
     return tuple(PassTime(name, one.median, changes[name]) for name, one in medians.items() if one is not None)
-
-
-def _unset(spec: str, full_spec: str, numbers: Set[tuple[str, str]]) -> tuple[str, ...]:
-    """The numbers of a spec at their defaults that another spec of its technique sets; numbers: by technique."""
-    technique, given = parameters_of(spec)
-    lacking = {name for other, name in numbers if other == technique} - set(given)
-    values = parameters_of(full_spec)[1] if lacking else {}
-    return tuple(f"{name}={value}" for name, value in values.items() if name in lacking)

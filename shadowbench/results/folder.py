@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, printable
 from shadowbench.measure.row_store import read_run_file, stream_rows
 from shadowbench.measure.rows import Record, Result, RunFile
 from shadowbench.plugin.spec import without_retired
@@ -138,7 +138,8 @@ def read_folders(folders: Sequence[Path], fields: Set[str] | None = None) -> tup
     """
     paths = list(dict.fromkeys(folder.resolve() for folder in folders))
     names = [path.name for path in paths]
-    labels = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
+    # Escaped, since a path need not be valid UTF-8.
+    labels = [printable(str(path) if names.count(path.name) > 1 else path.name) for path in paths]
     found = [_read(path, label, fields) for path, label in zip(paths, labels, strict=True)]
     return [one for one in found if isinstance(one, Run)], [one for one in found if isinstance(one, Sweep)]
 

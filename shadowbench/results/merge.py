@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 from shadowbench.errors import InputError, counted
 from shadowbench.extremes.axes import AXES
 from shadowbench.measure.flips import row_metrics
-from shadowbench.measure.row_store import command_line, read_run_file, stream_rows
-from shadowbench.measure.rows import SCHEMA, Record, RunFile, StudyFacts
+from shadowbench.measure.row_store import command_line, lock, read_run_file, stream_rows, unlock
+from shadowbench.measure.rows import SCHEMA, Record, RunFile, StudyFacts, escaped
 from shadowbench.results.folder import read_folders, rows_file, write_cells
 from shadowbench.results.ranges import operating_ranges, points_frame, ranges_frame
 from shadowbench.results.tables import read_sweep_positions, write_table
@@ -177,9 +177,10 @@ def _write(rows: _Rows, output: Path) -> list[str]:
     target = output.resolve()
     beside = target.with_name(f".{target.name}.merging")
     cells = {key: _chosen(scores) for key, scores in rows.cells.items()}
+    held = lock(target.with_name(f".{target.name}.merging.lock"), output, "merge")
     try:
         shutil.rmtree(beside, ignore_errors=True)
-        beside.mkdir(parents=True)
+        beside.mkdir()
         with (beside / "rows.jsonl").open("wb") as merged:
             for source in rows.abouts:
                 kept = {score.line for score in cells.values() if score.folder == source}
@@ -187,7 +188,7 @@ def _write(rows: _Rows, output: Path) -> list[str]:
                 with (source / "rows.jsonl").open("rb") as stream:
                     merged.writelines(line for number, line in enumerate(stream, start=1) if number in kept)
         about = _run_file(rows, cells)
-        text = json.dumps(about, indent=2, ensure_ascii=False)
+        text = json.dumps(escaped(about), indent=2, ensure_ascii=False)
         (beside / "run.json").write_text(text + "\n", encoding="utf-8", errors="replace")
         notes = _link_images(list(rows.abouts), cells, beside)
         hidden = set(about["keys"]) - {row["key"] for row in _write_tables(list(rows.abouts), beside)}
@@ -198,6 +199,7 @@ def _write(rows: _Rows, output: Path) -> list[str]:
         raise InputError(f"-o {output}: cannot be written ({(error.strerror or str(error)).lower()})") from None
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+        unlock(held)
     if hidden:
         other = "another folder has them of other code or another version of the scene"
         notes.append(f"{counted(len(hidden), 'cell')} in rows.jsonl but not in the table: {other}")

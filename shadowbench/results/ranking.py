@@ -52,9 +52,9 @@ class Candidate:
         return not self.unsupported and not self.missing
 
     @property
-    def ms(self) -> float | None:
-        """Mean frame time over its scenes; None unless it was timed in all of them."""
-        return self.mean.value("frame_ms")
+    def cost(self) -> float | None:
+        """Mean cost over its scenes; None unless it has one in all of them."""
+        return self.mean.cost
 
     @property
     def worst_scene(self) -> str:
@@ -137,30 +137,31 @@ def mean_section(sections: Sequence[Section], title: str) -> Section:
     first = sections[0]
     means = tuple(one.mean for one in candidates(sections) if one.in_all_scenes)
     frame = pd.concat([section.frame for section in sections])
-    return Section(first.run, title, title, frame, None, means)
+    return Section(first.run, title, title, frame, None, means, first.cost_name, first.device)
 
 
 def cheapest(found: Sequence[Candidate], target: Target) -> Candidate | None:
     """The cheapest candidate that meets a target; None if none does.
 
-    Support for more scenes comes first, then the lower frame time, or the smaller map if not timed. Timed candidates
-    come before others; of two with equal cost, the more accurate one is returned.
+    Support for more scenes comes first, then the lower cost. Candidates without one come after others, the smaller map
+    first; of two with equal cost, the more accurate one is returned.
     """
     able = [one for one in found if one.meets(target)]
     return min(able, key=_cost, default=None)
 
 
 def _cost(one: Candidate) -> tuple[int, bool, float, float, str]:
-    cost = one.ms if one.ms is not None else float(one.mean.map_size or 0)
-    return -len(one.by_scene), one.ms is None, cost, _error(one.mean), one.mean.label
+    cost = one.cost if one.cost is not None else float(one.mean.map_size or 0)
+    return -len(one.by_scene), one.cost is None, cost, _error(one.mean), one.mean.label
 
 
 def ties(found: Sequence[Candidate], best: Candidate, target: Target) -> tuple[Candidate, ...]:
-    """Other candidates that meet a target in as many scenes as the best, at a time whose IQR overlaps with its."""
+    """Other candidates that meet a target in as many scenes as the best, at the same cost: IQRs of times overlap."""
 
     def near(one: Candidate) -> bool:
-        spread = sum(side.mean.value("frame_iqr_ms") or 0.0 for side in (one, best))
-        return one.ms is not None and best.ms is not None and abs(one.ms - best.ms) <= spread / 2
+        timed = one.mean.cost_name == "frame_ms"
+        spread = sum(side.mean.value("frame_iqr_ms") or 0.0 for side in (one, best)) if timed else 0.0
+        return one.cost is not None and best.cost is not None and abs(one.cost - best.cost) <= spread / 2
 
     able = (one for one in found if one is not best and one.meets(target) and len(one.by_scene) == len(best.by_scene))
     return tuple(filter(near, able))

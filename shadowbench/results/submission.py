@@ -35,6 +35,8 @@ MOST_ROUGH = 1 / 4
 """Largest share of cells whose interquartile range is above a third of their time."""
 MOST_OFF = 0.005
 """Largest difference of an IoU from that on Mesa's software renderer: four times the largest on the GPUs so far."""
+SHORTEST_MS = 0.1
+"""To which shorter predicted times are raised, as measured ones cannot be told apart below."""
 IDENTITY = ("scene", "light", "spec", "map_size")
 WORK = ("vertices", "geometry", "fragments", "reads")
 

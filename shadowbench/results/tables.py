@@ -9,9 +9,9 @@ import pandas as pd
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
+from shadowbench.measure.columns import COSTS, IDENTITY, MORE, MORE_TIMES, SOMETIMES, TIMES
 from shadowbench.measure.rows import Record, Result
 from shadowbench.plugin.grammar import parameters_of
-from shadowbench.results.columns import COSTS, IDENTITY, MORE, MORE_TIMES, SOMETIMES, TIMES
 from shadowbench.scores.metrics import METRICS
 from shadowbench.strict import short
 
@@ -60,7 +60,18 @@ def write_table(file: Path, frames: Iterable[pd.DataFrame]) -> None:
     """Write frames of the same columns as one CSV, one after the other; missing values are empty fields."""
     with replace_file(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
         for index, frame in enumerate(frames):
-            frame.to_csv(stream, index=False, header=index == 0)
+            stream.write(csv_of(frame, header=index == 0))
+
+
+def csv_of(frame: pd.DataFrame, header: bool = True) -> str:
+    """A frame as CSV. Texts that a spreadsheet would calculate, as formulas, have an apostrophe before them."""
+    texts = frame.select_dtypes(["object", "string"]).columns
+    safe = frame.assign(**{name: frame[name].map(_no_formula) for name in texts})
+    return str(safe.rename(columns=_no_formula).to_csv(index=False, header=header))
+
+
+def _no_formula(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value
 
 
 def _columns(results: Sequence[Result]) -> list[str]:

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import bounds_of
+from shadowbench.scenes.geometry import bounds_of, in_slices
 from shadowbench.scenes.model import SUN_RADIUS, Camera, Light, Mesh, Scene
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 
@@ -17,8 +18,13 @@ FOV_Y = math.radians(36.0)
 SUN = (0.8, -1.0, -0.6)
 GROUND_SIDE = 4.0
 """Side of the default ground, in diagonals of the bounds."""
-GROUND_THICKNESS = 1e-3
-"""Largest distance from the lowest height, in diagonals of the bounds, at which a triangle counts as ground."""
+GROUND_THICKNESS, GROUND_RELIEF = 0.05, 0.1
+"""Largest thickness of a file's own ground, and its height above a plane below the scene, in sides of the footprint."""
+STEEPEST_GROUND = math.radians(30.0)
+COLUMNS = 32
+"""Vertical rays along each side of the footprint that look for a ground."""
+_BATCH = 1 << 15  # triangles, and pairs of these with rays
+_ROUNDING = 1e-9  # of coordinates in cells
 SMALLEST = 1e-18
 """Smallest diagonal of a scene, in metres: the squared areas of a smaller one would underflow float64."""
 
@@ -48,7 +54,8 @@ def whole_view(bounds: Floats, away: Vec3, name: str, up: Vec3 = (0.0, 1.0, 0.0)
 
 def pose_of(camera: Camera) -> str:
     """Where a camera stands, for a note."""
-    place = f"at {point_text(camera.position)} looking at {point_text(camera.target)}"
+    size = math.dist(camera.position, camera.target)
+    place = f"at {point_text(camera.position, size)} looking at {point_text(camera.target, size)}"
     return f"{place}, fov_y {math.degrees(camera.fov_y):.0f}°"
 
 
@@ -71,38 +78,140 @@ def sun_direction(azimuth: float, elevation: float) -> Vec3:
 def assumed_sun(where: str) -> tuple[Light, str]:
     """A sun 45° above the horizon, and the note about it."""
     height = math.degrees(math.asin(-unit(SUN)[1]))
-    note = f"no light in {where}: assumed a sun travelling along {point_text(SUN)}, {height:.0f}° above the horizon"
+    note = (
+        f"no light in {where}: assumed a sun travelling along {point_text(SUN, 1.0)}, {height:.0f}° above the horizon"
+    )
     return Light("light", "directional", direction=SUN), note
 
 
 def assumed_ground(meshes: Sequence[Mesh], bounds: Floats, where: str) -> tuple[Mesh, str] | None:
     """A square ground below the meshes and the note about it; None if the meshes have a ground of their own."""
+    if _has_ground(meshes, bounds):
+        return None
     low, high = bounds
     diagonal = float(np.linalg.norm(high - low))
-    footprint = float((high[0] - low[0]) * (high[2] - low[2]))
-    if footprint > 0.0 and _floor_area(meshes, low[1], GROUND_THICKNESS * diagonal) >= footprint / 2:
-        return None
     side = GROUND_SIDE * diagonal
     center = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
     corners = center + np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) * (side / 2)
     ground = Mesh("ground", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
-    place = f"at y = {float(low[1]):.6g} around ({center[0]:.6g}, {center[2]:.6g})"
+    x, y, z = _rounded(center, diagonal)
+    place = f"at y = {y:.6g} around ({x:.6g}, {z:.6g})"
     shown = "which receives and casts shadows; --no-ground leaves it out"
     return ground, f"no ground in {where}: assumed a square of side {side:.6g} {place}, {shown}"
 
 
-def _floor_area(meshes: Sequence[Mesh], y: float, thickness: float) -> float:
-    """Area, projected on the xz plane, of the upward-facing triangles within `thickness` of the height `y`."""
-    area = 0.0
-    for mesh in meshes:
-        if mesh.bounds[0, 1] > y + thickness:
-            continue
-        vertices = mesh.vertices
-        low = vertices[mesh.faces[(np.abs(vertices[:, 1] - y) <= thickness)[mesh.faces].all(axis=1)]]
-        ab, ac = low[:, 1] - low[:, 0], low[:, 2] - low[:, 0]
-        doubled = ab[:, 2] * ac[:, 0] - ab[:, 0] * ac[:, 2]  # the y of their cross product
-        area += float(np.maximum(doubled, 0.0).sum()) / 2
-    return area
+def _has_ground(meshes: Sequence[Mesh], bounds: Floats) -> bool:
+    """Whether over half of the footprint the lowest surface that faces up is a ground.
+
+    Things on a ground may hide it from above. It must be thin, so that a box is none, and near a plane, level or
+    tilted, that the meshes stand on, so that a table's top is none.
+    """
+    x, _, z = bounds[1] - bounds[0]
+    side = math.sqrt(float(x * z))
+    if side == 0.0:
+        return False
+    cell = np.array([x / COLUMNS, side, z / COLUMNS])
+    columns = _columns(meshes, bounds[0], cell)
+    thin = np.isfinite(columns.floor) & (columns.floor <= columns.lowest + GROUND_THICKNESS)
+    if 2 * np.count_nonzero(thin) < thin.size:
+        return False
+    steepest = math.tan(STEEPEST_GROUND)
+    planes = _planes_below(columns.feet, steepest * math.hypot(x, z) / side)
+    planes = planes[np.hypot(*(planes[:, :2] / cell[[0, 2]]).T) * side <= steepest]
+    heights = columns.floor[thin] - (planes[:, :2] @ (np.argwhere(thin).T + 0.5) + planes[:, 2:])
+    return bool(2 * np.count_nonzero(heights <= GROUND_RELIEF, axis=1).max(initial=0) >= thin.size)
+
+
+class _Columns(NamedTuple):
+    """Heights along vertical rays through the centres of a grid's cells, in units of the cells.
+
+    lowest: (COLUMNS, COLUMNS) of the lowest surface; floor: of the lowest that faces up; both infinite for none. feet:
+    (N, 3) the lowest vertex in each cell that has one.
+    """
+
+    lowest: Floats
+    floor: Floats
+    feet: Floats
+
+
+def _columns(meshes: Sequence[Mesh], low: Floats, cell: Floats) -> _Columns:
+    """The columns of meshes. low: their lowest corner; cell: (3,) the units of x, of heights and of z."""
+    lowest, floor = np.full((2, COLUMNS, COLUMNS), np.inf)
+    feet, batch = list[Floats](), list[Floats]()
+
+    def cells_of(points: Floats) -> NDArray[np.intp]:
+        cells: NDArray[np.intp] = np.clip(points[..., [0, 2]], 0, COLUMNS - 1).astype(np.intp)
+        return cells
+
+    def add() -> None:
+        corners = np.concatenate(batch)
+        batch.clear()
+        _rasterize(corners[..., [0, 2]] - 0.5, corners[..., 1], lowest, floor)
+        points = corners.reshape(-1, 3)
+        at, height = np.ravel_multi_index(tuple(cells_of(points).T), floor.shape), points[:, 1]
+        least = np.full(floor.size, np.inf)
+        np.minimum.at(least, at, height)
+        deepest = np.flatnonzero(height == least[at])
+        feet.append(points[deepest[np.unique(at[deepest], return_index=True)[1]]])
+
+    for mesh in sorted(meshes, key=lambda mesh: mesh.bounds[0, 1]):
+        own = (mesh.bounds - low) / cell
+        (left, far), (right, near) = cells_of(own)
+        if own[0, 1] >= floor[left : right + 1, far : near + 1].max():
+            continue  # all of it is above a floor, as most instances in a forest are
+        vertices = (mesh.vertices - low) / cell
+        for part in in_slices(len(mesh.faces), _BATCH):
+            a, b, c = vertices[:, 1][mesh.faces[part]].T
+            below = np.minimum(np.minimum(a, b), c) < floor.max()
+            if below.any():
+                batch.append(vertices[mesh.faces[part][below]])
+            if sum(map(len, batch)) >= _BATCH:
+                add()
+    if batch:
+        add()
+    return _Columns(lowest, floor, np.concatenate(feet))
+
+
+def _rasterize(plan: Floats, height: Floats, lowest: Floats, floor: Floats) -> None:
+    """Lower a grid's heights to those of triangles at its points, which have integer coordinates.
+
+    plan: (T, 3, 2) corners seen from above; height: (T, 3); floor: of the triangles that face up.
+    """
+    a, b, c = np.moveaxis(plan, 1, 0)
+    doubled = _cross(b - a, c - a)
+    first = np.maximum(np.ceil(np.minimum(np.minimum(a, b), c) - _ROUNDING), 0).astype(np.intp)
+    last = np.minimum(np.floor(np.maximum(np.maximum(a, b), c) + _ROUNDING), COLUMNS - 1).astype(np.intp)
+    width = np.maximum(last - first + 1, 0)
+    count = width.prod(axis=1) * (np.abs(doubled) > _ROUNDING)
+    ends = np.cumsum(count)
+    for start in range(0, int(ends[-1]), _BATCH):
+        pair = np.arange(start, min(start + _BATCH, int(ends[-1])))  # of a triangle and a point in its bounds
+        triangle = np.searchsorted(ends, pair, side="right")
+        step = np.divmod(pair - (ends - count)[triangle], width[triangle, 1])
+        point = first[triangle] + np.stack(step, axis=1)
+        away, area = plan[triangle] - point[:, None], doubled[triangle]
+        weights = np.stack([_cross(away[:, k - 2], away[:, k - 1]) / area for k in range(3)], axis=1)
+        inside = (weights >= -_ROUNDING).all(axis=1)
+        (x, z), y, up = point[inside].T, (weights * height[triangle]).sum(axis=1)[inside], area[inside] < 0.0
+        np.minimum.at(lowest, (x, z), y)
+        np.minimum.at(floor, (x[up], z[up]), y[up])
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """(N,) cross products of (N, 2) vectors."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def _planes_below(points: Floats, highest: float) -> Floats:
+    """(P, 3) planes y = a x + b z + c below (N, 3) points, through three or more of them, which are nowhere higher."""
+    from scipy.spatial import ConvexHull  # the import takes 0.3 s, and only mesh files need it
+
+    x, y, z = points.T
+    top = [x.mean()], [highest + 1.0], [z.mean()]  # so that points on a plane have a hull
+    hull = ConvexHull(np.hstack([[x, np.minimum(y, highest), z], top]).T)
+    faces = np.unique(hull.equations.round(9), axis=0)
+    faces = faces[faces[:, 1] < 0.0]
+    return np.asarray(-faces[:, [0, 2, 3]] / faces[:, 1:2])
 
 
 def with_assumptions(scene: Scene, bounds: Floats, where: str) -> Scene:
@@ -165,6 +274,12 @@ def without_ground(scene: Scene) -> Scene:
     return replace(content_of(scene), notes=notes, ground=None)
 
 
-def point_text(values: Vec3) -> str:
-    """A point or a direction, for a note."""
-    return f"({', '.join(f'{value:.6g}' for value in values)})"
+def point_text(values: Vec3, size: float) -> str:
+    """A point in a scene of this size, or a direction, for a note."""
+    return f"({', '.join(f'{value:.6g}' for value in _rounded(values, size))})"
+
+
+def _rounded(values: Sequence[float] | Floats, size: float) -> list[float]:
+    """Coordinates to a millionth of a size: beyond it, 0 may be −7.45e-09."""
+    digits = 6 - math.floor(math.log10(size))
+    return [round(float(value), digits) + 0.0 for value in values]

@@ -1,8 +1,9 @@
 """Surfaces cut out by alpha, as leaves are: where one is opaque. One definition for the truth and all techniques.
 
-A point of a triangle is opaque where α₈ / 255 · factor · vertex alpha ≥ cutoff. α₈ is that of the nearest texel, or
-mixed bilinearly of the four around, as the texture's sampler says for magnification; always of the base level, without
-mip maps, and never decoded from sRGB. Texture coordinates are float32 and interpolated linearly across the triangle;
+A point of a triangle is opaque where α₈ / 255 · factor · vertex alpha ≥ cutoff, or falls short of it by no more than
+float32 may round it: equality counts as opaque wherever it is computed. α₈ is that of the nearest texel, or mixed
+bilinearly of the four around, as the texture's sampler says for magnification; always of the base level, without mip
+maps, and never decoded from sRGB. Texture coordinates are float32 and interpolated linearly across the triangle;
 u = v = 0 is the corner of the first texel, v downwards, as in glTF.
 """
 
@@ -16,38 +17,44 @@ from numpy.typing import NDArray
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 WRAPS: tuple[Wrap, ...] = ("repeat", "mirror", "clamp")
+ROUNDED = 1e-3  # of a step of 8 bits: several times what mixing alphas and vertex alphas in float32 rounds
 
 
 @dataclass(frozen=True, eq=False)
 class Cutout:
-    """How a surface is cut out. alpha: (H, W) uint8 texels, read-only; wrap: of u and v outside 0 to 1."""
+    """How a surface is cut out. alpha: (H, W) uint8 texels, read-only; wrap: of u and v outside 0 to 1.
+
+    levels: lowest and highest alpha, which `replace` keeps, as many materials may share an image.
+    """
 
     alpha: NDArray[np.uint8] = field(repr=False)
     factor: float = 1.0
     cutoff: float = 0.5
     nearest: bool = False
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    levels: tuple[int, int] = (-1, -1)
 
     def __post_init__(self) -> None:
         alpha = self.alpha.view()
         alpha.flags.writeable = False
         object.__setattr__(self, "alpha", alpha)
+        if self.levels[0] < 0:
+            object.__setattr__(self, "levels", (int(alpha.min()), int(alpha.max())))
 
     @cached_property
     def least(self) -> float:
-        """The least α₈ · vertex alpha that is opaque; an integer where the cutoff is meant as a step of 8 bits."""
+        """The least α₈ · vertex alpha that is opaque."""
         if self.factor <= 0.0:
             return 0.0 if self.cutoff <= 0.0 else float("inf")
-        least = 255.0 * self.cutoff / self.factor
-        return float(round(least)) if abs(least - round(least)) < 1e-4 else least
+        return 255.0 * self.cutoff / self.factor - ROUNDED
 
     def is_whole(self, least: float = 1.0) -> bool:
         """Whether every texel is opaque, with vertex alphas of at least `least`."""
-        return int(self.alpha.min()) * least >= self.least
+        return self.levels[0] * least >= self.least
 
     def is_clear(self, most: float = 1.0) -> bool:
         """Whether no texel is opaque, with vertex alphas of at most `most`."""
-        return int(self.alpha.max()) * most < self.least
+        return self.levels[1] * most < self.least
 
     def opaque(
         self, coordinates: NDArray[np.floating], vertex_alpha: NDArray[np.floating] | float = 1.0
@@ -90,8 +97,8 @@ def wrapped(index: NDArray[np.float64], size: int, wrap: Wrap) -> NDArray[np.flo
 class PackedCutouts(NamedTuple):
     """Cut-outs as arrays for compiled code and shaders.
 
-    texels: (N,) uint8, all alphas in turn, row by row; table: (M, 6) int32, for each the first of its texels, width,
-    height, whether the nearest texel is taken, and the number in WRAPS of u and of v; least: (M,) float64.
+    texels: (N,) uint8, all different alphas in turn, row by row; table: (M, 6) int32, for each the first of its texels,
+    width, height, whether the nearest texel is taken, and the number in WRAPS of u and of v; least: (M,) float64.
     """
 
     texels: NDArray[np.uint8]
@@ -136,12 +143,14 @@ class CutoutFaces:
     @cached_property
     def packed(self) -> PackedCutouts:
         """The cut-outs as arrays."""
-        sizes = [cutout.alpha.size for cutout in self.cutouts]
+        keys = [(cutout.alpha.ctypes.data, cutout.alpha.shape) for cutout in self.cutouts]
+        alphas = {key: cutout.alpha for key, cutout in zip(keys, self.cutouts, strict=True)}
+        first = dict(zip(alphas, np.cumsum([0, *(alpha.size for alpha in alphas.values())]), strict=False))
         rows = [
-            (first, *cutout.alpha.shape[::-1], cutout.nearest, *(WRAPS.index(wrap) for wrap in cutout.wrap))
-            for first, cutout in zip(np.cumsum([0, *sizes[:-1]]), self.cutouts, strict=True)
+            (first[key], *cutout.alpha.shape[::-1], cutout.nearest, *(WRAPS.index(wrap) for wrap in cutout.wrap))
+            for key, cutout in zip(keys, self.cutouts, strict=True)
         ]
-        texels = np.concatenate([cutout.alpha.ravel() for cutout in self.cutouts])
+        texels = np.concatenate([alpha.ravel() for alpha in alphas.values()])
         return PackedCutouts(texels, np.array(rows, dtype=np.int32), np.array([each.least for each in self.cutouts]))
 
     def arrays(self) -> tuple[NDArray[Any], ...]:
@@ -158,6 +167,7 @@ def cutout_faces(parts: Sequence[Part]) -> CutoutFaces | None:
     parts: of each mesh the number of triangles, its cut-out, and its texture coordinates and vertex alphas by corner.
     """
     cutouts = list({id(cutout): cutout for _, cutout, _, _ in parts if cutout is not None}.values())
+    number_of = {id(cutout): number for number, cutout in enumerate(cutouts)}
     if not cutouts:
         return None
     faces, corners, alphas, numbers, first = [], [], [], [], 0
@@ -166,7 +176,7 @@ def cutout_faces(parts: Sequence[Part]) -> CutoutFaces | None:
             faces.append(np.arange(first, first + count, dtype=np.int32))
             corners.append(np.zeros((count, 3, 2), np.float32) if coordinates is None else coordinates)
             alphas.append(np.ones((count, 3), np.float32) if alpha is None else alpha)
-            numbers.append(np.full(count, cutouts.index(cutout), dtype=np.int32))
+            numbers.append(np.full(count, number_of[id(cutout)], dtype=np.int32))
         first += count
     arrays = np.concatenate(faces), np.concatenate(corners), np.concatenate(alphas), np.concatenate(numbers)
     return CutoutFaces(*arrays, tuple(cutouts))

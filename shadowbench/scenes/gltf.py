@@ -63,6 +63,10 @@ def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
                 f"{where}: extensionsRequired: {extension!r:.60} is not supported; save the file without it"
             )
     layout = with_variant(layout, chosen.variant, where)
+    if layout.primitives and all(each.mode < TRIANGLES for each in layout.primitives):
+        kind = "Gaussian splats" if "KHR_gaussian_splatting" in layout.extensionsUsed else "points or lines"
+        found = f"holds {len(layout.primitives)} primitive(s) of {kind}, and no triangles"
+        raise InputError(f"{where}: {found}; at least one is needed")
     data = read_buffers(layout, chunk, path, where)
     pose, pose_notes = pose_at(data, chosen)
     nodes = scene_nodes(layout, pose)

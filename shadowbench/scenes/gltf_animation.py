@@ -9,11 +9,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from shadowbench.errors import InputError, alternatives
+from shadowbench.errors import InputError, NotInFile, alternatives
 from shadowbench.scenes.contents import Chosen
 from shadowbench.scenes.gltf_accessors import Data, as_floats, stored
 from shadowbench.scenes.gltf_layout import Layout
 from shadowbench.scenes.gltf_motion import Animation, Channel, Sampler
+from shadowbench.scenes.gltf_storage import NUMBERS
 from shadowbench.scenes.vectors import Floats
 
 Pose = Mapping[tuple[int, str], Floats]
@@ -37,6 +38,7 @@ def pose_at(data: Data, chosen: Chosen) -> tuple[Pose, list[str]]:
     clip = layout.animations[number]
     time = chosen.time or 0.0
     pose: dict[tuple[int, str], Floats] = {}
+    samples: dict[tuple[int, str, int], tuple[Floats, float, float]] = {}  # each sampler's, which many may share
     first, last, lost = math.inf, -math.inf, 0
     for channel in clip.channels:
         kind, width = _kind_of(layout, channel)
@@ -44,7 +46,10 @@ def pose_at(data: Data, chosen: Chosen) -> tuple[Pose, list[str]]:
         if node is None or not width:
             lost += 1
             continue
-        value, start, end = _sampled(data, clip.samplers[channel.sampler], kind, width, time)
+        key = channel.sampler, kind, width
+        if key not in samples:
+            samples[key] = _sampled(data, clip.samplers[channel.sampler], kind, width, time)
+        value, start, end = samples[key]
         if channel.target.path == "rotation" and not (np.isfinite(value).all() and value.any()):
             raise InputError(
                 f"{where}: animations {number + 1}: a rotation at {time:g} s is {value}; allowed: not zero"
@@ -72,7 +77,7 @@ def _number_of(layout: Layout, clip: str | None, where: str) -> int | None:
         return int(clip) - 1
     known = [f"{name:.60}" for name in names if name][:20]
     numbers = f"1 to {len(names)}" if names else "no others, as there are none"
-    raise InputError(f"{where}: clip: found {clip!r:.60}{alternatives(clip, [*known, NO_CLIP])}, or {numbers}")
+    raise NotInFile(f"{where}: clip: found {clip!r:.60}{alternatives(clip, [*known, NO_CLIP])}, or {numbers}")
 
 
 def _kind_of(layout: Layout, channel: Channel) -> tuple[str, int]:
@@ -89,23 +94,23 @@ def _kind_of(layout: Layout, channel: Channel) -> tuple[str, int]:
 def _sampled(data: Data, sampler: Sampler, kind: str, width: int, time: float) -> tuple[Floats, float, float]:
     """(width,) values of a sampler at a time, and the times of its first and last key. Raises InputError.
 
-    Reads the two keys around the time alone, as many samplers may share long accessors.
+    Reads the values at the two keys around the time alone, as many samplers may share long accessors.
     """
     where = f"{data.where}: accessors {sampler.input + 1}"
     keys = stored(data, sampler.input, "SCALAR")[:, 0]
-    output, accessor = stored(data, sampler.output, kind), data.layout.accessors[sampler.output]
+    accessor = data.layout.accessors[sampler.output]
     cubic = sampler.interpolation == "CUBICSPLINE"
-    rows = width // output.shape[1]
+    rows = width // NUMBERS[kind]
     each = rows * (3 if cubic else 1)
-    if not len(keys) or len(output) < len(keys) * each:
+    if not len(keys) or accessor.count < len(keys) * each:
         raise InputError(
-            f"{data.where}: accessors {sampler.output + 1}: {len(output)} elements; needed are {each} for each of "
+            f"{data.where}: accessors {sampler.output + 1}: {accessor.count} elements; needed are {each} for each of "
             f"{len(keys)} keys, and at least one key"
         )
 
     def value(key: int, part: int = 1 if cubic else 0) -> Floats:
         start = key * each + part * rows
-        return as_floats(output[start : start + rows], accessor).ravel()
+        return as_floats(stored(data, sampler.output, kind, rows=slice(start, start + rows)), accessor).ravel()
 
     first, last = float(keys[0]), float(keys[-1])
     if not (math.isfinite(first) and math.isfinite(last)):

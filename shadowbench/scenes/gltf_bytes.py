@@ -47,25 +47,39 @@ class TrianglePrimitive(NamedTuple):
 
     def floats(self, name: str, *types: str) -> Floats | None:
         """(V, n) float64 elements of an attribute of one of the types, None if there is none. Raises InputError."""
-        index = self.primitive.attributes.get(name)
+        index = self._accessor(name)
         if index is None or name not in self.decoded:
             return None if index is None else floats_of(self.data, index, *types)
         return as_floats(self._compressed(name, types), self.data.layout.accessors[index])
 
     def integers(self, name: str, *types: str) -> NDArray[Any] | None:
         """(V, n) unsigned integers of an attribute, as `floats`."""
-        index = self.primitive.attributes.get(name)
+        index = self._accessor(name)
         if index is None or name not in self.decoded:
             return None if index is None else integers_of(self.data, index, *types)
         return self._compressed(name, types).astype(np.uint32)
 
     def by_corner(self, values: NDArray[np.floating]) -> NDArray[np.float32]:
-        """(F, 3, …) float32 of (V, …) values of the vertices. Raises InputError if there are too few."""
-        if (last := int(self.faces.max(initial=0))) >= max(len(values), 1):
-            found = f"an attribute of {len(values)} values"
-            raise InputError(f"{self.data.where}: {found}; a triangle uses vertex {last}, counted from 0")
+        """(F, 3, …) float32 of (V, …) values of the vertices, whose indices must be valid."""
         corners: NDArray[np.float32] = values[self.faces].astype(np.float32)
         return corners
+
+    def check_count(self, name: str, accessor: int) -> None:
+        """Raise InputError unless an accessor has an element for each vertex: before it is filled."""
+        counts = [
+            len(self.decoded[each]) if each in self.decoded else self.data.layout.accessors[index].count
+            for each, index in ((name, accessor), ("POSITION", self.primitive.attributes["POSITION"]))
+        ]
+        if counts[0] != counts[1]:
+            found = f"{name} has {counts[0]} elements"
+            raise InputError(f"{self.data.where}: {found}; allowed: {counts[1]}, one for each POSITION")
+
+    def _accessor(self, name: str) -> int | None:
+        """The accessor of an attribute, None if there is none."""
+        index = self.primitive.attributes.get(name)
+        if index is not None:
+            self.check_count(name, index)
+        return index
 
     def _compressed(self, name: str, types: tuple[str, ...]) -> NDArray[Any]:
         found = self.decoded[name]
@@ -91,7 +105,7 @@ def read_json(path: Path) -> tuple[dict[str, Any], bytes | None]:
             size, kind = struct.unpack("<II", data[end : end + 8])
             if kind == BINARY_CHUNK:
                 chunk = data[end + 8 : end + 8 + size]
-        data = data[20:end]
+        data = data[20:end].rstrip(b"\0")  # some exporters pad with these in place of blanks
     document = json.loads(data)
     if not isinstance(document, dict):
         raise ValueError("the JSON is not an object")

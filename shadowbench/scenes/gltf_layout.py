@@ -18,10 +18,10 @@ from shadowbench.scenes.gltf_fields import (
     index_into,
 )
 from shadowbench.scenes.gltf_motion import MOST_MORPHED, Animation, Skin
-from shadowbench.scenes.gltf_storage import Accessor, Buffer, BufferView, check_sizes
+from shadowbench.scenes.gltf_storage import MOST_ZEROS, Accessor, Buffer, BufferView, check_sizes
 from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
 
-_BASE, _GLOSSY = "pbrMetallicRoughness", ("extensions", "KHR_materials_pbrSpecularGlossiness")
+_GLOSSY = "KHR_materials_pbrSpecularGlossiness"
 DRACO = ("extensions", "KHR_draco_mesh_compression")
 
 
@@ -115,18 +115,33 @@ class TextureInfo(JsonObject):
     )
 
 
+class _Colors(JsonObject):
+    """The base or diffuse colour of a material's workflow."""
+
+    color: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = Field(
+        None, validation_alias=AliasChoices("baseColorFactor", "diffuseFactor")
+    )
+    texture: TextureInfo | None = Field(None, validation_alias=AliasChoices("baseColorTexture", "diffuseTexture"))
+
+
 class Material(JsonObject):
     """A material, as far as it says where a surface is opaque, and its colour."""
 
     alphaMode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
     alphaCutoff: Annotated[Number, Field(ge=0)] = 0.5
-    color: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = Field(
-        None, validation_alias=AliasChoices(AliasPath(_BASE, "baseColorFactor"), AliasPath(*_GLOSSY, "diffuseFactor"))
-    )
-    texture: TextureInfo | None = Field(
-        None, validation_alias=AliasChoices(AliasPath(_BASE, "baseColorTexture"), AliasPath(*_GLOSSY, "diffuseTexture"))
-    )
+    metallic: _Colors = Field(_Colors(), validation_alias="pbrMetallicRoughness")
+    glossy: _Colors | None = Field(None, validation_alias=AliasPath("extensions", _GLOSSY))
     extensions: dict[str, Any] = {}
+
+    @property
+    def color(self) -> list[float] | None:
+        """The factor of its base colour; of a material with both workflows from the extension, as it demands."""
+        return (self.glossy or self.metallic).color
+
+    @property
+    def texture(self) -> TextureInfo | None:
+        """The texture of the same workflow, which may lack it."""
+        return (self.glossy or self.metallic).texture
 
     @property
     def transmits(self) -> bool:
@@ -208,6 +223,10 @@ class Layout(JsonObject):
     @model_validator(mode="after")
     def _sizes_fit(self) -> Self:
         check_sizes(self.buffers, self.bufferViews, self.accessors)
+        packed = {index for one in self.primitives if one.draco for index in (*one.attributes.values(), one.indices)}
+        empty = [one for k, one in enumerate(self.accessors) if one.dense is None and k not in packed]
+        if (zeros := sum(one.count * one.row[1] for one in empty)) > MOST_ZEROS:
+            raise ValueError(f"its accessors without a bufferView have {zeros} numbers; allowed are {MOST_ZEROS}")
         for what, held in (("cameras", [n.camera for n in self.nodes]), ("lights", [n.light for n in self.nodes])):
             if (count := len(held) - held.count(None)) > MOST_NAMED:
                 raise ValueError(f"its nodes hold {count} {what}; allowed are at most {MOST_NAMED}")
@@ -217,16 +236,17 @@ class Layout(JsonObject):
     def _not_too_many_triangles(self) -> Self:
         """Sharing of bufferViews and meshes allows many in a small file."""
         counts = [sum(self._corners(primitive) for primitive in mesh.primitives) for mesh in self.meshes]
-        drawn, copies = 0, 0
+        drawn, copies, own = 0, 0, sum(counts)
         for node in self.nodes:
             if node.mesh is not None:
                 drawn += counts[node.mesh] * self.instance_count(node)
-                copies += len(self.meshes[node.mesh].primitives) * self.instance_count(node) if node.instances else 0
-        for corners, most, what in ((sum(counts), MOST_TRIANGLES, "meshes"), (drawn, MOST_DRAWN, "instances")):
+                copies += max(len(self.meshes[node.mesh].primitives), 1) * self.instance_count(node)
+                own += counts[node.mesh] * (node.skin is not None)
+        for corners, most, what in ((own, MOST_TRIANGLES, "meshes"), (drawn, MOST_DRAWN, "instances")):
             if corners > 3 * most:
                 raise ValueError(f"its {what} have {corners} vertices; allowed are at most {3 * most}")
         if copies > MOST_COPIES:
-            raise ValueError(f"its instances draw {copies} primitives; allowed are at most {MOST_COPIES}")
+            raise ValueError(f"its nodes draw {copies} primitives; allowed are at most {MOST_COPIES}")
         morphed = sum(self._morphed(node.mesh) for node in self.nodes if node.mesh is not None)
         if morphed > MOST_MORPHED:
             raise ValueError(f"its morph targets move {morphed} vertices; allowed are at most {MOST_MORPHED}")

@@ -37,8 +37,8 @@ class Materials:
         self._data, self._path, self._all_coordinates = data, path, coordinates
         self._cutouts: dict[int, Cutout] = {}
         self._textures: dict[tuple[object, ...], Texture] = {}
-        self._alphas: dict[int, NDArray[np.uint8]] = {}
-        self._contents: dict[int, bytes] = {}
+        self._masks: dict[object, Cutout] = {}
+        self._contents: dict[object, bytes] = {}
         self._blended: set[int] = set()
         self._left_out = 0
         self._told: set[str] = set()
@@ -87,28 +87,30 @@ class Materials:
         if number not in self._cutouts:
             cutoff = BLEND_CUTOFF if material.alphaMode == "BLEND" else material.alphaCutoff
             factor = 1.0 if material.color is None or len(material.color) < 4 else min(max(material.color[3], 0.0), 1.0)
-            cutout = Cutout(OPAQUE, factor, cutoff)
+            cutout = Cutout(OPAQUE)
             if (image := self._image(material, "alpha not read, taken as 1")) is not None:
                 nearest, wrap = self._sampling(material)
-                cutout = replace(cutout, alpha=self._alphas_of(image), nearest=nearest, wrap=wrap)
-            self._cutouts[number] = cutout
+                cutout = replace(self._mask(image), nearest=nearest, wrap=wrap)
+            self._cutouts[number] = replace(cutout, factor=factor, cutoff=cutoff)
         return self._cutouts[number]
 
     def _texture(self, material: Material) -> Texture | None:
         """The texture of a material's base colour, made once; None, with a note, for one that cannot be read."""
         if (image := self._image(material, _NOT_DRAWN)) is None:
             return None
-        where = f"{self._data.where}: images {image + 1}"
-        try:
-            content = self._content(image)
-        except InputError as error:
-            self._told.add(f"{error}: {_NOT_DRAWN}")
-            return None
-        if sum(map(len, self._contents.values())) > MOST_BYTES:
-            self._told.add(f"{where}: above {MOST_BYTES >> 20} MiB of images: {_NOT_DRAWN}")
-            return None
+        where, source = f"{self._data.where}: images {image + 1}", self._source(image)
+        if source not in self._contents:
+            try:
+                content = self._content(image)
+                if sum(map(len, self._contents.values())) + len(content) > MOST_BYTES:
+                    raise InputError(f"{where}: above {MOST_BYTES >> 20} MiB of images")
+            except InputError as error:
+                self._told.add(f"{error}: {_NOT_DRAWN}")
+                return None
+            self._contents[source] = content
         wrap, opaque = self._sampling(material)[1], material.alphaMode == "OPAQUE"
-        return self._textures.setdefault((image, *wrap, opaque), Texture(content, where, wrap, opaque))
+        texture = Texture(self._contents[source], where, wrap, opaque)
+        return self._textures.setdefault((source, *wrap, opaque), texture)
 
     def _image(self, material: Material, lost: str) -> int | None:
         """The number of the image of a material's base colour; None without one, with a note if it is not read."""
@@ -127,27 +129,33 @@ class Materials:
         sampler = self._data.layout.samplers[number]
         return sampler.magFilter == _NEAREST, (_WRAPS[sampler.wrapS], _WRAPS[sampler.wrapT])
 
-    def _alphas_of(self, number: int) -> NDArray[np.uint8]:
-        """(H, W) alphas of an image, read once."""
-        if number not in self._alphas:
+    def _mask(self, number: int) -> Cutout:
+        """A cut-out by the alphas of an image, decoded once."""
+        source = self._source(number)
+        if source not in self._masks:
             where = f"{self._data.where}: images {number + 1}"
-            self._alphas[number] = np.ascontiguousarray(read_image(self._content(number), where)[..., 3])
-            if (total := sum(alpha.size for alpha in self._alphas.values())) > MOST_MASKED:
+            self._masks[source] = Cutout(np.ascontiguousarray(read_image(self._content(number), where)[..., 3]))
+            if (total := sum(mask.alpha.size for mask in self._masks.values())) > MOST_MASKED:
                 raise InputError(f"{where}: {total} texels of masks by now; a file may have {MOST_MASKED}")
-        return self._alphas[number]
+        return self._masks[source]
+
+    def _source(self, number: int) -> object:
+        """Where the bytes of an image are, which several images may share."""
+        image = self._data.layout.images[number]
+        if image.bufferView is None:
+            return image.uri
+        view = self._data.layout.bufferViews[image.bufferView]
+        return view.buffer, view.byteOffset, view.end
 
     def _content(self, number: int) -> bytes:
-        """The bytes of an image, read once."""
-        if number not in self._contents:
-            image, where = self._data.layout.images[number], f"{self._data.where}: images {number + 1}"
-            if image.bufferView is not None:
-                view = self._data.layout.bufferViews[image.bufferView]
-                self._contents[number] = self._data.buffers[view.buffer][view.byteOffset : view.end]
-            elif image.uri is not None:
-                self._contents[number] = read_uri(image.uri, self._path, where)
-            else:
-                raise InputError(f"{where}: found neither uri nor bufferView; one is needed")
-        return self._contents[number]
+        """The bytes of an image. Raises InputError."""
+        image, where = self._data.layout.images[number], f"{self._data.where}: images {number + 1}"
+        if image.bufferView is not None:
+            view = self._data.layout.bufferViews[image.bufferView]
+            return self._data.buffers[view.buffer][view.byteOffset : view.end]
+        if image.uri is None:
+            raise InputError(f"{where}: found neither uri nor bufferView; one is needed")
+        return read_uri(image.uri, self._path, where)
 
     @staticmethod
     def _of_vertices(primitive: TrianglePrimitive) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:

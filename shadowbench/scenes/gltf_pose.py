@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import MOST_TRIANGLES, Triangles, triangles_of
-from shadowbench.scenes.gltf_accessors import Data, floats_of
+from shadowbench.scenes.gltf_accessors import Data, as_floats, floats_of, stored
 from shadowbench.scenes.gltf_animation import Pose
 from shadowbench.scenes.gltf_bytes import TrianglePrimitive
 from shadowbench.scenes.gltf_motion import Skin
@@ -74,7 +74,6 @@ class Poser:
         if blend is not None:
             positions, matrix = skinned(positions, blend.matrices)
             if normals is not None:
-                _same_count(primitive, "NORMAL", len(normals), len(positions))
                 normals = np.einsum("vij,vj->vi", normal_matrices(blend.matrices[:, :, :3]), normals) @ matrix[:3, :3]
             self._uneven += blend.uneven
         triangles = triangles_of(positions, primitive.faces, self._data.where)
@@ -101,7 +100,7 @@ class Blend(NamedTuple):
 
 
 def corner_normals(primitive: TrianglePrimitive, normals: Floats | None) -> Singles | None:
-    """(F, 3, 3) unit normals of (V, 3) ones; None for None. Raises InputError if there are too few."""
+    """(F, 3, 3) unit normals of (V, 3) ones; None for None."""
     return None if normals is None else primitive.by_corner(unit_normals(normals))
 
 
@@ -114,9 +113,8 @@ def morphed(primitive: TrianglePrimitive, name: str, weights: Sequence[float] | 
     for weight, target in zip(weights, primitive.primitive.targets, strict=False):
         if values is None or weight == 0.0 or name not in target:
             continue
-        moves = floats_of(primitive.data, target[name], "VEC3")
-        _same_count(primitive, f"a morph target's {name}", len(moves), len(values))
-        values = values + weight * moves
+        primitive.check_count(f"a morph target's {name}", target[name])
+        values = values + weight * floats_of(primitive.data, target[name], "VEC3")
     return values
 
 
@@ -157,7 +155,8 @@ def joint_matrices(data: Data, skin: Skin, worlds: Mapping[int, Floats]) -> Floa
     matrices = np.array([worlds[joint] for joint in skin.joints])
     if skin.inverseBindMatrices is None:
         return matrices
-    inverse = floats_of(data, skin.inverseBindMatrices, "MAT4")[: len(skin.joints)]
+    index, accessor = skin.inverseBindMatrices, data.layout.accessors[skin.inverseBindMatrices]
+    inverse = as_floats(stored(data, index, "MAT4", rows=slice(len(skin.joints))), accessor)
     if len(inverse) < len(skin.joints):
         raise InputError(
             f"{data.where}: a skin has {len(skin.joints)} joints, and {len(inverse)} inverse bind matrices"
@@ -179,8 +178,6 @@ def _influences(primitive: TrianglePrimitive, joints: int) -> tuple[NDArray[np.i
         number, weight = primitive.integers(f"JOINTS_{each}", "VEC4"), primitive.floats(f"WEIGHTS_{each}", "VEC4")
         if number is None or weight is None:
             raise InputError(f"{where}: a primitive has JOINTS_{each} without WEIGHTS_{each}")
-        for name, count in ((f"JOINTS_{each}", len(number)), (f"WEIGHTS_{each}", len(weight))):
-            _same_count(primitive, name, count, len(primitive.positions))
         numbers.append(number.astype(np.int32))
         weights.append(weight)
     number, weight = np.hstack(numbers), np.hstack(weights)
@@ -190,10 +187,3 @@ def _influences(primitive: TrianglePrimitive, joints: int) -> tuple[NDArray[np.i
     if number.max(initial=0) >= joints:
         raise InputError(f"{where}: a vertex has joint {number.max()}; its skin has {joints}, counted from 0")
     return number, weight
-
-
-def _same_count(primitive: TrianglePrimitive, name: str, found: int, needed: int) -> None:
-    if found != needed:
-        raise InputError(
-            f"{primitive.data.where}: {name} has {found} elements; allowed: {needed}, one for each POSITION"
-        )

@@ -6,13 +6,14 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 import numpy as np
 from pydantic import AliasChoices, AliasPath, Field, model_validator
 
-from shadowbench.scenes.geometry import MOST_TRIANGLES
-from shadowbench.scenes.gltf_fields import Count, JsonObject, ViewIndex, index_into
+from shadowbench.scenes.gltf_fields import Count, JsonObject, Number, ViewIndex, index_into
 
 DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by componentType
 NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # of components, by type
 MOST_DECOMPRESSED = 2 << 30
 """Limit on the bytes of a file's compressed bufferViews, once decompressed."""
+MOST_ZEROS = 1 << 26
+"""Limit on the numbers of a file's accessors without a bufferView, which are zero but for the sparse ones."""
 DENSEST = 1024
 """Most bytes that a byte of meshopt's streams stands for: a control byte for 256 elements of 4 bytes, appendix A of
 KHR_meshopt_compression."""
@@ -56,6 +57,8 @@ class Accessor(JsonObject):
     componentType: Literal[5120, 5121, 5122, 5123, 5125, 5126]
     type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
     normalized: bool = Field(False, strict=True)
+    min: list[Number] | None = None
+    max: list[Number] | None = None
     sparse: _Sparse | None = None
 
     @property
@@ -156,12 +159,12 @@ def check_sizes(buffers: list[Buffer], views: list[BufferView], accessors: list[
         for part in (accessor.dense, *(accessor.replaced or ())):
             if part is not None:
                 _check_range(part, views[part.bufferView], f"accessors {k}")
-        if accessor.dense is None and accessor.count > 3 * MOST_TRIANGLES:
-            raise ValueError(f"accessors {k}: {accessor.count} zeros; allowed are at most {3 * MOST_TRIANGLES}")
 
 
 def _check_range(part: Range, view: BufferView, where: str) -> None:
     row = part.dtype.itemsize * part.numbers
+    if view.byteStride is not None and view.byteStride < row and part.length > 1:
+        raise ValueError(f"{where}: elements of {row} bytes overlap at a byteStride of {view.byteStride}")
     end = part.byteOffset + (part.length and (part.length - 1) * (view.byteStride or row) + row)
     if end > view.byteLength:
         raise ValueError(f"{where}: {part.length} elements end at byte {end} of a bufferView of {view.byteLength}")

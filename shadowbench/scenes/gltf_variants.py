@@ -1,6 +1,6 @@
 """Variants of a glTF's materials by name: KHR_materials_variants."""
 
-from shadowbench.errors import InputError, alternatives
+from shadowbench.errors import NotInFile, alternatives
 from shadowbench.scenes.gltf_layout import Layout, Primitive
 
 
@@ -13,7 +13,7 @@ def with_variant(layout: Layout, name: str | None, where: str) -> Layout:
         return layout
     names = [each.name for each in layout.variants]
     if name not in names:
-        raise InputError(
+        raise NotInFile(
             f"{where}: variant: found {name!r:.60}{alternatives(name, names, none='no variant, as the file has none')}"
         )
     number = names.index(name)

@@ -23,8 +23,17 @@ def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
     Raises InputError that begins with `where` for data that are no image of FORMATS, or more than MOST_TEXELS.
     """
     with opened_image(data, where) as image:
-        texels: NDArray[np.uint8] = np.asarray(image.convert("RGBA"))
+        texels: NDArray[np.uint8] = np.asarray(_of_bytes(image).convert("RGBA"))
     return texels
+
+
+def _of_bytes(image: Image.Image) -> Image.Image:
+    """An image in grey of 16 bits as one of 8 with alpha, as Pillow would clip it; any other unchanged."""
+    if not image.mode.startswith("I"):
+        return image
+    grey, clear = np.asarray(image), image.info.get("transparency")  # of a PNG, the grey that is transparent
+    bytes_of = [grey // 257, 255 * (grey != clear)]
+    return Image.merge("LA", [Image.fromarray(values.astype(np.uint8)) for values in bytes_of])
 
 
 def mask_of(texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -42,7 +51,7 @@ def read_square(data: bytes, where: str, side: int, opaque: bool) -> NDArray[np.
     """
     with opened_image(data, where) as image:
         image.draft("RGB", (side, side))  # a JPEG is decoded at a size near the one that is asked for
-        resized = image.convert("RGB" if opaque else "RGBA").resize((side, side), Image.Resampling.BOX)
+        resized = _of_bytes(image).convert("RGB" if opaque else "RGBA").resize((side, side), Image.Resampling.BOX)
         texels: NDArray[np.uint8] = np.asarray(resized.convert("RGBA").convert("RGBa"))
     return texels
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shadowbench.errors import InputError, alternatives
+from shadowbench.errors import InputError, NotInFile, alternatives
 from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
 from shadowbench.scenes.contents import BY_DEFAULT, Chosen
@@ -36,7 +36,7 @@ def load_scene(
     if up is not None:
         _check_up(up, text)
     if chosen != BY_DEFAULT and Path(text).suffix.lower() not in GLTF_SUFFIXES:
-        raise InputError(
+        raise NotInFile(
             f"--time, --clip, --variant: {text:.200} is no glTF file; allowed for {' and '.join(GLTF_SUFFIXES)}; a "
             "scene file has time, clip and variant in its [[mesh]] tables"
         )

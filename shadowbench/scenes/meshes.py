@@ -65,6 +65,9 @@ def _polygonal(path: Path, where: str, coordinates: bool) -> Contents:
     """The named objects of an OBJ, PLY, STL or OFF file, and notes on what was left out."""
     suffix, data = path.suffix.lower(), path.read_bytes()
     polygons = read_obj(data, where, path.parent, coordinates) if suffix == ".obj" else READERS[suffix](data, where)
+    if not len(polygons.counts) and len(polygons.vertices):
+        found = f"holds {len(polygons.vertices)} points, and no triangles"
+        raise InputError(f"{where}: {found}; at least one is needed")
     checked(polygons.vertices, where)
     corners, polygon, notes = triangulated(polygons, where)
     faces = polygons.corners[corners]

@@ -207,10 +207,15 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
 
 
 def view_digest(view: View) -> str:
-    """Hex digest of a view's geometry, camera, light and size, without names."""
+    """Hex digest of a view's geometry, camera, light and size, without names.
+
+    Its geometry is one list of triangles; where its meshes end, and which are flat, decides what is culled, what is
+    closed and which facets darken.
+    """
     camera, light = view.camera, view.light
     parts = (
         view.scene.geometry.digest(),
+        [(len(mesh.points), len(mesh.faces), mesh.normals is None) for mesh in view.scene.meshes],
         (camera.position, camera.target, camera.up, camera.fov_y, camera.near, camera.far),
         (light.kind, light.direction, light.position, light.angle, light.radius, light.size, light.up),
         view.size,

@@ -3,6 +3,7 @@
 Groups do not split meshes. Not read by trimesh, which truncates damaged files.
 """
 
+import re
 from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
@@ -20,6 +21,12 @@ from shadowbench.scenes.tables import MOST_COPIES
 NO_SHAPE = {"vp", "g", "s", "mg", "mtllib", "usemtl", "o"}
 """Statements that do not affect the shape, or are handled elsewhere, besides v, vn, vt and f."""
 
+NAME_ENDS = re.compile(
+    rb"^[ \t]*(?:usemtl|mtllib|g|o)[ \t][^\n]*\\(?=\n[ \t]*(?:[fglops]|v[npt]?|usemtl|mtllib)[ \t])",
+    re.MULTILINE | re.IGNORECASE,
+)
+"""A name that ends with a backslash, as of a folder of Windows, where another statement begins the next line."""
+
 
 def read_obj(data: bytes, where: str, folder: Path, coordinates: bool = False) -> Polygons:
     """The faces of an OBJ file, of which those are left out whose material is opaque nowhere.
@@ -29,8 +36,9 @@ def read_obj(data: bytes, where: str, folder: Path, coordinates: bool = False) -
     note says so.
     """
     raw = with_newlines(data)
-    # Joining continued lines keeps byte offsets; the last line may end with a backslash.
-    lines = lines_of(without_comments(raw).replace(b"\\\n", b"  ") + b"\n", where, raw)
+    # Joining continued lines keeps byte offsets; the last line may end with a backslash, as may a name.
+    text = NAME_ENDS.sub(lambda name: name[0][:-1] + b" ", without_comments(raw))
+    lines = lines_of(text.replace(b"\\\n", b"  ") + b"\n", where, raw)
     is_a = {keyword: lines.begin_with(keyword) for keyword in ("v", "f", "o", "vn", "vt")}
     vertex_lines, face_lines = lines.select(is_a["v"], skip=1), lines.select(is_a["f"], skip=1)
     vertices = numbers(vertex_lines)

@@ -14,7 +14,7 @@ from shadowbench.scenes.polygons import Integers, Polygons, gather
 from shadowbench.scenes.tables import MOST_COPIES
 from shadowbench.scenes.vectors import Floats
 
-KIND = re.compile(rb"\s*(?:ST)?C?N?OFF(?=\s)")
+KIND = re.compile(rb"\s*(?:ST)?C?N?OFF(?=[\s\d])")  # in ModelNet40 the counts follow without a blank
 COUNTS = re.compile(r"(\d{1,18})\s+(\d{1,18})(\s+\d+)?\s*")
 HEADER, TRIANGLE = 84, 50  # bytes
 KEYWORDS = ("solid", "endsolid", "facet", "endfacet", "outer", "endloop", "vertex")

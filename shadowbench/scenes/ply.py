@@ -17,6 +17,7 @@ from shadowbench.scenes.geometry import check_indices
 from shadowbench.scenes.lines import Lines, lines_of, numbers, with_newlines
 from shadowbench.scenes.normals import unit_normals
 from shadowbench.scenes.polygons import Integers, Polygons, gather
+from shadowbench.scenes.strips import strip_faces
 
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -73,7 +74,7 @@ def read_ply(data: bytes, where: str) -> Polygons:
             columns[element.name], at = _binary_rows(element, body, at, order, where)
     beyond = (len(body) if lines is None else len(lines.starts)) - at
     notes = [f"{where}: {beyond} {'bytes' if lines is None else 'lines'} after its last row left out"] if beyond else []
-    others = [f"{e.rows} {e.name:.20}" for e in elements if e.name not in ("vertex", "face") and e.rows]
+    others = [f"{e.rows} {e.name:.20}" for e in elements if e.name not in ("vertex", "face", "tristrips") and e.rows]
     if others:
         notes.append(f"{where}: rows left out that are no faces: {', '.join(others[:5])}{', ...' * (len(others) > 5)}")
     return _polygons(elements, columns, notes, where)
@@ -81,18 +82,21 @@ def read_ply(data: bytes, where: str) -> Polygons:
 
 def _polygons(elements: list[Element], columns: dict[str, dict[str, Column]], notes: list[str], where: str) -> Polygons:
     rows = {element.name: element.rows for element in elements}
-    if rows.get("tristrips"):
-        raise InputError(f"{where}: triangle strips in a PLY cannot be read; save it with faces")
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
+    splats = next((name for name in ("packed_position", "f_dc_0") if name in vertex), None)
+    if splats and not rows.get("face"):
+        raise InputError(f"{where}: holds {rows['vertex']} Gaussian splats, and no triangles; at least one is needed")
     if any(axis not in vertex or vertex[axis].counts is not None for axis in "xyz"):
         raise InputError(f"{where}: element vertex: the properties x, y and z are needed, a number each")
     vertices = np.stack([vertex[axis].values for axis in "xyz"], axis=1, dtype=np.float64)
     lists = [face[name] for name in (*INDICES, *face) if name in face and face[name].counts is not None]
     if not lists and rows.get("face"):
         raise InputError(f"{where}: element face: found no list; {INDICES[0]} is needed")
-    none = np.zeros(0, dtype=np.int64)
-    values, counts = lists[0] if lists else Column(none, None)
-    counts = none if counts is None else counts
+    strips = _strips(columns.get("tristrips", {}))
+    values = np.concatenate([strips.ravel(), *(column.values for column in lists[:1])])
+    counts = np.concatenate(
+        [np.full(len(strips), 3), *(column.counts for column in lists[:1] if column.counts is not None)]
+    )
     corners = check_indices(values, len(vertices), where)
     normals = None
     if all(axis in vertex and vertex[axis].counts is None for axis in NORMAL):
@@ -104,6 +108,15 @@ def _polygons(elements: list[Element], columns: dict[str, dict[str, Column]], no
             coordinates = np.nan_to_num(places, posinf=0.0, neginf=0.0).astype(np.float32)[corners]
     owners = np.zeros(len(counts), dtype=np.int64)
     return Polygons(vertices, corners, counts, owners, (None,), notes, normals, coordinates)
+
+
+def _strips(columns: dict[str, Column]) -> Integers:
+    """(F, 3) triangles of an element tristrips, in whose lists −1 begins another strip, as each list does."""
+    for column in columns.values():
+        if column.counts is not None:
+            ends = np.cumsum(column.counts)
+            return strip_faces(np.insert(column.values.astype(np.int64), ends[:-1], -1), restart=-1)
+    return np.zeros((0, 3), dtype=np.int64)
 
 
 def _header(text: str, where: str) -> tuple[Order, list[Element]]:

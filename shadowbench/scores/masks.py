@@ -43,12 +43,12 @@ def write_mask(path: str | Path, visibility: ArrayLike) -> None:
 
 
 def read_mask(path: str | Path) -> NDArray[np.float32]:
-    """Read visibility (H, W) float32 in [0, 1] from a linear grey PNG of 8 or 16 bits, full = lit, row 0 at the top.
+    """Read visibility (H, W) float32 in [0, 1] from a linear grey PNG of 1 to 16 bits, full = lit, row 0 at the top.
 
-    Or from one of 8 bits in colour whose channels are equal. A mask of `write_mask` is restored bit for bit. Raises
-    InputError for any other file.
+    Or from one with a palette or of 8 bits in colour, if all is opaque grey. A mask of `write_mask` is restored bit
+    for bit. Raises InputError for any other file.
     """
-    allowed = "allowed: a grey PNG of 8 or 16 bits, or one of 8 in colour whose channels are equal"
+    allowed = "allowed: an opaque grey PNG of 1, 8 or 16 bits, or one of 8 in colour or with a palette, all of it grey"
     with open_png(path, allowed) as image:
         grey = _grey(image)
         if grey.mode not in _FULL_SCALE:
@@ -74,13 +74,13 @@ def open_png(path: str | Path, allowed: str) -> Iterator[ImageFile.ImageFile]:
 
 
 def _grey(image: ImageFile.ImageFile) -> Image.Image:
-    """One channel of an RGB image of 8 bits with equal channels, or of an opaque RGBA one; any other image unchanged.
+    """One channel of an opaque image of up to 8 bits whose channels are equal; any other image unchanged.
 
     Of 16 bits in colour Pillow would read the high bytes only.
     """
-    if image.mode not in ("RGB", "RGBA") or "16" in str(image.tile[0][3]):
+    if image.mode not in ("1", "LA", "P", "RGB", "RGBA") or "16" in str(image.tile[0][3]):
         return image
-    red, green, blue, *alpha = image.split()
+    red, green, blue, *alpha = image.convert("RGBA").split()
     opaque = all(one.getextrema() == (255, 255) for one in alpha)
     same = all(np.array_equal(np.asarray(one), np.asarray(red)) for one in (green, blue))
     return red if same and opaque else image

@@ -5,7 +5,7 @@ in `list` and in the documentation. The truth of a soft shadow is sampled: its m
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,8 @@ from shadowbench.scores.prepared import PENUMBRA, PreparedTruth
 from shadowbench.scores.sums import Mask, Single, mean, mean_of, overlap, ratio, share, total_of
 
 FLAT_STEP = 0.1  # share of the truth's step, and of the mask's own nearby, below which a mask is flat
+KINDS_OF_ERROR = ("acne", "leak", "contact")
+LEADING = 0.01  # least share of its region of a kind of error that is named first
 NEARBY_PX = 8  # along rows and columns, how far a flat step may be from the edge to the next
 
 
@@ -297,3 +299,14 @@ def is_soft(metrics: Mapping[str, Any]) -> bool:
 def ranking(soft: bool) -> Metric:
     """The metric that ranks hard shadows, or soft ones."""
     return METRICS["rmse" if soft else "iou"]
+
+
+def leading_error(metrics: Mapping[str, Any], among: Collection[str] = KINDS_OF_ERROR) -> str | None:
+    """The metric of the kind of error of hard shadows that takes the largest share of its region; None below 1%.
+
+    It is named before metrics of the whole mask, which follow from it: the edges of acne count in edge_px too. among:
+    the metrics to choose from.
+    """
+    kinds = () if is_soft(metrics) else [name for name in KINDS_OF_ERROR if name in among]
+    shares = {name: share for name in kinds if (share := metrics.get(name) or 0.0) >= LEADING}
+    return max(shares, key=lambda name: shares[name], default=None)

@@ -6,6 +6,7 @@ visibilities of 0.1 and 0.9, after isotonic smoothing by the mean of running max
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from shadowbench.scores.masks import LEVELS
 from shadowbench.scores.sums import Floats, Mask, Single
 
 Indices = NDArray[np.intp]
+FloatType = TypeVar("FloatType", bound=np.floating)
 
 SMOOTHING = 1.5  # px, σ of the Gaussian over which the direction of a gradient is found
 SEGMENT = 3  # px along the isoline to either side
@@ -28,6 +30,7 @@ WIDE_PX = 4.0  # px, narrowest penumbra that hardening is judged by
 RANGE = 3.0  # least ratio of the 90th and the 10th percentile of the widths for hardening
 ERRORS = 4.0  # standard errors by which the truth may fall towards the light
 FLATNESS = 1e-3  # distance from the plane as a share of that along it
+ON_GRID = 1e-4  # px, distance from a row or column of pixels up to which a point is on it, and so reads no other
 
 
 def smooth_gradient(visibility: Single, valid: Mask) -> Single:
@@ -133,11 +136,12 @@ def crossings(
 
     reach = max(1, max(visibility.shape) // REACH)
     steps = np.arange(-reach, reach + 1)
-    lines = (starts[..., np.newaxis] + steps * direction[..., np.newaxis]).astype(np.float32)
-    away = np.stack([_sampled(positions[..., axis], lines) for axis in range(3)], axis=-1)
+    points = (starts[..., np.newaxis] + steps * direction[..., np.newaxis]).astype(np.float32)
+    lines = np.where(np.abs(points - np.round(points)) <= ON_GRID, np.round(points), points)
+    away = np.stack([_sampled(positions[..., axis], points) for axis in range(3)], axis=-1)
     away -= positions[tuple(starts)][:, np.newaxis]
     distance = np.linalg.norm(away, axis=-1)
-    usable = _sampled(valid.astype(np.float32), lines) > 1 - 1e-4
+    usable = _sampled(valid.astype(np.float64), lines) > 1 - ON_GRID**2 / 2  # no other pixel has any weight
     usable &= np.abs(np.einsum("ckx,cx->ck", away, normal)) <= FLATNESS * distance
     truth = _sampled(visibility, lines)
     slack = ERRORS * _sampled(standard_error, lines) + 1 / LEVELS
@@ -221,9 +225,9 @@ def _place(rising: Single, level: float, first: Indices, last: Indices, along: S
     return before + share * (after - before), metres
 
 
-def _sampled(values: NDArray[np.floating], lines: Single) -> Single:
+def _sampled(values: NDArray[FloatType], lines: Single) -> NDArray[FloatType]:
     """(C, K) bilinear samples at (2, C, K) rows and columns, 0 outside the image."""
     from scipy import ndimage  # the import takes 0.2 s, and hard shadows do not need it
 
-    sampled: Single = ndimage.map_coordinates(values, lines, order=1, mode="constant")
+    sampled: NDArray[FloatType] = ndimage.map_coordinates(values, lines, order=1, mode="constant")
     return sampled

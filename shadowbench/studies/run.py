@@ -5,6 +5,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -101,29 +102,32 @@ def measure(study: Study, campaigns: Sequence[Campaign], part: Part = WHOLE) -> 
     part.announce(blocks, campaigns[0].reporter)
     keys: dict[str, None] = {}
     notes: dict[str, None] = {}
-    for campaign in campaigns:
-        check_sizes(study, campaign.drawer.info)
-        timed = blocks if campaign is campaigns[-1] else [replace(block, rounds=0) for block in blocks]
-        for kind, text in _measured(study, timed, campaign):
-            if kind == "key":
-                keys[text] = None
-            elif text not in notes:  # phases may say the same
-                notes[text] = None
-                campaign.reporter.note(text)
-        failures += campaign.failures
-    from shadowbench.results.folder import write_cells
+    with ExitStack() as folder:
+        for campaign in campaigns:
+            folder.close()  # of the campaign before
+            check_sizes(study, campaign.drawer.info)
+            timed = blocks if campaign is campaigns[-1] else [replace(block, rounds=0) for block in blocks]
+            for kind, text in _measured(study, timed, campaign, folder):
+                if kind == "key":
+                    keys[text] = None
+                elif text not in notes:  # phases may say the same
+                    notes[text] = None
+                    campaign.reporter.note(text)
+            failures += campaign.failures
+        from shadowbench.results.folder import write_cells
 
-    positions = study.sweep_positions
-    campaign.finish(study.facts, list(notes), keys)
-    run = write_cells(campaign.folder, positions)
+        positions = study.sweep_positions
+        campaign.finish(study.facts, list(notes), keys)
+        run = write_cells(campaign.folder, positions)
     return StudyResult(study, run, positions, campaign.drawer.info, tuple(dict.fromkeys(failures)))
 
 
 def _measured(
-    study: Study, blocks: Sequence[Block], campaign: Campaign
+    study: Study, blocks: Sequence[Block], campaign: Campaign, folder: ExitStack
 ) -> Iterator[tuple[Literal["key", "note"], str]]:
     """The keys of all cells of the blocks, measured now or before, and what is noted about them.
 
+    folder: holds the campaign's folder locked, from before anything is written until the table is.
     Raises InputError before anything is written, ShadowbenchError if nothing is left of a campaign that keeps going.
     """
     yield from (("note", line) for line in _notes(study, blocks))
@@ -135,15 +139,15 @@ def _measured(
         if shows != "with edges":
             everything = "nothing is in shadow" if shows == "lit" else "everything is in shadow"
             yield "note", f"{block.view.name}: {everything}, so most metrics are undefined or trivial"
-    with campaign:
-        _announce(study, [block for block, _ in traced], campaign)
-        some = False
-        for (block, shows), found in zip(traced, campaign.measure(block for block, _ in traced), strict=True):
-            for result in found:
-                some = True
-                yield "key", result.score["key"]
-                if shows == "with edges" and (line := _uniform_mask(result)):
-                    yield "note", f"{block.view.name}: {line}"
+    folder.enter_context(campaign)
+    _announce(study, [block for block, _ in traced], campaign)
+    some = False
+    for (block, shows), found in zip(traced, campaign.measure(block for block, _ in traced), strict=True):
+        for result in found:
+            some = True
+            yield "key", result.score["key"]
+            if shows == "with edges" and (line := _uniform_mask(result)):
+                yield "note", f"{block.view.name}: {line}"
     if blocks and not some:
         raise _nothing("was measured", campaign.failures)
 
@@ -161,10 +165,12 @@ def _announce(study: Study, blocks: Sequence[Block], campaign: Campaign) -> None
     """Begin the stage of the cells, after a note if they take long."""
     cells = [(block, cell) for block in blocks for cell in block.cells]
     missing = [cell for block in blocks for cell in campaign.unscored(block)]
+    timed = sum(block.times(cell) for block, cell in cells)
     if (seconds := sum(_seconds(study, cell) for cell in missing)) >= _LONG_S:
         rough = f"about {duration(seconds)} on two cores without a GPU"
-        campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to measure: {rough}")
-    campaign.reporter.stage("cells", len(cells) + sum(block.times(cell) for block, cell in cells))
+        also = f" and {timed} to time" if timed else ""
+        campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to draw{also}: {rough}")
+    campaign.reporter.stage("cells", len(cells) + timed, timed=timed)
 
 
 def _nothing(what: str, failures: Sequence[Failure]) -> ShadowbenchError:

@@ -101,14 +101,14 @@ def stress(
     with campaign:
         measured = campaign.measure(block_at(specs, point) for point in points)
         rows = [result.score for found in measured for result in found]
-    if not rows and campaign.failures:
-        first = campaign.failures[0]
-        raise ShadowbenchError(f"no cell was measured: {first.where}: {first.reason}")
-    ranges = operating_ranges(axes, rows)
-    write_table(campaign.folder / "ranges.csv", [ranges_frame(ranges)])
-    study = Study.of([axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0)
-    campaign.finish(study.facts, [], [row["key"] for row in rows])
-    empty = not campaign.store.scores and part != WHOLE
-    shown = () if empty else read_folders([campaign.folder])[1][0].rows
-    write_table(campaign.folder / "table.csv", [points_frame(shown)])
+        if not rows and campaign.failures:
+            first = campaign.failures[0]
+            raise ShadowbenchError(f"no cell was measured: {first.where}: {first.reason}")
+        ranges = operating_ranges(axes, rows)
+        write_table(campaign.folder / "ranges.csv", [ranges_frame(ranges)])
+        study = Study.of([axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0)
+        campaign.finish(study.facts, [], [row["key"] for row in rows])
+        empty = not campaign.store.scores and part != WHOLE
+        shown = () if empty else read_folders([campaign.folder])[1][0].rows
+        write_table(campaign.folder / "table.csv", [points_frame(shown)])
     return StressResult(tuple(rows), tuple(ranges), tuple(dict.fromkeys(campaign.failures)))

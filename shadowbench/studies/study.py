@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Field, InstanceOf, ValidationError
 
-from shadowbench.errors import InputError, alternatives
+from shadowbench.errors import InputError, NotInFile, alternatives
 from shadowbench.files import data_folder
 from shadowbench.measure.cells import DEFAULT_REFERENCE, Block, Cell, Step, reference_name
 from shadowbench.measure.drawer import Limits
@@ -150,8 +150,7 @@ class Study(SceneFields):
     def blocks(self) -> Iterator[Block]:
         """All blocks, scene by scene. Raises InputError for a scene that cannot be read."""
         files: dict[str, str | Scene] = {}
-        for source in dict.fromkeys(self.scenes):
-            scene = opened(source, self.scene_options())
+        for source, scene in self._opened():
             first = files.setdefault(scene.name, source)
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
@@ -159,6 +158,28 @@ class Study(SceneFields):
             cameras = _chosen(self.views, scene.cameras, scene.cameras[:1], f"views of {scene.name}")
             for camera, light in itertools.product(cameras, self.lights_of(scene)):
                 yield self.block(view_of(scene, camera, light, self.view_size))
+
+    def _opened(self) -> Iterator[tuple[str | Scene, Scene]]:
+        """The scenes; time, clip and variant are of those that have them, and a note says which do not.
+
+        Raises InputError, also if none has them.
+        """
+        sources, options = list(dict.fromkeys(self.scenes)), self.scene_options()
+        plain = replace(options, time=None, clip=None, variant=None)
+        if plain == options or len(sources) < 2:
+            yield from ((source, opened(source, options)) for source in sources)
+            return
+        scenes, lacking = [], []
+        for source in sources:
+            try:
+                scenes.append(opened(source, options))
+            except NotInFile as error:
+                scene = opened(source, plain)
+                scenes.append(replace(scene, notes=(*scene.notes, f"{error}; {scene.name} is taken without")))
+                lacking.append(error)
+        if len(lacking) == len(sources):
+            raise lacking[0]
+        yield from zip(sources, scenes, strict=True)
 
     def block(self, view: View) -> Block:
         """The block of a view, with all cells."""

@@ -41,6 +41,29 @@ def explanations_of(needs: Needs) -> tuple[Explanation, ...]:
     return tuple(Explanation(*row) for row in _rows(needs))
 
 
+def verdict_of(needs: Needs) -> str:
+    """What a view needs, in a line, with the numbers of its rows."""
+    edges, cascades = needs.texels.edge_size, needs.cascades
+    if edges is None:
+        shadow = "all that is seen is in shadow" if needs.receivers.shadowed.value else "no shadow is seen"
+        return f"{shadow}, and no edge, so that any map size does"
+    shape, sparing = "a cube map with faces" if needs.texels.faces > 1 else "one map", ""
+    needed = f"{shape} of {edges.value:.0f}²"
+    if cascades and cascades.worthwhile:
+        needed = f"{cascades.best} cascades of {cascades.edge_size[cascades.best]:.0f}²"
+        sparing = f" in place of one map of {edges.value:.0f}²"
+    elif cascades:
+        sparing = ", cascades for shadows elsewhere in view" if cascades.worthwhile_elsewhere else ", no cascades"
+    parts = [needed + sparing]
+    if needs.bits:
+        parts.append(f"{needs.bits.bits} bits of depth" if needs.bits.bits else "more depth than any format has")
+    if needs.bias:
+        parts.append(f"a bias of {needs.bias.needed.value:.3g} m at {REFERENCE_SIZE}²")
+    if needs.penumbra:
+        parts.append("hard shadows suffice" if needs.penumbra.hard_is_enough else "hard shadows are too sharp")
+    return ", ".join(parts)
+
+
 def _rows(needs: Needs) -> Iterator[Row]:
     yield "light", needs.light, _LIGHTS[needs.light]
     yield "receivers", f"{_share(needs.receivers.planar)} on planes", _receivers(needs.receivers)
@@ -49,7 +72,7 @@ def _rows(needs: Needs) -> Iterator[Row]:
     if needs.without_ground:
         yield from _ground(needs.texels, needs.without_ground)
     if needs.cascades:
-        yield from _cascades(needs.cascades)
+        yield from _cascades(needs.cascades, needs.texels)
     if needs.bits:
         yield "depth bits", str(needs.bits.bits or "none"), _bits(needs.bits)
     if needs.bias:
@@ -116,14 +139,19 @@ def _ground(need: Texels, without: Texels) -> Iterator[Row]:
         yield name, _value(without.edge_size, "4.0f"), f"map size, edges, {ground}, {instead}"
 
 
-def _cascades(need: CascadeSizes) -> Iterator[Row]:
-    sizes = need.edge_size or need.size
+def _cascades(need: CascadeSizes, one: Texels) -> Iterator[Row]:
+    sizes = need.edge_size
     each = ", ".join(f"{count}: {size:.0f}" for count, size in sizes.items())
     reason = f"number and map size with the fewest texels in total; sizes by number: {each}"
     yield "cascades", f"{need.best} × {sizes[need.best]:.0f}", reason
     reason = "no gain: one fitted map needs fewer texels"
     if need.worthwhile:
         reason = f"fewer texels than one map for the same edges, with casters drawn {need.best} times"
+    elif need.worthwhile_elsewhere:
+        several = (
+            f"{need.best_by_size} × {need.size[need.best_by_size]:.0f} do what one map of {one.size.value:.0f} does"
+        )
+        reason = f"no gain for the edges in view, but for texels of a pixel on 95% of the visible receivers {several}"
     depths = f"the farthest visible receiver is {need.depth_ratio:.3g} times as far as the nearest"
     yield "cascades save", f"{need.saving:.3g} ×", f"{reason}; {depths}"
 

@@ -1,6 +1,7 @@
 """Samples of a view: the receivers at a lattice of pixels, their blockers, and the shadows' edges.
 
-In local coordinates, like the truth, but with one ray per pixel, so that no pixel is undecided.
+In local coordinates, like the truth, but with one ray per pixel, and more only where its state ends, for what is
+undecided: the pixel at a closed room's corner whose ray starts outside is neither lit nor beside an edge.
 """
 
 from collections.abc import Callable
@@ -16,7 +17,7 @@ from shadowbench.scenes.model import View
 from shadowbench.scenes.placement import Placement
 from shadowbench.scenes.vectors import Floats, unit
 from shadowbench.truths.embree import INFINITE, Tracer, over_slices
-from shadowbench.truths.rays import EDGE_ON, GRAZING, Indices, Mask, Receivers, dot
+from shadowbench.truths.rays import EDGE_ON, GRAZING, SUBPIXEL, Indices, Mask, Receivers, dot
 from shadowbench.truths.trace import OFFSET
 
 LATTICE = 512  # largest number of sampled pixels along a side: all pixels, or every second, third, …
@@ -87,14 +88,17 @@ class Samples:
         return np.isfinite(self.blocker)
 
     @cached_property
+    def neighbours(self) -> NDArray[np.int8]:
+        """(4, R) state of each sample's neighbours in the lattice: 1 shadowed, 0 lit, −1 no receiver."""
+        state = np.full((self.side + 2, self.side + 2), -1, dtype=np.int8)
+        row, column = np.divmod(self.pixel, self.side)
+        state[row + 1, column + 1] = self.shadowed
+        return np.stack([state[row + y, column + x] for y, x in ((0, 1), (2, 1), (1, 0), (1, 2))])
+
+    @cached_property
     def edges(self) -> Indices:
         """(E,) indices of the edge pixels: samples in shadow with a lit receiver among their four neighbours."""
-        state = np.full((self.side + 2, self.side + 2), -1, dtype=np.int8)  # 1 shadowed, 0 lit, −1 no receiver
-        inner = state[1:-1, 1:-1]
-        inner[np.divmod(self.pixel, self.side)] = self.shadowed
-        neighbours = state[:-2, 1:-1], state[2:, 1:-1], state[1:-1, :-2], state[1:-1, 2:]
-        beside_lit = np.any([neighbour == 0 for neighbour in neighbours], axis=0)
-        return np.flatnonzero((beside_lit & (inner == 1)).ravel()[self.pixel])
+        return np.flatnonzero(self.shadowed & (self.neighbours == 0).any(axis=0))
 
     def select(self, chosen: Indices) -> "Samples":
         """The chosen samples. Their `edges` differ, as neighbours may be missing."""
@@ -153,7 +157,9 @@ def sample_view(view: View) -> Samples:
             "lights; needs are those of the visible receivers"
         )
     samples = Samples(view=placed, placement=placement, casters=casters, step=step, **arrays)
-    return replace(samples, blocker=np.minimum(samples.blocker, _near_blockers(samples, above)))
+    near = _near_blockers(samples, above)
+    samples = replace(samples, blocker=np.minimum(samples.blocker, near))
+    return samples.select(np.flatnonzero(~_undecided(samples, above) | np.isfinite(near)))
 
 
 def _surfaces(view: View, tracer: Tracer, x: Floats, y: Floats) -> dict[str, NDArray[Any]]:
@@ -207,6 +213,27 @@ def _lighting(view: View, casters: Tracer, point: Floats, normal: Floats, above:
     blocked = receives & (beyond < reach.astype(np.float32))  # without a hit `distance` returns the reach
     distance, blocker = length if w else np.full(len(length), np.inf), np.where(blocked, ahead + beyond, np.inf)
     return {"receives": receives, "to_light": to_light, "distance": distance, "blocker": blocker}
+
+
+def _undecided(samples: Samples, above: float) -> Mask:
+    """(R,) whether a shadow ray that starts at another height or, on the surface, nearby has another answer.
+
+    Those of the truth (see `hard`), of samples beside another state, as others are inside a shadow or its surroundings.
+    """
+    beside = np.flatnonzero((samples.neighbours == ~samples.shadowed).any(axis=0))
+    at = samples.select(beside)
+    source, w = samples.view.light.homogeneous
+    along = at.to_light * (above / np.maximum(at.cosine, FACING))
+    moves = [SUBPIXEL * (x * at.across + y * at.down) + along for x in (-1, 1) for y in (-1, 1)]
+    undecided = np.zeros(len(samples.pixel), dtype=bool)
+    for move in (along / 4, along * 4, at.normal * above, *moves):
+        origin = at.point + move
+        to_light = np.array(source)[:, None] - w * origin
+        length = np.sqrt(dot(to_light, to_light))
+        reach = (length if w else np.full(len(length), INFINITE)).astype(np.float32)
+        directions = to_light / np.maximum(length, np.finfo(float).tiny)
+        undecided[beside] |= (samples.casters.hits(origin.T, directions.T, reach).distance < reach) != at.shadowed
+    return undecided
 
 
 def _near_blockers(samples: Samples, height: float) -> Floats:

@@ -73,7 +73,7 @@ class Needs:
     """The needs of a view; None where a need does not apply.
 
     light: kind of the light; receivers, casters: their statistics; texels: needed size of one map; without_ground: the
-    same without the ground that was assumed; cascades: needed sizes of cascades, for a directional light; bits, bias:
+    same without the ground that was assumed; cascades: needed sizes of cascades, under a directional light; bits, bias:
     needed depth format and bias; penumbra: widths for the light's size; reach: casters that can shadow visible
     receivers; pixels: number of sampled pixels, of view_size².
     """

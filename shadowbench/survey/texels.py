@@ -121,8 +121,9 @@ class CascadeSizes:
     """Needed map sizes by number of cascades, with default parameters otherwise.
 
     depth_ratio: farthest over nearest view depth of the visible receivers; size, edge_size: of each map, defined as in
-    `Texels`; best: number of cascades with the fewest texels in total, by `edge_size` if there are edges; saving:
-    texels of one map divided by those of the best number of cascades.
+    `Texels`; best: number of cascades with the fewest texels in total, by `edge_size`; saving: texels of one map
+    divided by those of the best number of cascades; best_by_size, saving_by_size: the same by `size`, of the whole
+    view, where edges may be at one distance only.
     """
 
     depth_ratio: float
@@ -130,17 +131,24 @@ class CascadeSizes:
     edge_size: Mapping[int, float]
     best: int
     saving: float
+    best_by_size: int
+    saving_by_size: float
 
     @property
     def worthwhile(self) -> bool:
-        """Whether some number of cascades needs fewer texels than one map."""
+        """Whether some number of cascades needs fewer texels than one map for the edges of the view."""
         return self.saving > 1.0
+
+    @property
+    def worthwhile_elsewhere(self) -> bool:
+        """Whether it does so for the visible receivers, though not for the edges that are there now."""
+        return self.saving_by_size > 1.0 and not self.worthwhile
 
 
 def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
-    """The needed sizes of cascades; None for a light that is not directional. one: the sizes of one map."""
+    """The needed sizes of cascades; None without edges, or for a light that is not directional. one: of one map."""
     samples, space = fitted.samples, fitted.space
-    if space is None or space.perspective:
+    if space is None or space.perspective or one.edge_size is None:
         return None
     bounds = bounds_of(caster_and_receiver_vertices(samples.view.scene.geometry))
     sizes, edge_sizes = {}, {}
@@ -148,13 +156,14 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
         extents = _extents(samples.view, bounds, space, fitted.footprint.coords, count)
         sizes[count] = float(np.percentile(fitted.footprint.scaled(extents).longest, 95)) + 2 * fitted.padding
         by_edges = edge_size(fitted, extents)
-        if by_edges is not None:
-            edge_sizes[count] = by_edges.value
-    single, several = (one.edge_size.value, edge_sizes) if one.edge_size else (one.size.value, sizes)
-    best = min(several, key=lambda count: count * several[count] ** 2)
+        assert by_edges is not None  # as there are edges
+        edge_sizes[count] = by_edges.value
+    best, best_by_size = (min(COUNTS, key=lambda count: count * some[count] ** 2) for some in (edge_sizes, sizes))
     ahead = samples.view.camera.basis()[2] @ (np.array(samples.view.camera.position)[:, None] - samples.point)
-    saving = single**2 / (best * several[best] ** 2)
-    return CascadeSizes(float(ahead.max() / ahead.min()), sizes, edge_sizes, best, saving)
+    saving = one.edge_size.value**2 / (best * edge_sizes[best] ** 2)
+    saving_by_size = one.size.value**2 / (best_by_size * sizes[best_by_size] ** 2)
+    ratio = float(ahead.max() / ahead.min())
+    return CascadeSizes(ratio, sizes, edge_sizes, best, saving, best_by_size, saving_by_size)
 
 
 def _extents(view: View, bounds: Floats, space: LightSpace, coords: Floats, count: int) -> Floats:

@@ -75,7 +75,7 @@ def opened(scene: str | Path | Scene, options: SceneOptions) -> Scene:
         loaded = _seen_from(loaded, options.camera, options.target)
     elif loaded is not scene and "camera" in loaded.assumed and find_spec("embreex") and _is_interior(loaded):
         note = f"{loaded.name} seems to be an interior, which the assumed camera sees from outside: --camera inside"
-        loaded = replace(loaded, notes=(*loaded.notes, note))
+        loaded = replace(loaded, notes=(note, *loaded.notes))
     if options.lamp is not None:
         loaded = with_lights(loaded, [_lamp(options.lamp)])
     elif options.sun_at is not None:
@@ -111,7 +111,8 @@ def _seen_from(scene: Scene, camera: str, target: str | None) -> Scene:
         inside = with_cameras(scene, [found.camera], found.note)
         if "light" not in scene.assumed or found.sunny:
             return inside
-        lamp = f"assumed a lamp at {point_text(found.lamp.position)}"
+        size = math.dist(found.lamp.position, found.camera.position)
+        lamp = f"assumed a lamp at {point_text(found.lamp.position, size)}"
         note = f"no light in {scene.name}, and the sun that is assumed outside does not come in: {lamp}"
         return with_lights(inside, [found.lamp], note)
     names = [one.name for one in scene.cameras if "camera" not in scene.assumed]

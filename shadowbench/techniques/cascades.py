@@ -202,8 +202,6 @@ class Cascades(Technique):
         params, scale = self.params, self.stage.placement.scale
         pixels = math.prod(self.stage.size) * (2 if params.blend else 1)  # blended, each reads two cascades
         facts = self.map.facts(pixels)
-        if params.blend:
-            facts.setdefault("reads", params.filter.reads * pixels)
         for number, (part, light_view) in enumerate(zip(self.slices, self.light_views, strict=True), start=1):
             texel, depth_range = max(light_view.texel) / scale, (light_view.far - light_view.near) / scale
             facts |= {f"far_{number}_m": part.far / scale, f"texel_{number}_m": texel}

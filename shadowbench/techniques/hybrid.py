@@ -1,5 +1,6 @@
 """A small shadow map decides where it is certain; only the other pixels are traced (Hertel et al. 2009)."""
 
+import math
 from typing import Literal, Self
 
 import numpy as np
@@ -122,7 +123,8 @@ class Hybrid(Technique):
         return self.visibility
 
     def facts(self) -> dict[str, float]:
-        return self.embree.facts() if self.params.rest == "embree" else {}
+        reads = {"reads": float(Conservative().reads * math.prod(self.stage.size))}
+        return reads | (self.embree.facts() if self.params.rest == "embree" else {})
 
 
 class Classification:

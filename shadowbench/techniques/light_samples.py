@@ -93,7 +93,7 @@ class LightSamples(Technique):
         self.resolve = ResolvePass(stage, "light-samples/resolve.frag")
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        self.rays = 0.0
+        self.work: dict[str, float] = {}
         if self.params.n == 1 or not frame.light.soft:
             return self._draw_point(frame, hard_light(frame.light, frame.light.position))
         self.target.clear()
@@ -108,13 +108,14 @@ class LightSamples(Technique):
             return self.resolve(frame, {"sums": (self.sums, Sampling())})
 
     def facts(self) -> dict[str, float]:
-        facts = self.technique.facts()
-        return facts | {"rays": self.rays} if "rays" in facts else facts
+        return self.technique.facts() | self.work
 
     def _draw_point(self, frame: Frame, light: Light) -> moderngl.Texture:
         """Visibility of a point of the light."""
         visibility = self.technique.draw(replace(frame, view=replace(frame.view, light=light)))
-        self.rays += self.technique.facts().get("rays", 0.0)
+        for name, count in self.technique.facts().items():
+            if name in ("reads", "rays"):
+                self.work[name] = self.work.get(name, 0.0) + count
         return visibility
 
 

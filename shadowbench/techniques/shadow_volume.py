@@ -91,12 +91,18 @@ class ShadowVolume(Technique):
         self.stenciled = stage.stencil_target(self.visibility)
         self.resolve_program = stage.program("fullscreen.vert", "shadow-volume/resolve.frag")
         self.fullscreen = stage.fullscreen(self.resolve_program)
-        if many or not stencil:
-            self.counts = stage.texture()
-            self.counting = stage.target(self.counts, depth=self.stenciled.depth)
-            self.resolve_counts = stage.program("fullscreen.vert", "shadow-volume/resolve.frag", defines={"COLOR": 1})
-            self.fullscreen_counts = stage.fullscreen(self.resolve_counts)
-            self.visibility_target = stage.target(self.visibility)
+        self.stage = stage
+        if not stencil:
+            self._build_counter()
+
+    def _build_counter(self) -> None:
+        """Build what counts in a colour target."""
+        stage = self.stage
+        self.counts = stage.texture()
+        self.counting = stage.target(self.counts, depth=self.stenciled.depth)
+        self.resolve_counts = stage.program("fullscreen.vert", "shadow-volume/resolve.frag", defines={"COLOR": 1})
+        self.fullscreen_counts = stage.fullscreen(self.resolve_counts)
+        self.visibility_target = stage.target(self.visibility)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         with frame.timed("extrude", changes="light"):
@@ -111,6 +117,8 @@ class ShadowVolume(Technique):
         with frame.timed("clear", changes="view"):
             self.stenciled.target.clear(1.0, depth=1.0)
             if self.in_color:
+                if not hasattr(self, "counts"):
+                    self._build_counter()
                 self.counting.clear(depth=1.0)  # shares the depth buffer
             else:
                 self.stenciled.clear_stencil()
@@ -122,7 +130,8 @@ class ShadowVolume(Technique):
                 self.depth_program.set(world_to_clip=view_projection(view))
                 self.surfaces.draw(self.stenciled.target, state=State(depth_test="<", color_write=False))
         with frame.timed("volumes", changes="view"):
-            self.batches = batches_of(frame.view, self.volumes.boxes, self.params.count, self.params.cull)
+            boxes, cut_out = self.volumes.boxes, self.volumes.cut_out
+            self.batches = batches_of(frame.view, boxes, cut_out, self.params.count, self.params.cull)
             self.volumes.set_camera(frame, view_projection(view), self.batches)
             for batch in self.batches:
                 self._count("wall", batch, frame)
@@ -146,8 +155,8 @@ class ShadowVolume(Technique):
         # The camera's ray enters a volume through a counter-clockwise cap, and leaves it through a counter-clockwise
         # wall a → b → infinity.
         front_adds = 1 if batch.behind and part == "wall" else -1
-        # The receiver is the nearest surface, so that every cap is at or behind it and needs no depth test. Caps in
-        # front of the near plane are clipped.
+        # The receiver is the nearest surface, so that every cap is at or behind it and needs no depth test, but those
+        # with holes, for which count.frag has one. Caps in front of the near plane are clipped.
         by_depth = part == "wall" and self.params.compare == "depth"
         compare: Comparison = "" if not by_depth else ">=" if batch.behind else "<"
         state = State(compare, depth_write=False, depth_clamp=True, clip_distances=1 if part == "cap" else 0)

@@ -60,18 +60,21 @@ class Batch:
     others: NDArray[np.bool_]
 
 
-def batches_of(view: View, boxes: Floats, count: Count, cull: bool) -> list[Batch]:
+def batches_of(view: View, boxes: Floats, cut_out: NDArray[np.bool_], count: Count, cull: bool) -> list[Batch]:
     """The parts that may shadow a visible receiver, in batches.
 
     Counting in front of the receivers needs no caps, and no walls beyond the receivers. It is wrong for a volume that
     the eye is in, or whose cap is between the eye and the near plane: with z-fail, parts that may have such a volume
-    are counted behind the receivers. boxes: (P, 2, 3) bounds of the parts; cull: False keeps all parts.
+    are counted behind the receivers. So are those with holes that receivers are seen through, behind their caps.
+    boxes: (P, 2, 3) bounds of the parts; cut_out: (P,); cull: False keeps all parts.
     """
     xyz, w = view.light.homogeneous
     light, far = (*xyz, w), view.near_far[1]
     region = visible_region(replace(view, camera=replace(view.camera, near=_AT_EYE * far)))
     kept = may_shadow(boxes, light, region) if cull else np.ones(len(boxes), dtype=bool)
-    behind = kept & may_shadow(boxes, light, _before_near(view)) if count == "z-fail" else np.zeros_like(kept)
+    behind = kept & cut_out
+    if count == "z-fail":
+        behind |= kept & may_shadow(boxes, light, _before_near(view))
     extent = float(np.abs([*view.scene.geometry.bounds, view.camera.position]).max())
     planes = _surrounding(np.vstack([corners(region, extent), view.camera.position]))
     first = _first_passed(planes, boxes, light)
@@ -128,17 +131,24 @@ class Volumes:
 
     Each has an integer weight, and is stored that often. Walls are wound a, b, infinity, and caps as their triangles:
     seen from the light, a cap of positive weight is counter-clockwise. Parts are numbered closed ones first. boxes:
-    (P, 2, 3) their bounds; faces: (F, 3) their triangles; walls: by sign, (N, 6) float32 edges a → b of the walls with
-    a weight of that sign.
+    (P, 2, 3) their bounds; cut_out: (P,) whether they have holes, by alpha, although drawn whole; faces: (F, 3) their
+    triangles; walls: by sign, (N, 6) float32 edges a → b of the walls with a weight of that sign.
     """
 
     def __init__(self, stage: Stage, casters: Casters, faces: Extrusion, params: TechniqueParams) -> None:
         from shadowbench.geometry.facing import cap_weights, wall_weights  # Numba takes 0.4 s to import
 
         parts: tuple[VolumePart, ...] = ("wall", "cap")
+        meshes = stage.scene.meshes
+        is_cut_out = np.repeat([mesh.cutout is not None for mesh in meshes], [len(mesh.vertices) for mesh in meshes])
+        self.cut_out = is_cut_out[casters.all.faces[casters.all.face_ends - 1, 0]]
+        holes = {"HOLES": 1} if self.cut_out.any() else {}
         self._programs = {
             part: stage.program(
-                f"shadow-volume/{part}.vert", "shadow-volume/count.frag", params=params, defines={part.upper(): 1}
+                f"shadow-volume/{part}.vert",
+                "shadow-volume/count.frag",
+                params=params,
+                defines={part.upper(): 1, **holes},
             )
             for part in parts
         }

@@ -42,13 +42,14 @@ def world_matrices(geometry: InstancedGeometry) -> Floats:
 
 
 def _instance_tracers(geometry: InstancedGeometry, lamp: Floats | None) -> tuple[Tracer, Tracer, Tracer | None]:
+    from shadowbench.compiled import DISABLED  # Numba takes 0.4 s to import
     from shadowbench.truths.packets import InstanceScene, PacketScene, default_device
 
     device = default_device()
     if device is None:
-        raise TooLarge(
-            "scenes of instances need packets of rays, and no library of embreex that has them can be loaded"
-        )
+        disabled, missing = "NUMBA_DISABLE_JIT is set", "no library of embreex that has them can be loaded"
+        cause = disabled if DISABLED else missing
+        raise TooLarge(f"scenes of instances need packets of rays, and {cause}")
     scenes, matrices = [], world_matrices(geometry)
     for number, mesh in enumerate(geometry.sources):
         # About of unit size at the origin, where float32 is as precise as for a whole scene in local coordinates.

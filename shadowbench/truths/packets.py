@@ -18,7 +18,7 @@ from llvmlite import binding
 from numba import types
 from numpy.typing import NDArray
 
-from shadowbench.compiled import compiled
+from shadowbench.compiled import DISABLED, compiled
 from shadowbench.errors import InputError
 from shadowbench.truths.cutout_filter import FLAGS, addresses_of, filter_address
 from shadowbench.truths.cutouts import NO_CUTOUTS, CutoutArrays
@@ -92,8 +92,11 @@ def make_device(library: ctypes.CDLL, instructions: str = "") -> Device:
 
 @cache
 def default_device() -> Device | None:
-    """The device of this process, for the instruction set $SHADOWBENCH_ISA; None if the library cannot be loaded."""
-    library = load_library()
+    """The device of this process, for the instruction set $SHADOWBENCH_ISA; None if the library cannot be loaded.
+
+    None too with NUMBA_DISABLE_JIT: only compiled code can call an `ExternalFunction`, which in Python does nothing.
+    """
+    library = None if DISABLED else load_library()
     return None if library is None else make_device(library, os.environ.get("SHADOWBENCH_ISA", ""))
 
 

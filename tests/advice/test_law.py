@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shadowbench.advice.costs import Cost, cost_of
-from shadowbench.advice.law import OWN, SHARED, find_law, law_of, laws
+from shadowbench.advice.law import OWN, SHARED, counts_of, find_law, law_of, laws
 from shadowbench.advice.space import full_space
 from shadowbench.advice.target import Target
 from shadowbench.errors import InputError
@@ -49,6 +49,12 @@ def test_times_that_follow_a_law_give_it_back() -> None:
         assert law.milliseconds(kind, counts) == pytest.approx(expected / 1e6, rel=0.05), kind
     assert all(error.median == pytest.approx(1, abs=0.02) for error in law.errors.values())
     assert law.milliseconds("unshadowed", counts) == 0
+
+
+def test_a_law_counts_the_vertices_of_geometry_shaders_and_nothing_of_the_floor() -> None:
+    work = {"vertices": 100, "geometry": 40, "reads": 7, "fragments": 64**2 + 5}
+    counts = counts_of({"work": work, "gpu_bytes": 4 * 64**2 + 3, "view_size": 64}, triangles=9)
+    assert counts == {"vertices": 140, "reads": 7, "gpu_bytes": 3, "fragments": 5, "triangles": 9}
 
 
 def test_errors_are_those_of_scenes_left_out() -> None:
@@ -101,10 +107,9 @@ def test_a_device_is_found_by_words_of_its_name() -> None:
         find_law("radeon")
 
 
-def test_specs_are_left_out_of_which_a_law_gives_no_times() -> None:
-    rule = Cost("ms", H100).rules([])[0]
+def test_specs_have_no_cost_of_which_a_law_gives_no_times() -> None:
     space = full_space(techniques(), "directional", 4096)
-    left = {spec.technique.name for spec in space if rule(spec) is None}
+    left = {spec.technique.name for spec in space if Cost("ms", H100).unranked(spec) is None}
     assert {"shadow-map", "cascades", "shadow-volume", "hybrid"} <= left and "ray-traced" not in left
 
 
@@ -112,7 +117,34 @@ def test_times_are_predicted_on_a_software_renderer_for_lights_without_a_size(bu
     law, target = H100, Target("iou", 0.99, 2.0)
     view, soft = builtin("cube-on-plane", 32), builtin("post", 32)
     mesa = DeviceInfo("llvmpipe", "Mesa", 450, True, "finish+wall", 16384, 8, True, True)
-    assert cost_of(target, view, mesa, False, True, law) == Cost("ms", law)
+    assert cost_of(target, view, mesa, law=law) == Cost("ms", law)
+    assert cost_of(target, view, mesa) == Cost("ms", law), "that on record, unless something else is asked for"
+    assert cost_of(target, view, mesa, "time") == Cost("ms")
+    assert cost_of(Target("iou", 0.99), view, mesa, "work") == Cost("work")
+    assert cost_of(target, view, replace(mesa, software=False)) == Cost("ms"), "a GPU's own"
+    assert "with a size" in cost_of(Target("rmse", 0.02), soft, mesa).without_law
     for light, info, told in ((view, replace(mesa, software=False), "not on a GPU"), (soft, mesa, "with a size")):
         with pytest.raises(InputError, match=rf"^--device: .*{told}"):
-            cost_of(target, light, info, False, True, law)
+            cost_of(target, light, info, law=law)
+
+
+def test_a_row_has_the_time_that_its_law_gives_to_its_counts() -> None:
+    """Nanoseconds by hand: what `unshadowed` takes too, a triangle of the screen, is counted in neither."""
+    work = {"vertices": 1000, "geometry": 500, "fragments": 128**2 + 4000, "reads": 2000}
+    row = {
+        "spec": "shadow-map:fit=scene",
+        "view_size": 128,
+        "triangles": 12,
+        "gpu_bytes": 4 * 128**2 + 5e8,
+        "metrics": {},
+    }
+    ns = H100.nanoseconds
+    shared = 1500 * ns["vertices"] + 2000 * ns["reads"] + 5e8 * ns["gpu_bytes"]
+    own = [ns[f"shadow-map fit=scene {name}"] for name in ("frames", "fragments", "triangles")]
+    assert H100.of_row(row | {"work": work}) == pytest.approx((shared + own[0] + 4000 * own[1] + 12 * own[2]) / 1e6)
+    assert H100.of_row(row | {"work": work, "spec": "unshadowed"}) == 0
+    without = row | {"work": work}
+    del without["triangles"]  # as rows of earlier versions
+    unknown = [without, row | {"work": {"draws": 1}}, row | {"work": work, "spec": "ray-traced:where=gpu"}]
+    soft = row | {"work": work, "metrics": {"rmse_pen": 0.1}}
+    assert [H100.of_row(one) for one in (*unknown, soft)] == [None] * 4

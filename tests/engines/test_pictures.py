@@ -138,7 +138,7 @@ def test_other_files_are_refused(png: Callable, tmp_path: Path) -> None:
     red = png("red.png", np.ones((4, 4, 3)) * [1, 0, 0])
     for call, line in [
         (lambda: mask_from_file(wide), "wide.png: found 8 × 4 pixels; allowed: a square"),
-        (lambda: mask_from_file(red), "found a PNG of mode RGB; allowed: a grey PNG"),
+        (lambda: mask_from_file(red), "found a PNG of mode RGB; allowed: an opaque grey PNG"),
         (lambda: mask_from_file(tmp_path / "no.png"), "no such file"),
         (lambda: from_screenshots(square, small), "small.png: found 4 × 4 pixels; allowed: 8 × 8, as "),
         (lambda: from_screenshots(square, square, small), "small.png: found 4 × 4 pixels"),

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,12 @@ from PIL import Image
 from scipy import ndimage
 
 from shadowbench import api
-from shadowbench.engines.accuracy import Accuracy, accuracy_of
+from shadowbench.engines.accuracy import Accuracy, accuracy_of, shadows_elsewhere
 from shadowbench.engines.detection import MaskEncoding
 from shadowbench.engines.error_kinds import error_kinds, soft_error_kinds
 from shadowbench.engines.external_mask import from_screenshots, mask_from_array
 from shadowbench.errors import number
+from shadowbench.scenes.model import View, view_of
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, score
@@ -209,6 +211,7 @@ def test_a_shift_and_an_encoding_are_warned_of_and_scored_as_they_are(
 
 
 UNRELATED = "has little in common with the truth; is it a mask of this scene, view and light?"
+ELSEWHERE = "shadows are missing and lie elsewhere, in large areas: another light or view, or a very coarse map?"
 UNIFORM = "the mask is {} in every scored pixel, so most metrics say little"
 
 
@@ -227,6 +230,50 @@ def test_a_mask_of_another_scene_or_of_one_value_is_warned_of(
     write_mask(tmp_path / "mask.png", drawn(scene) if level is None else np.full((256, 256), level))
     told = shadowbench("score", SCENE, tmp_path / "mask.png").err
     assert told == "".join(f"warning: {tmp_path / 'mask.png'}: {line}\n" for line in warnings)
+
+
+def turned(view: View, degrees: float) -> View:
+    """A view whose light is turned about the vertical through the camera's target."""
+    camera, light, angle = view.camera, view.light, np.radians(degrees)
+    about = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    changes: dict[str, Any] = {}
+    if light.direction is not None:
+        changes["direction"] = about @ light.direction
+    if light.position is not None:
+        changes["position"] = camera.target + about @ np.subtract(light.position, camera.target)
+    return view_of(view.scene, camera, replace(light, **changes), view.size)
+
+
+@pytest.mark.parametrize(
+    ("scene", "degrees", "size"),
+    [
+        (SCENE, 30, 256),
+        (SCENE, 30, 512),
+        ("cube-on-plane", 30, 256),
+        ("colonnade", -45, 256),
+        ("sphere-and-torus", 30, 256),
+        ("spot-lamp", 15, 256),
+        ("lamp-by-wall", 15, 256),
+    ],
+)
+def test_exact_shadows_of_another_light_are_warned_of(scene: str, degrees: float, size: int, truth_cache: None) -> None:
+    """Whatever the resolution; their IoU of .2 to .7 is one that a bias might have too."""
+    view = chosen_view(scene, size)
+    other = cached_truth(turned(view, degrees), 1)
+    mask = np.where(other.receivers, other.visibility, 0)
+    found = accuracy_of(mask_from_array(mask, "mask"), view)
+    assert 0.2 < (found.metrics["iou"] or 0) < 0.7 and found.warnings == (f"mask: {ELSEWHERE}",)
+
+
+@pytest.mark.parametrize("period", [2, 12, 48])
+@pytest.mark.parametrize("missing", ["contact", "shadow"])
+def test_acne_beside_missing_shadows_is_not_taken_for_those_of_another_light(
+    comparison: Callable, prepared: Callable, missing: str, period: int
+) -> None:
+    truth = prepared(SCENE)
+    stripes = np.add.outer(np.arange(256), np.arange(256)) % period < period / 2
+    mask = np.where(getattr(truth, missing), 1, np.where(truth.lit & stripes, 0, truth.visibility))
+    assert not shadows_elsewhere(comparison(mask, SCENE))
 
 
 @pytest.mark.parametrize(("height", "side"), [(-1.0, "lit"), (1.0, "in shadow")])

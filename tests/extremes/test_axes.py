@@ -1,9 +1,11 @@
 """The axes of `stress`: what each one varies, and that a mask can be scored at every value."""
 
+import csv
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise, product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -97,7 +99,9 @@ def test_the_upper_of_two_layers_changes_no_shadow_on_the_ground(kind: LightKind
 
 @pytest.mark.parametrize("kind", ["directional", "spot"])
 def test_the_light_passes_through_the_up_axis(kind: LightKind) -> None:
-    directions = np.array([first("through-up", value, kind).light.direction for value in AXES["through-up"].values])
+    values = AXES["through-up"].values
+    directions = np.array([first("through-up", value, kind).light.direction for value in values])
+    assert np.degrees(np.arctan2(*-directions[:, :2].T)) == pytest.approx(values, rel=1e-9)
     assert (directions[:, 0] < 0).any() and (directions[:, 0] > 0).any()
     assert (directions == [0.0, -1.0, 0.0]).all(axis=1).any()
     assert np.ptp(directions[:, 2]) == 0
@@ -223,3 +227,8 @@ def test_steps_are_parts_of_a_texel(name: str) -> None:
                 assert (moved, turned) == (pytest.approx(texels * TEXEL), 0)
             else:
                 assert moved == 0 and 0 < turned <= texels * TEXEL
+
+
+def test_published_ranges_are_of_every_axis() -> None:
+    with (Path(__file__).parents[2] / "results" / "ranges.csv").open(encoding="utf-8") as file:
+        assert list(dict.fromkeys(row["axis"] for row in csv.DictReader(file))) == list(AXES)

@@ -145,7 +145,7 @@ class Swept:
     def note(self, line: str) -> None:
         raise AssertionError(line)
 
-    def stage(self, name: str, total: int | None) -> None:
+    def stage(self, name: str, total: int | None, *, timed: int = 0) -> None:
         self.total = total
 
     def step(self, what: str) -> None:

@@ -130,6 +130,21 @@ def test_work_of_a_fullscreen_triangle(device, busy) -> None:
         assert SIDE**2 <= work["fragments"] <= 1.1 * SIDE**2
 
 
+def test_primitives_are_triangles_before_clipping(device) -> None:
+    """Of two triangles outside the view, as the page on timing says."""
+    outside = (
+        "#version 330\nvoid main() { gl_Position = vec4(5.0 + gl_VertexID % 2, 5.0 + gl_VertexID % 3, 0.0, 1.0); }"
+    )
+    linked = device.context.program(outside, "#version 330\nout float value;\nvoid main() { value = 1.0; }")
+    vertices = device.context.vertex_array(linked, [])
+    target = device.context.simple_framebuffer((SIDE, SIDE), 1, dtype="f4")
+    target.use()
+    work = work_of(device, lambda: vertices.render(vertices=6))
+    device.free((vertices, target, linked))
+    if device.pipeline_statistics:
+        assert (work["primitives"], work["fragments"]) == (2, 0)
+
+
 def test_work_adds_up_and_repeats_exactly(device, busy, monkeypatch) -> None:
     once = work_of(device, busy)
     assert work_of(device, busy) == once

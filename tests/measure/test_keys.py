@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from shadowbench import files, versions
@@ -25,6 +26,7 @@ from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Coordinates, View, view_digest, view_of
+from shadowbench.scores.metrics import METRICS
 from shadowbench.techniques.shadow_map import ShadowMap
 
 DRAWER = {"renderer": "r", "embree": "e"}
@@ -128,9 +130,24 @@ def test_declared_versions_and_libraries_are_in_the_key(monkeypatch: pytest.Monk
     assert len(set(found)) == 9
 
 
+def test_a_plug_in_s_metric_is_in_the_key_by_its_name_and_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    keys = [key()]
+    for name, text in (("one", "def metric(): 1"), ("two", "def metric(): 1"), ("two", "def metric(): 2")):
+        file, scope = tmp_path / "metrics.py", dict[str, Any]()
+        file.write_text(text)
+        exec(compile(text, file, "exec"), scope)
+        with monkeypatch.context() as patch:
+            patch.setitem(METRICS, name, replace(METRICS["iou"], name=name, function=scope["metric"]))
+            keys.append(key())
+    assert len(set(keys)) == 4
+
+
 def test_a_view_differs_with_all_that_can_move_a_shadow(cube: View) -> None:
     camera, light, scene = cube.camera, cube.light, cube.scene
     plane = scene.meshes[0]
+    joint = replace(plane, points=scene.geometry.vertices, faces=scene.geometry.faces)
+    zeros = replace(plane, normals=np.zeros((len(plane.faces), 3, 3), np.float32))
+    smooth = [replace(mesh, normals=np.ones((len(mesh.faces), 3, 3), np.float32)) for mesh in scene.meshes[1:]]
     lower = replace(scene, meshes=(replace(plane, points=plane.vertices - [0, 1e-12, 0]), *scene.meshes[1:]))
     views = [
         cube,
@@ -150,6 +167,8 @@ def test_a_view_differs_with_all_that_can_move_a_shadow(cube: View) -> None:
         replace(cube, scene=replace(scene, meshes=(replace(plane, receives=False), *scene.meshes[1:]))),
         replace(cube, scene=replace(scene, meshes=scene.meshes[:1])),
         replace(cube, scene=replace(scene, meshes=scene.meshes[::-1])),
+        replace(cube, scene=replace(scene, meshes=(joint,))),
+        *(replace(cube, scene=replace(scene, meshes=(ground, *smooth))) for ground in (plane, zeros)),
     ]
     assert len({view_digest(view) for view in views}) == len(views)
 

@@ -1,5 +1,8 @@
 """The order and arithmetic of timing, on a worker that returns known times."""
 
+import json
+import subprocess
+import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -319,3 +322,36 @@ def test_a_gpu_draws_until_its_clocks_have_risen_and_a_software_renderer_does_no
     device.software = True
     Session.raise_clocks(ours)
     assert drawn.total() == 6
+
+
+BUILDS = """
+import json, sys
+from types import SimpleNamespace
+from shadowbench.measure import session
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import view_of
+
+def loaded():
+    loops = sys.modules.get("shadowbench.compiled")
+    return {*sys.modules} | {f"{f.__name__}{f.signatures}" for f in (loops._own if loops else ())}
+
+at = []
+real = session.time.perf_counter
+session.time = SimpleNamespace(perf_counter=lambda: (at.append(loaded()), real())[1])
+one = session.Session()
+for scene, spec in json.loads(sys.argv[1]):
+    scene = load_scene(scene)
+    one.prepare_timing(view_of(scene, scene.cameras[0], scene.lights[0], 16), session.CellRequest(spec))
+print(json.dumps([sorted(after - before) for before, after in zip(at[::2], at[1::2])]))
+"""
+
+
+@pytest.mark.parametrize(
+    ("scene", "spec"),
+    [("lamp-by-wall", "cube-map:size=16"), ("statue", "ray-traced:where=gpu"), ("statue", "hybrid:size=16"),
+     ("post", "ray-traced"), ("shade", "soft-volume")],
+)  # fmt: skip
+def test_a_processes_first_build_is_timed_without_imports_and_compilation(scene: str, spec: str) -> None:
+    command = [sys.executable, "-c", BUILDS, json.dumps([(scene, spec)])]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert json.loads(done.stdout) == [[]]

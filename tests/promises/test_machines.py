@@ -216,11 +216,9 @@ def test_without_the_extra_a_line_says_what_to_install(shadowbench: Command, mon
 
 
 @pytest.mark.slow
-def test_a_recommendation_for_a_budget_needs_a_place_to_time_on(
-    shadowbench: Command, address: str, tmp_path: Path
-) -> None:
-    budget = shadowbench("recommend", "cube-on-plane", "--budget-ms", "2", "--dask", address, "-o", tmp_path, "-q")
-    assert (budget.code, "nothing is timed with --dask" in budget.err) == (2, True)
+def test_a_recommendation_by_time_needs_a_place_to_time_on(shadowbench: Command, address: str, tmp_path: Path) -> None:
+    timed = shadowbench("recommend", "cube-on-plane", "--by", "time", "--dask", address, "-o", tmp_path, "-q")
+    assert (timed.code, "nothing is timed with --dask" in timed.err) == (2, True)
 
 
 @pytest.mark.slow

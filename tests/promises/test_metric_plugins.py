@@ -65,6 +65,8 @@ def test_a_metric_that_fails_fails_its_cells(shadowbench: Command, tmp_path: Pat
     ("old", "new", "line"),
     [
         ('"shadow-area"', '"iou"', "two metrics are called 'iou'"),
+        ('"shadow-area"', '"status"', "a metric is called 'status', as is a column; allowed: another name"),
+        ('"shadow-area"', '"work_draws"', "a metric is called 'work_draws', as is a column; allowed: another name"),
         ('"shadow-area"', '"a b"', "the name 'a b' is not a valid name; allowed: letters, digits, _ and -"),
         ('SHADOW_AREA = Metric("shadow-area", ', "SHADOW_AREA = dict(", "TypeError"),
         ("SHADOW_AREA = Metric(", "(", "defines no subclass of Technique, Bias, Filter, Fit or Split, and no Metric("),

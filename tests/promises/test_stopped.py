@@ -206,6 +206,50 @@ def test_ctrl_c_waits_until_the_worker_is_known(start: Any, arguments: Any, tmp_
     assert gone(marked("GATE", tmp_path / "shut"))
 
 
+# Ctrl-C at the moment when a module is looked for, by somebody who takes any exception for its absence.
+IMPORTED = """
+import os, signal, sys
+
+class Interrupted:
+    def find_spec(self, name, *_):
+        if name == {name!r} and os.environ.pop("FIRST", None):
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupted())
+"""
+SWALLOWING = """
+try:
+    import optional
+except BaseException:
+    pass
+"""
+# Python prints and ignores what is raised here.
+DELETED = """
+import os, signal
+
+class Deleted:
+    def __del__(self):
+        if os.environ.pop("FIRST", None):
+            os.kill(os.getpid(), signal.SIGINT)
+
+Deleted()
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("typer", ""), ("optional", SWALLOWING), ("", DELETED)],
+    ids=["the command line", "a package that another can do without", "a finaliser"],
+)
+def test_ctrl_c_is_not_lost_where_exceptions_are(start: Any, tmp_path: Path, half: Path, name: str, text: str) -> None:
+    (tmp_path / "sitecustomize.py").write_text(IMPORTED.format(name=name))
+    plugin = tmp_path / "slow.py"
+    plugin.write_text(f"{half.read_text()}{text}\nimport time\ntime.sleep(5)\n")
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    stopped = start("list", "techniques", "--plugin", plugin, FIRST="yes", PYTHONPATH=path)
+    assert stopped.end() == (130, "", f"{STOPPED}\n")
+
+
 THREADED = """
 import sys, threading, time, psutil
 import shadowbench as sb

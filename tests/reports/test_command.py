@@ -90,7 +90,7 @@ def test_the_times_of_two_machines_share_no_chart_column_or_verdict(run_folder, 
     page = page_of(run_folder([slow], name="slow"), other)
     assert "A processor" in page and "times of renderer of Another processor" in page
     parts = parts_of(page)
-    assert [part["charts"]["front"]["data"]["values"][0]["ms"] for part in parts] == [50.0, 5.0]
+    assert [part["charts"]["front"]["data"]["values"][0]["cost"] for part in parts] == [50.0, 5.0]
     assert [[row["values"]["cost, ms"][0] for row in part["rows"]] for part in parts] == [[50.0], [5.0]]
     for found in (r'<div class="verdict".*?</div>', r'<table class="matrix">.*?</table>'):
         said = re.findall(found, page, re.DOTALL)

@@ -1,15 +1,23 @@
 """The cost matrix and the verdict, for rows with a known answer."""
 
+import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from shadowbench.maps import presets
+from shadowbench.plugin.registry import engines, own_techniques, techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.reports.gallery import scored_cells
-from shadowbench.reports.panels import panels_of
-from shadowbench.reports.verdict import cell_texts, cost_note, verdict
-from shadowbench.results.configurations import Section, by_kind
+from shadowbench.reports.html import html_report
+from shadowbench.reports.markdown import markdown_report
+from shadowbench.reports.panels import panel_data, panels_of
+from shadowbench.reports.verdict import cell_texts, cost_note, device_note, verdict
+from shadowbench.reports.words import preset_note
+from shadowbench.results.configurations import Configuration, Section, by_kind
 from shadowbench.results.ranking import Target, candidates, cheapest, cost_matrix, mean_section, targets_of, ties
 from shadowbench.scores.metrics import METRICS
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell
@@ -138,7 +146,7 @@ def test_what_costs_are_is_explained(measured) -> None:
     untimed = "Nothing here was timed: the cost is the size of the smallest map that suffices."
     assert cost_note(measured(*UNTIMED)) == untimed
     some = measured(Cell("a", 512, 0.004, None), Cell("b", None, 0.004, 5.0))
-    assert cost_note(some).endswith(' Where a cost is a map size or "no map", that setting lacks times.')
+    assert cost_note(some).endswith(" What is not ranked lacks times.")
     rough = measured(Cell("a", 512, 0.004, 5.0, ratio_iqr=0.4))
     assert "~5.00 ms a frame" in verdict(rough)[0]
     assert cost_note(rough) == (
@@ -319,3 +327,103 @@ def test_the_section_of_all_scenes_has_means_of_configurations_scored_in_all(mea
     assert mean.label == "a at 512" and mean.value("frame_ms") == 6.0
     assert mean.error is not None and mean.error.median == pytest.approx(0.006)
     assert [best.label for best in section.front] == ["a at 512"]
+
+
+# By what settings are ranked: each cell has a time of its renderer, a predicted one and work, whose orders differ
+
+PRICED = (
+    Cell("shadow-volume", None, 0.0, 1.0, work=1e6, predicted=3.1),
+    Cell("shadow-map", 512, 0.005, 123.0, work=9e6, predicted=0.27),
+    Cell("hybrid", 512, 0.0, 50.0, work=5e6, predicted=None),
+    Cell("unshadowed", None, 1.0, 0.5, work=1e5, predicted=0.0),
+    Cell("ray-traced", None, 0.0, 60.0),
+)
+DEVICE = "times predicted for a device on record"
+RANKED = {
+    "a GPU by its own times": (
+        {"software": False},
+        [best(f"99% {SHARE}", "shadow-volume", "1.00"), "`shadow-volume` gets 99.9% right too.", f"{SCALE} 60.0 ms."],
+        {"shadow-volume": ["1.00 ms"] * 3, "hybrid": ["50.0 ms"] * 3, "ray-traced": ["60.0 ms"] * 3}
+        | {"shadow-map": ["123 ms"] * 2 + ["–"]},
+    ),
+    "without one by predicted times": (
+        {},
+        [
+            f"99% {SHARE}: `shadow-map at 512` is the cheapest real-time setting by {DEVICE}, 0.270 ms a frame.",
+            "99.9% takes `shadow-volume`, 3.10 ms (× 11.5).",
+        ],
+        {"shadow-map": ["0.270 ms"] * 2 + ["–"], "shadow-volume": ["3.10 ms"] * 3}
+        | {"ray-traced": ["not ranked"] * 3, "hybrid": ["not ranked"] * 3},
+    ),
+}
+
+
+@pytest.mark.parametrize(("how", "lines", "rows"), RANKED.values(), ids=RANKED)
+def test_ranked_is(measured, how, lines, rows) -> None:
+    made = measured(*PRICED, **how)
+    assert verdict(made) == lines
+    matrix = cost_matrix(candidates(made), targets_of(METRICS["iou"]))
+    costs = {name: [cell_texts(cell, 1)[0] for cell in cells] for name, cells in matrix.items()}
+    assert costs == rows
+    assert list(costs)[:1] == list(rows)[:1], "the cheapest first"
+
+
+def test_soft_shadows_without_a_gpu_are_ranked_by_the_work_that_is_counted(measured) -> None:
+    """A law gives no times under lights with a size; rays, and what counts do not see, are not ranked."""
+    soft = [
+        Cell("shadow-map:filter=pcss", 512, 0.1, 3.0, work=2.5e6, rmse_pen=0.06),
+        Cell("shadow-map:filter=evsm", 512, 0.1, 90.0, work=1.25e6, rmse_pen=0.06),
+    ]
+    made = measured(*soft)
+    by_work = "`shadow-map:filter=evsm at 512` is the cheapest real-time setting by work, 1.25 M a frame"
+    assert verdict(made)[0] == f"RMSE ≤ 0.02: {by_work}."
+    assert cost_note(made) == ("Cost: work. Millions (M) of shader invocations and texture reads, which is not time.")
+    assert device_note(made[0]).startswith("No device's times are predicted for lights with a size")
+    assert "--device" not in device_note(made[0]), "which refuses such lights"
+
+
+def test_every_cost_of_a_panel_is_in_one_currency(measured) -> None:
+    (made,) = measured(*PRICED)
+    (panel,) = panels_of(made.run, 0, [made])
+    data = panel_data(panel, lambda _, value: value)
+    assert data["columns"][0] == "predicted ms" and not {"cost, ms", "IQR, ms", "× reference"} & {*data["columns"]}
+    assert data["charts"]["passes"] == [], "times of the renderer that drew"
+    shown = {(row["spec"], row["map"]): row["values"]["predicted ms"][1] for row in data["rows"]}
+    assert shown["shadow-map", 512] == "0.270" and shown["hybrid", 512] == "–" and shown["unshadowed", None] == "0"
+    points = data["charts"]["front"]["data"]["values"]
+    assert {(point["spec"], point["cost"]) for point in points} == {("shadow-map", 0.27), ("shadow-volume", 3.1)}
+    assert [one.spec for one in made.front] == ["shadow-map", "shadow-volume"]
+    page = html_report([made.run], {made.title: [made]}, [], lambda _, value: value)
+    words = re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL)
+    for text in (words, json.dumps(data), markdown_report([made.run], {made.title: [made]}, [])):
+        for ms in ("123", "50.0", "60.0"):
+            assert f"{ms} ms" not in text and f"| {ms} |" not in text
+    assert "a device on record from counted work; below 0.1 ms they are not told apart" in words
+
+
+def test_short_predicted_times_are_not_told_apart(measured) -> None:
+    cells = [Cell("a", size, 0.001 * size / 512, 1.0, work=1e6, predicted=0.1) for size in (512, 1024)]
+    line = verdict(measured(*cells, Cell("b", 512, 0.001, 1.0, predicted=0.1)))[0]
+    assert line.endswith("<0.1 ms a frame; as cheap: `b at 512`.") and "within the noise" not in line
+
+
+@pytest.mark.parametrize(
+    ("spec", "named"),
+    [("shadow-map:preset=three", "three"), ("cascades:preset=unity", "unity"), ("three", None), ("shadow-map", None)],
+)
+def test_a_preset_named_after_an_engine_is_not_said_to_be_its_picture(spec, named) -> None:
+    text = parse_spec(spec, techniques() | engines()).sizeless_text
+    one = Configuration(spec.partition(":")[0], text, text, 512, 1, (), {}, 1)
+    note = preset_note([one])
+    assert (note is not None) == (named is not None)
+    assert note is None or (f"({named})" in note and ("results/published/engines" in note) == (named == "three"))
+    assert preset_note([replace(one, cells=0)]) is None, "nothing was drawn"
+
+
+def test_every_preset_of_an_engine_is_known_as_one() -> None:
+    """Their parameters are declared beside where they come from."""
+    declared = {name.lower() for name, value in vars(presets).items() if name.isupper() and isinstance(value, str)}
+    named = {name for one in own_techniques() for name in one.presets}
+    assert (
+        set(presets.ENGINES) == declared & named == named - {"course", "constant", "webgl", "offset", "dither", "fixed"}
+    )

@@ -12,6 +12,7 @@ from PIL import Image
 
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.scores.masks import write_mask
+from shadowbench.scores.metrics import leading_error
 from tests.conftest import key_of
 from tests.results.cells import GOOD, SIDE, WORSE, cell, read, rows, timed
 from tests.runs import CHANGING
@@ -50,6 +51,20 @@ def test_regressions_are_listed_worst_first_and_fail(check: Callable[..., Any]) 
     assert lines[5].strip() == "improved, largest change first"
     assert lines[7].split()[3:] == ["cube-map", "512", "acne", "0.1", "→", "0.01", "90.0"]
     assert lines[-2].endswith(": 2 regressed, 1 improved")
+
+
+def test_a_kind_of_error_is_named_before_the_metrics_that_follow_from_it(check: Callable[..., Any]) -> None:
+    """As `score` does: of acne on a quarter of the light, edges are many times their tolerance apart."""
+    hard = {**GOOD, "acne": 0.0, "leak": 0.0, "contact": 0.0, "rmse_pen": None}
+    acne = hard | {"acne": 0.23, "leak": 0.002, "edge_px": 60.0}
+    few = hard | {"acne": 0.005, "edge_px": 60.0}
+    answer = check(
+        [cell(metrics=acne), cell("cube-map", metrics=few)], [cell(metrics=hard), cell("cube-map", metrics=hard)]
+    )
+    lines = {line.split()[3]: line.split()[5:] for line in answer.out.splitlines()[2:4]}
+    assert lines["shadow-map"][0] == "acne" and lines["shadow-map"][-2:] == ["edge_px", "leak"]
+    assert lines["cube-map"][0] == "edge_px" and lines["cube-map"][-1] == "acne"
+    assert leading_error(acne) == "acne" and leading_error(few) is None
 
 
 def test_json_has_all_columns(check: Callable[..., Any]) -> None:

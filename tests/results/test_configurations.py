@@ -36,10 +36,8 @@ def slopes_of(*cells: Result) -> list[Slope]:
     return slopes(section)
 
 
-def one(
-    spec: str = "a", size: int | None = 512, phases: int = 1, unset: tuple[str, ...] = (), **values: Any
-) -> Configuration:
-    return Configuration(spec, spec, spec, size, 1, (), values, phases, unset)
+def one(spec: str = "a", size: int | None = 512, phases: int = 1, **values: Any) -> Configuration:
+    return Configuration(spec, spec, spec, size, 1, (), values, phases)
 
 
 def timed(ratio: float, **times: Any) -> dict[str, Any]:
@@ -179,23 +177,6 @@ def test_a_score_below_the_error_of_the_truth_is_no_number() -> None:
     assert shown == ["0.01", "<0.005", "0.9", "–"]
 
 
-def test_a_number_by_which_specs_of_a_technique_differ_is_printed_at_its_default_too() -> None:
-    specs = {
-        "light-samples": "light-samples:of=shadow-map(size=512),n=16",
-        "light-samples:n=4": "light-samples:of=shadow-map(size=512),n=4",
-        "light-samples:of=shadow-volume": "light-samples:of=shadow-volume,n=16",
-        "shadow-map": "shadow-map:bias=texel,linear=false",
-        "shadow-map:bias=none,linear=true": "shadow-map:bias=none,linear=true",
-        "cascades:count=3": "cascades:count=3,lambda=0.5",
-    }
-    rows = configurations(*(result(spec=spec, full_spec=full) for spec, full in specs.items()))
-    differing = {
-        "light-samples": "light-samples:n=16",
-        "light-samples:of=shadow-volume": "light-samples:of=shadow-volume,n=16",
-    }
-    assert {row.spec: row.name for row in rows} == {spec: differing.get(spec, spec) for spec in specs}
-
-
 def test_a_map_that_was_scored_at_one_offset_is_marked() -> None:
     two = [result(phase=0), result(0.6, phase=1)]
     for cells, phases in ((two, 2), (two[:1], 1)):
@@ -222,9 +203,10 @@ def test_a_preset_is_printed_by_its_name_and_other_specs_as_they_are() -> None:
     known = techniques()
     for text in ("shadow-map:preset=three", "cascades:preset=godot", "cube-map:preset=course"):
         spec = parse_spec(f"{text},size=128", known).sizeless_text
-        assert one(spec, unset=("blend=0.0",)).name == text
+        assert one(spec).name == text
         assert one(f"{spec},cull=false").name == f"{spec},cull=false"
-    assert one("shadow-map").name == "shadow-map"
+    beside = configurations(*(result(spec=spec, full_spec=f"{spec},blend=0.1") for spec in ("a", "a:blend=0.1")))
+    assert {row.name for row in beside} == {"a", "a:blend=0.1"}, "without parameters at their defaults"
 
 
 @pytest.mark.parametrize(("bias", "text"), [(0.9, "1 wide"), (-0.9, "1 narrow"), (0.2, "1"), (None, "1")])

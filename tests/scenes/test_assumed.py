@@ -67,6 +67,115 @@ def test_a_file_with_a_floor_gets_no_ground(tmp_path: Path, floor: float, added:
     assert ("ground" in [mesh.name for mesh in load_scene(path).meshes]) == added
 
 
+def block(*bounds: float) -> trimesh.Trimesh:
+    """A box from its lowest to its highest corner."""
+    return trimesh.creation.box(bounds=np.reshape(bounds, (2, 3)))
+
+
+def turned(degrees: float, axis: tuple[int, int, int], *parts: trimesh.Trimesh) -> list[trimesh.Trimesh]:
+    matrix = trimesh.transformations.rotation_matrix(math.radians(degrees), axis)
+    return [part.copy().apply_transform(matrix) for part in parts]
+
+
+def relief(height: float) -> trimesh.Trimesh:
+    """A terrain of 2 × 2 m, as a sheet: hills of this height above its valleys."""
+    x, z = np.meshgrid(np.linspace(-1, 1, 60), np.linspace(-1, 1, 60), indexing="ij")
+    y = height * (np.sin(4 * x) * np.cos(5 * z) + 1) / 2
+    at = np.arange(3600).reshape(60, 60)
+    a, b, c, d = at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]
+    faces = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+    return trimesh.Trimesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces)
+
+
+def foliage(low: float) -> trimesh.Trimesh:
+    """Leaves from this height up to 2 m, which hide all that is below from above."""
+    random = np.random.default_rng(0)
+    leaves = random.uniform([-1.1, low, -1.1], [1.1, 2, 1.1], (6000, 1, 3)) + random.normal(0, 0.06, (6000, 3, 3))
+    return trimesh.Trimesh(leaves.reshape(-1, 3), np.arange(18000).reshape(-1, 3))
+
+
+def half_ball(up: int) -> trimesh.Trimesh:
+    """The shell of the upper or lower half of a ball, whose triangles face up."""
+    ball = trimesh.creation.icosphere(4)
+    ball.update_faces(up * ball.triangles_center[:, 1] > 0)
+    return ball if up > 0 else trimesh.Trimesh(ball.vertices, ball.faces[:, ::-1])
+
+
+SLAB, BOX = block(-1, 0, -1, 1, 0.02, 1), block(-0.3, 0.02, -0.3, 0.3, 0.62, 0.3)
+TOP = block(-0.75, 0.7, -0.4, 0.75, 0.74, 0.4)
+ROOM = [
+    block(-3, -0.2, -2, 3, 0, 2), block(-3, 3, -2, 3, 3.2, 2), block(-3, 0, -2.2, 3, 3, -2), block(-3, 0, 2, 3, 3, 2.2),
+    block(-3.2, 0, -2, -3, 3, 2), block(3, 0, -2, 3.2, 3, 2), block(-0.5, 0, -0.5, 0.5, 0.7, 0.5),
+]  # fmt: skip
+CLOSED_ROOM = trimesh.Trimesh(block(-3, 0, -2, 3, 3, 2).vertices, block(-3, 0, -2, 3, 3, 2).faces[:, ::-1])
+
+
+def legs(width: float) -> list[trimesh.Trimesh]:
+    return [block(x, 0, z, x + width, 0.7, z + width) for x in (-0.75, 0.75 - width) for z in (-0.4, 0.4 - width)]
+
+
+@pytest.mark.parametrize(
+    ("parts", "own"),
+    [
+        pytest.param([SLAB, BOX], True, id="a box on a slab"),
+        pytest.param([SLAB, foliage(0.3)], True, id="a slab under leaves that hide it and hang over it"),
+        pytest.param([SLAB, TOP, *legs(0.05)], True, id="a table on a slab"),
+        pytest.param([*(part.apply_translation((1e5, -9e4, 3e5)) for part in turned(0, (1, 0, 0), SLAB, BOX))], True,
+                     id="a slab far from the origin"),
+        pytest.param(turned(40, (0, 1, 0), SLAB, BOX), True, id="a slab that is turned about the vertical"),
+        pytest.param(turned(20, (1, 0, 0), SLAB, BOX), True, id="a tilted slab"),
+        pytest.param([relief(0.2)], True, id="a terrain"),
+        pytest.param([relief(0.2), block(-0.2, -0.05, -0.2, 0.2, 1, 0.2)], True, id="a house that goes into a terrain"),
+        pytest.param(ROOM, True, id="a room with a ceiling"),
+        pytest.param([CLOSED_ROOM], True, id="a room of one box, seen from inside"),
+        pytest.param([BOX], False, id="a box"),
+        pytest.param([trimesh.creation.icosphere(3)], False, id="a ball"),
+        pytest.param([foliage(0)], False, id="a bush"),
+        pytest.param([TOP, *legs(0.05)], False, id="a table"),
+        pytest.param([TOP, *legs(0.002)], False, id="a table on legs thinner than the distance of the rays"),
+        pytest.param([block(-0.25, 0, -0.25, 0.25, 0.09, 0.25), block(-0.1, 0.09, -0.1, 0.1, 2, 0.1)], False,
+                     id="a statue on its plinth"),
+        pytest.param([half_ball(1)], False, id="a dome"),
+        pytest.param([half_ball(-1)], False, id="a bowl"),
+        pytest.param([block(x, 0, z, x + 8, 9, z + 8) for x in range(0, 60, 10) for z in range(0, 60, 10)], False,
+                     id="houses"),
+        pytest.param(turned(50, (1, 0, 0), SLAB), False, id="a slab that stands nearly upright"),
+        pytest.param([trimesh.Trimesh([[0, 0, 0], [1, 0, 1], [1, 1, 1], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])], False,
+                     id="a vertical plane"),
+    ],
+)  # fmt: skip
+def test_a_ground_is_thin_over_half_the_footprint_and_all_stands_on_it(
+    tmp_path: Path, parts: list[trimesh.Trimesh], own: bool
+) -> None:
+    path = tmp_path / "model.ply"
+    trimesh.util.concatenate(parts).export(path)
+    assert ("ground" not in [mesh.name for mesh in load_scene(path).meshes]) == own
+
+
+def test_a_slab_under_a_box_needs_no_larger_a_map_than_its_top(tmp_path: Path) -> None:
+    plane = trimesh.Trimesh([[-1, 0.02, 1], [1, 0.02, 1], [1, 0.02, -1], [-1, 0.02, -1]], [[0, 1, 2], [0, 2, 3]])
+    sizes = []
+    for name, floor in (("slab", SLAB), ("plane", plane)):
+        path = tmp_path / f"{name}.obj"
+        trimesh.util.concatenate([floor, BOX]).export(path)
+        edge_size = needs(chosen_view(path, 128, ViewOptions(camera="3,2,4", target="0,0.3,0"))).texels.edge_size
+        assert edge_size is not None
+        sizes.append(edge_size.value)
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.05)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+def test_what_rounding_leaves_of_a_coordinate_is_printed_as_0(tmp_path: Path, size: float) -> None:
+    """A box that stands on y = 0 but for a part in 10⁸ of its size, as single precision leaves it."""
+    low = np.array([-1, -1e-8, -1 + 1e-8]) * size
+    path = tmp_path / "box.obj"
+    path.write_text(trimesh.creation.box(bounds=[low, np.array([1, 2, 1]) * size]).export(file_type="obj", digits=14))
+    notes = load_scene(path).notes
+    assert "at y = 0 around (0, 0)," in notes[1]
+    height = f"{size:g}"
+    assert f"looking at (0, {height}, 0)," in notes[2]
+
+
 def test_without_the_ground_the_rest_is_the_same_and_its_view_another(box: Path) -> None:
     view, bare = (chosen_view(str(box), 64, ViewOptions(no_ground=no_ground)) for no_ground in (False, True))
     assert [mesh.name for mesh in bare.scene.meshes] == ["box"] and bare.scene.cameras == view.scene.cameras
@@ -142,6 +251,13 @@ def test_a_scene_file_is_never_given_a_ground(scene_file: Callable[..., Path]) -
     scene = load_scene(scene_file('[[mesh]]\nshape = "box"\n'))
     assert [mesh.name for mesh in scene.meshes] == ["box"]
     assert [note.split(" in ")[0] for note in scene.notes] == ["no camera", "no light"]
+
+
+def test_no_rounding_of_the_size_of_a_scene_s_last_bits_is_noted(tmp_path: Path) -> None:
+    path = tmp_path / "model.obj"
+    trimesh.creation.box(bounds=[(-300, -7.45e-9, -200), (300 - 3e-6, 80, 200 - 2e-6)]).export(path)
+    notes = " ".join(load_scene(path).notes)
+    assert "at y = 0 around (0, 0)" in notes and "looking at (0, 40, 0)" in notes and "e-" not in notes
 
 
 def test_a_speck_is_refused(tmp_path: Path) -> None:

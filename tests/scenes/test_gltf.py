@@ -1,5 +1,6 @@
 """glTF files: cameras, lights, nodes, notes and errors."""
 
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -92,7 +93,7 @@ def test_lights_shine_along_minus_z_of_their_node(gltf_file: Gltf) -> None:
         ({"extensionsRequired": ["EXT_made_up"]}, ["EXT_made_up"]),
         ({"primitive": {"mode": 7}}, ["mode: found 7; allowed: 0, 1, 2, 3, 4, 5 or 6"]),
         ({"accessor": {"sparse": {"count": 1}}}, ["accessors 1.sparse.indices: found none"]),
-        ({"accessor": {"bufferView": None, "count": 10**9}}, ["accessors 1: 1000000000 zeros"]),
+        ({"accessor": {"bufferView": None, "count": 10**9}}, ["without a bufferView have 3000000000 numbers"]),
         ({"nodes": [{"mesh": 0, "children": [0]}]}, ["ancestor"]),
         ({"nodes": [{"mesh": 7}]}, ["nodes 1.mesh: found 7; allowed: 0 to 0"]),
         ({"nodes": [{"mesh": 0, "matrix": [1, 2]}]}, ["matrix", "16 or more entries"]),
@@ -120,7 +121,7 @@ def test_lights_shine_along_minus_z_of_their_node(gltf_file: Gltf) -> None:
         ({"accessor": {"type": "VEC2"}}, ["accessors 1", "VEC3"]),
         ({"accessor": {"bufferView": 1}}, ["accessors 1", "bufferView"]),
         ({"accessor": {"bufferView": 5}}, ["accessors 1.bufferView", "5", "0 to 1"]),
-        ({"accessor": {"bufferView": None}}, ["accessors 1", "no bufferView"]),
+        ({"accessor": {"bufferView": None}}, ["all 1 triangles have zero area"]),
         ({"bufferViews": [{"buffer": 0, "byteOffset": 40, "byteLength": 36}] * 2}, ["bufferViews 1", "76", "48"]),
         ({"bufferViews": [{"buffer": 3, "byteLength": 36}] * 2}, ["bufferViews 1.buffer", "3"]),
         ({"bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 0}] * 2}, ["byteStride"]),
@@ -138,6 +139,11 @@ def test_lights_shine_along_minus_z_of_their_node(gltf_file: Gltf) -> None:
         ({"nodes": [{"mesh": 0, "camera": 0}] * 1001, "scenes": [{"nodes": [0]}],
           "cameras": [{"type": "orthographic"}]}, ["1001 cameras", "1000"]),
         ({"nodes": [{"mesh": 0}] * 50_001}, ["nodes", "50000"]),
+        ({"bufferViews": [{"buffer": 0, "byteLength": 44, "byteStride": 4}] * 2}, ["accessors 1", "byteStride of 4"]),
+        ({"positions": np.zeros((6, 4), np.uint16), "accessor": {"min": [1, 1, 1], "max": [9, 9, 9]}},
+         ["accessors 1", "from (0, 0, 0) to (0, 0, 0)", "(1, 1, 1) to (9, 9, 9)", "byteStride"]),
+        ({"primitive": {"mode": 0}}, ["1 primitive(s) of points or lines", "no triangles"]),
+        ({"primitive": {"mode": 0}, "extensionsUsed": ["KHR_gaussian_splatting"]}, ["Gaussian splats"]),
     ],
 )  # fmt: skip
 def test_an_invalid_or_unsupported_gltf_is_one_line_that_names_the_place(
@@ -248,3 +254,41 @@ def test_quantised_positions_are_scaled_to_fractions(gltf_file: Gltf) -> None:
     required = {"extensionsRequired": ["KHR_mesh_quantization"]}
     (mesh,) = read_meshes(gltf_file(positions=quantised, accessor={"normalized": True}, **required)).meshes
     assert mesh.vertices.max() == pytest.approx(1.0)
+
+
+def test_shorts_padded_without_a_stride_contradict_their_bounds(gltf_file: Gltf) -> None:
+    """Eight bytes an element, as if six; with the byteStride that is missing they are read, with rounded bounds too."""
+    padded = np.zeros((3, 4), np.uint16)
+    padded[:, :3] = [[0, 0, 0], [900, 0, 0], [0, 500, 0]]
+    bounds = {"count": 3, "min": [0, 0, 0], "max": [900, 499.9, 0]}
+    refused(gltf_file(positions=padded, accessor=bounds, indices=np.arange(3)), "accessors 1", "(900, 499.9, 0)")
+    views = [{"buffer": 0, "byteLength": 24, "byteStride": 8}, {"buffer": 0, "byteOffset": 24, "byteLength": 12}]
+    (mesh, _) = load_scene(gltf_file(positions=padded, accessor=bounds, indices=np.arange(3), bufferViews=views)).meshes
+    assert mesh.bounds.tolist() == [[0, 0, 0], [900, 500, 0]]
+
+
+def test_a_morph_target_without_a_bufferView_moves_nothing(gltf_file: Gltf) -> None:
+    accessors = json.loads(gltf_file().read_text())["accessors"]
+    zeros = {"componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0]}
+    for sparse in (
+        {},
+        {"sparse": {"count": 0, "indices": {"bufferView": 1, "componentType": 5121}, "values": {"bufferView": 0}}},
+    ):
+        path = gltf_file(
+            primitive={"targets": [{"POSITION": 2}]},
+            accessors=[*accessors, zeros | sparse],
+            nodes=[{"mesh": 0, "weights": [0.5]}],
+        )
+        (mesh, _) = load_scene(path).meshes
+        assert sorted(mesh.vertices.tolist()) == [[0, 0, 0], [0, 1, 0], [1, 0, 0]]
+
+
+def test_a_glb_whose_json_ends_with_nul_is_read(gltf_file: Gltf) -> None:
+    path = gltf_file("a.glb")
+    data = bytearray(path.read_bytes())
+    end = 20 + int.from_bytes(data[12:16], "little")
+    blanks = len(data[20:end]) - len(data[20:end].rstrip())
+    padded = data[: end - blanks] + bytes(blanks + 4) + data[end:]
+    padded[12:16], padded[8:12] = (end - 16).to_bytes(4, "little"), len(padded).to_bytes(4, "little")
+    path.write_bytes(padded)
+    assert len(load_scene(path).meshes) == 2

@@ -155,6 +155,51 @@ def test_what_is_opaque_nowhere_is_left_out(card: Written) -> None:
     refused(card({**masked(factor=0.2), "alphaMode": "BLEND"}), "card.gltf", "no triangles")
 
 
+@pytest.mark.parametrize(
+    ("glossy", "color", "alpha"),
+    [
+        ({"diffuseFactor": [0.1, 0.2, 0.3, 1], "diffuseTexture": {"index": 0}}, (0.1, 0.2, 0.3), RANDOM[..., 3]),
+        ({"diffuseTexture": {"index": 0}}, (1, 1, 1), RANDOM[..., 3]),
+        ({"diffuseFactor": [0.1, 0.2, 0.3, 1]}, (0.1, 0.2, 0.3), None),
+        ({}, GREY, None),
+    ],
+)
+def test_a_material_of_both_workflows_is_that_of_the_extension(
+    card: Written, glossy: dict[str, Any], color: Any, alpha: np.ndarray | None
+) -> None:
+    """KHR_materials_pbrSpecularGlossiness: the core properties are a fallback for who does not read it."""
+    both = masked({"index": 1}, factor=0.75, extensions={"KHR_materials_pbrSpecularGlossiness": glossy})
+    images = [image_of(RANDOM), image_of(RANDOM[::-1])]
+    mesh = only_mesh(card(both, images=images, textures=[{"source": 0}, {"source": 1}]))
+    assert mesh.color == pytest.approx(color)
+    assert (mesh.texture is None, mesh.cutout is None) == (alpha is None,) * 2
+    assert mesh.cutout is None or (np.array_equal(mesh.cutout.alpha, alpha) and mesh.cutout.factor == 1.0)
+
+
+@pytest.mark.parametrize("shared", [True, False], ids=["one image", "images of the same bytes"])
+def test_an_image_is_decoded_and_kept_once_however_many_materials_use_it(
+    card: Written, monkeypatch: pytest.MonkeyPatch, shared: bool
+) -> None:
+    decoded: list[str] = []
+    monkeypatch.setattr(
+        "shadowbench.scenes.gltf_materials.read_image",
+        lambda data, where: decoded.append(where) or read_image(data, where),
+    )
+    path = card(masked({"index": 0}))
+    document = json.loads(path.read_text())
+    (primitive,) = document["meshes"][0]["primitives"]
+    document["images"] *= 1 if shared else 40
+    document["textures"] = [{"source": 0 if shared else k} for k in range(40)]
+    document["materials"] = [masked({"index": k}, alphaCutoff=0.2 + 0.01 * k) for k in range(40)]
+    document["meshes"][0]["primitives"] = [{**primitive, "material": k} for k in range(40)]
+    path.write_text(json.dumps(document))
+    scene = read_meshes(path)
+    cutouts = scene.geometry.cutouts
+    assert cutouts is not None and len(decoded) == 1 and len(cutouts.cutouts) == 40
+    assert cutouts.packed.texels.reshape(RANDOM.shape[:2]).tolist() == RANDOM[..., 3].tolist()
+    assert len({id(mesh.texture) for mesh in scene.meshes}) == 1
+
+
 def test_an_image_of_an_extension_that_is_not_read_is_told(card: Written) -> None:
     texture = {"extensions": {"KHR_texture_basisu": {"source": 0}}}
     contents = read_meshes(card(masked({"index": 0}), textures=[texture]))

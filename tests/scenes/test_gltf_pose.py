@@ -338,7 +338,6 @@ SAMPLER: Place = ("animations", 0, "samplers", 0)
         ("bent", (*SAMPLER, "output"), [[0, 0, 0, 0]] * 4, ["rotation at 0.1 s", "not zero"]),
         ("bent", (*SAMPLER, "interpolation"), "CUBIC", ["interpolation", "'CUBIC'"]),
         ("bent", (*SAMPLER, "interpolation"), "CUBICSPLINE", ["needed are 3"]),
-        ("morphing", (*TARGETS, 0, "POSITION"), 1, ["SCALAR", "VEC3"]),
         ("morphing", (*TARGETS, 0, "POSITION"), [[1, 1, 1]], ["POSITION has 1 elements; allowed: 54"]),
         ("morphing", TARGETS, [{"POSITION": 0}] * 400_000, ["morph targets move", "at most 300000000"]),
         ("morphing", ("nodes", 0, "weights"), "heavy", ["nodes 1.weights"]),

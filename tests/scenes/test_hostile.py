@@ -4,6 +4,7 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ import trimesh
 from trimesh.exchange.gltf import export_glb
 
 from shadowbench.scenes.draco import decode
+from shadowbench.scenes.gltf_accessors import stored
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
 from tests.fuzz.corrupt import glb_of
-from tests.scenes.conftest import refused
+from tests.scenes.conftest import TRIANGLE, refused
 
 BOX = '[[mesh]]\nshape = "box"\n'
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -169,6 +171,59 @@ def test_a_mesh_file_that_would_take_too_long_to_read_is_refused(
     mesh_file: Write, name: str, data: str, words: list[str]
 ) -> None:
     refused(mesh_file(name, data), name, *words)
+
+
+ZEROS = {"componentType": 5126, "count": 10_000_000, "type": "VEC3"}
+INSTANCED = {"mesh": 1, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2}}}}
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"primitive": {"attributes": {"POSITION": 0, "COLOR_0": 2}}}, ["COLOR_0 has 10000000 elements; allowed: 3"]),
+        ({"primitive": {"targets": [{"POSITION": 2}]}, "nodes": [{"mesh": 0, "weights": [1]}]},
+         ["a morph target's POSITION has 10000000", "allowed: 3"]),
+        ({"nodes": [{"mesh": 0}, INSTANCED]}, ["draw 10000001 primitives", "50000"]),
+        ({"nodes": [{"mesh": 2}] * 30}, ["draw 60000 primitives", "50000"]),
+        ({"nodes": [{"mesh": 0, "skin": 0}] * 10_000, "positions": np.zeros((6000, 3), np.float32),
+          "skins": [{"joints": [0]}]}, ["72006000 vertices", "30000000"]),
+        ({"more": [ZEROS, ZEROS]}, ["90000000 numbers", "67108864"]),
+    ],
+    ids=["colours", "targets", "instances of nothing", "nodes by primitives", "skins", "zeros"],
+)  # fmt: skip
+def test_few_bytes_do_not_stand_for_more_numbers_than_are_used(
+    gltf_file: Write, parts: dict[str, Any], words: list[str]
+) -> None:
+    accessors, more = (
+        json.loads(gltf_file(**{"positions": TRIANGLE, **parts, "more": 0}).read_text())["accessors"],
+        [ZEROS],
+    )
+    more += parts.get("more", [])
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1, **parts.get("primitive", {})}
+    meshes = [{"primitives": [primitive]}, {"primitives": []}, {"primitives": [primitive] * 2000}]
+    refused(gltf_file(**parts, accessors=[*accessors, *more], meshes=meshes), *words)
+
+
+def test_of_an_accessor_that_many_channels_share_the_rows_at_a_time_are_read_once(
+    gltf_file: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    accessors = json.loads(gltf_file().read_text())["accessors"]
+    key = {"bufferView": 0, "componentType": 5126, "count": 1, "type": "SCALAR"}
+    sparse = {"count": 1, "indices": {"bufferView": 1, "componentType": 5125}, "values": {"bufferView": 0}}
+    path = gltf_file(
+        accessors=[*accessors, key, {**ZEROS, "sparse": sparse}],
+        animations=[{
+            "samplers": [{"input": 2, "output": 3}],
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}] * 400,
+        }],
+    )  # fmt: skip
+    sizes: list[int] = []
+    monkeypatch.setattr(
+        "shadowbench.scenes.gltf_animation.stored",
+        lambda *which, **rows: (sizes.append(len(found := stored(*which, **rows))), found)[1],
+    )
+    load_scene(path)
+    assert sizes == [1, 1]  # the key and its value
 
 
 def test_shared_accessors_are_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """A scene file's `mask`, which cuts meshes out."""
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from shadowbench.scenes.images import read_image, read_square
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, view_of
 from shadowbench.truths.trace import trace
@@ -104,3 +106,17 @@ def test_a_bad_mask_is_one_line(masked, table: str, keys: str, words: list[str])
 
 def test_a_mask_that_leaves_nothing_is_refused(masked) -> None:
     refused(masked('shape = "plane"', np.full((2, 2), 60, np.uint8)), "mask", "below the cutoff 0.5 everywhere")
+
+
+@pytest.mark.parametrize("clear", [None, 4 * 257])
+def test_a_grey_image_of_16_bits_has_the_texels_of_its_8_bits(clear: int | None) -> None:
+    """A PNG may call one grey transparent."""
+    grey = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    files = []
+    for levels, scale in ((grey, 1), (grey.astype(np.uint16) * 257, 257)):
+        files.append(io.BytesIO())
+        options = {} if clear is None else {"transparency": clear * scale // 257}
+        Image.fromarray(levels).save(files[-1], "PNG", **options)
+    shallow, deep = (read_image(file.getvalue(), "a") for file in files)
+    assert np.array_equal(deep, shallow) and np.array_equal(deep[..., 0], grey)
+    assert np.array_equal(*(read_square(file.getvalue(), "a", 8, opaque=True) for file in files))

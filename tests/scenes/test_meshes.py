@@ -119,7 +119,6 @@ def test_a_binary_stl_with_all_its_triangles_is_complete(mesh_file: MeshFile, he
 
 PLY = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
 PLY_FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n"
-TRISTRIP = PLY + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 OFF = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n"
 
 
@@ -154,7 +153,14 @@ OFF = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n"
         ("a.off", OFF + "4 0 1 2\n", ["line 6", "4 numbers", "5"]),
         ("a.off", OFF + "-3 0 1 2\n", ["line 6", "-3 corners"]),
         ("a.off", OFF + "3 0 1 2.5\n", ["vertex 2.5"]),
-        ("a.ply", TRISTRIP, ["strips"]),
+        ("a.obj", OBJ + "l 1 2\n", ["holds 4 points", "no triangles"]),
+        ("a.off", "OFF\n1 0 0\n0 0 0\n", ["holds 1 points"]),
+        (
+            "a.ply",
+            PLY.replace("element", "element chunk 0\nelement", 1).replace("float x", "uint packed_position")
+            + PLY_FACES.format(0),
+            ["holds 3 Gaussian splats", "no triangles"],
+        ),
         ("a.ply", "ply\nnonsense", ["not a PLY"]),
         ("a.ply", PLY + PLY_FACES.format(0), ["no triangles"]),
         ("a.ply", PLY + PLY_FACES.format(2) + "3 0 1 2\n", ["cut short"]),
@@ -282,3 +288,38 @@ def test_a_mesh_without_a_name_has_that_of_its_file(tmp_path: Path, suffix: str)
     lines = [line for line in path.read_bytes().splitlines(keepends=True) if not line.startswith(b"o ")]
     path.write_bytes(b"".join(lines))
     assert [mesh.name for mesh in read_meshes(path).meshes] == ["knob"]
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nusemtl lib\\set\\\nf 1 2 3\nG a\\\nf 2 4 3\n"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\no a\\\r\nf 1 2 3\r\nf 2 4 \\\r\n 3\r\n"),
+        ("a.off", "COFF4 2 0\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n3 0 1 2\n3 1 3 2\n"),
+    ],
+)
+def test_what_common_files_leave_out_or_add_costs_no_triangle(mesh_file: MeshFile, name: str, data: str) -> None:
+    """A name that ends like a continued line, and a keyword without a blank, as in ModelNet40."""
+    (mesh,) = read_meshes(mesh_file(name, data)).meshes
+    assert np.sort(mesh.vertices[mesh.faces].sum(axis=1), axis=0).tolist() == [[1, 1, 0], [2, 2, 0]]
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+def test_strips_of_a_ply_are_triangles_beside_its_faces(mesh_file: MeshFile, kind: str) -> None:
+    rows, head = (
+        [[7, 0, 1, 2, -1, 1, 3, 2], [4, 2, 1, 3, 0]],
+        PLY.replace("ascii", kind).replace("vertex 3", "vertex 4"),
+    )
+    head += "element face 1\nproperty list int int vertex_indices\n"
+    head += "element tristrips 2\nproperty list int int vertex_indices\nend_header\n"
+    corners, face = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [3, 0, 1, 2]
+    if kind == "ascii":
+        data = (head + "".join(" ".join(map(str, row)) + "\n" for row in [*corners, face, *rows])).encode()
+    else:
+        data = head.encode() + np.array(corners, "<f4").tobytes()
+        data += b"".join(np.array(row, "<i4").tobytes() for row in [face, *rows])
+    (mesh,) = read_meshes(mesh_file("a.ply", data)).meshes
+    found = mesh.vertices[mesh.faces]
+    normals = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
+    # (0 1 2) of the face, (0 1 2), (1 3 2), (2 1 3), and (1 0 3), as every other one of a strip turns the other way.
+    assert sorted(normals[:, 2].tolist()) == [-1, 1, 1, 1, 1]

@@ -97,9 +97,10 @@ def test_an_8_bit_mask_is_full_at_255_and_lies_on_the_levels(tmp_path):
     np.testing.assert_array_equal(quantise(visibility), visibility)
 
 
-@pytest.mark.parametrize("mode", ["RGB", "RGBA"])
-def test_a_mask_in_colour_whose_channels_are_equal_is_grey(tmp_path, mode):
-    grey = Image.fromarray(np.arange(256, dtype=np.uint8).reshape(16, 16))
+@pytest.mark.parametrize("mode", ["1", "LA", "P", "RGB", "RGBA"])
+def test_an_opaque_mask_whose_channels_are_equal_is_grey(tmp_path, mode):
+    levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    grey = Image.fromarray(np.where(levels < 99, 0, 255).astype(np.uint8) if mode == "1" else levels)
     grey.save(tmp_path / "grey.png")
     grey.convert(mode).save(tmp_path / "colour.png")
     assert np.array_equal(read_mask(tmp_path / "colour.png"), read_mask(tmp_path / "grey.png"))
@@ -110,8 +111,17 @@ def test_one_pixel_that_is_coloured_or_transparent_makes_no_mask(tmp_path, chann
     levels = np.full((4, 4, 4), 255, np.uint8)
     levels[2, 1, channel] = 254
     Image.fromarray(levels).save(tmp_path / "colour.png")
-    with pytest.raises(InputError, match=r"mode RGBA; allowed: .* 8 in colour whose channels are equal"):
+    with pytest.raises(InputError, match=r"mode RGBA; allowed: .* in colour or with a palette, all of it grey"):
         read_mask(tmp_path / "colour.png")
+
+
+@pytest.mark.parametrize("transparency", [None, 1])
+def test_a_palette_with_a_colour_or_a_transparent_grey_makes_no_mask(tmp_path, transparency):
+    image = Image.fromarray(np.array([[0, 1]], np.uint8)).convert("P")
+    image.putpalette([0, 0, 0, 255, 255, 254 if transparency is None else 255])
+    image.save(tmp_path / "palette.png", **({} if transparency is None else {"transparency": transparency}))
+    with pytest.raises(InputError, match=r"mode P; allowed"):
+        read_mask(tmp_path / "palette.png")
 
 
 def test_sixteen_bits_in_colour_are_no_mask_as_half_of_them_would_be_lost(tmp_path):

@@ -17,15 +17,15 @@ from shadowbench.gl.device import Device
 from shadowbench.plugin.base import Stage
 from shadowbench.plugin.registry import shader_folder
 from shadowbench.scenes.library import builtin_names
-from shadowbench.scenes.model import Light, Mesh
-from shadowbench.survey.explanations import explanations_of
+from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.survey.explanations import explanations_of, verdict_of
 from shadowbench.survey.sampling import Samples, sample_view
 from shadowbench.survey.survey import Receivers, needs, planes_of, receivers_of
 from shadowbench.survey.views import chosen_view
 from shadowbench.techniques.planar_projection import PlanarProjection
 from shadowbench.truths.embree import Tracer
 from shadowbench.truths.trace import trace
-from tests.survey.conftest import SUN, ball, box, from_above, looking, plate, told
+from tests.survey.conftest import LIGHTS, SUN, ball, box, from_above, looking, plate, told
 
 FOUND = {"light", "receivers", "closed casters", "silhouette", "texel", "map size", "casters to leave out"}
 
@@ -154,9 +154,50 @@ def test_without_casters_or_receivers_there_is_nothing_to_need(flags: dict, ligh
         needs(from_above([plate(8.0, **flags)], light))
 
 
+@pytest.mark.parametrize("light", LIGHTS, ids=lambda light: light.kind)
+def test_a_closed_room_under_a_light_outside_has_no_edges(light: Light) -> None:
+    """A ray from a pixel at the joint of its walls may start outside, where it is lit."""
+    room = box(1.0, (0.0, 0.0, 0.0))
+    room = replace(room, points=room.points * (4.0, 3.0, 4.0))
+    light = replace(light, direction=(-0.368687826495, -0.819152044289, -0.439385041771), position=(4.0, 6.0, -1.6))
+    if light.kind == "spot":
+        light = replace(light, direction=(-0.5, -1.0, 0.2))
+    for eye, target in (((1.5, 1.2, 1.7), (-1.2, -0.5, -1.0)), ((-1.6, 0.3, 1.5), (0.4, -1.3, 0.2))):
+        found = needs(looking([room], light, 512, eye, target, 60.0), penumbrae=False)
+        assert found.receivers.pixels.value > 0.5 and found.receivers.shadowed.value == 1.0
+        assert not {"map size, edges", "cascades", "bias"} & {row.need for row in explanations_of(found)}
+        assert verdict_of(found).startswith("all that is seen is in shadow")
+
+
+@pytest.mark.parametrize(
+    ("view", "words"),
+    [
+        (
+            from_above([plate(8.0), plate(0.5, (0.0, 1.0, 0.0))], SUN),
+            "one map of {one}², no cascades, 16 bits of depth",
+        ),
+        (looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], LIGHTS[1], 128), "one map of {one}², 16 bits of depth"),
+        (looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], LIGHTS[2], 128), "a cube map with faces of {one}², 16 bits"),
+        (chosen_view("deep-street", 128), "{best} cascades of {each}² in place of one map of {one}², "),
+        (from_above([plate(8.0)], SUN), "no shadow is seen, and no edge, so that any map size does"),
+    ],
+    ids=["sun", "spot", "lamp", "street", "nothing"],
+)
+def test_the_first_line_is_what_a_scene_needs_with_the_numbers_of_the_rows(view: View, words: str) -> None:
+    found = needs(view)
+    numbers = {row.need: row.number.split(" ±")[0] for row in explanations_of(found)}
+    best, _, each = numbers.get("cascades", "").partition(" × ")
+    verdict = verdict_of(found)
+    assert verdict.startswith(words.format(one=numbers.get("map size, edges"), best=best, each=each))
+    if found.texels.edge_size is not None:
+        assert f"a bias of {numbers['bias'].removesuffix(' m')} m at 1024²" in verdict
+        enough = float(numbers["error of hard"]) <= 0.02
+        assert verdict.endswith("hard shadows suffice" if enough else "hard shadows are too sharp")
+
+
 def test_a_lit_plane_alone_has_needs_too() -> None:
     found = needs(from_above([plate(8.0)], SUN))
-    assert found.bits is None and found.penumbra is None and found.texels.edge_size is None
+    assert found.bits is None and found.penumbra is None and found.texels.edge_size is None and found.cascades is None
     assert {row.need for row in explanations_of(found)} >= FOUND
 
 
@@ -170,8 +211,10 @@ def test_views_of_any_size_have_needs(size: int) -> None:
 def test_the_command_prints_a_table_and_json(shadowbench: Callable[..., Any]) -> None:
     table = shadowbench("needs", "cube-on-plane", "--view-size", "64")
     assert table.code == 0 and "map size, edges" in table.out and not table.err
+    assert table.out.startswith("cube-on-plane, 64 × 64 pixels: one map of ")
     answer = shadowbench("needs", "cube-on-plane", "--view-size", "64", "--json")
     found = json.loads(answer.out)
+    assert f": {found['verdict']}\n" in table.out
     assert answer.code == 0 and found["casters"]["silhouette"] == 10 and found["reach"]["triangles"] == 14
     assert {row["need"] for row in found["told"]} >= FOUND
 

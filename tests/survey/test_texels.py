@@ -10,8 +10,10 @@ from shadowbench.maps.biases import Texel
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.survey import sampling
 from shadowbench.survey.depth import BIAS_STEPS
+from shadowbench.survey.explanations import explanations_of, verdict_of
 from shadowbench.survey.maps import ANGLES, DISPLACEMENTS, PADDING, REFERENCE_SIZE, FittedMap, fitted_map
 from shadowbench.survey.sampling import sample_view
+from shadowbench.survey.survey import needs
 from shadowbench.survey.texels import (
     GRAZING_SLOPE,
     LIMIT,
@@ -25,7 +27,7 @@ from shadowbench.survey.texels import (
 )
 from shadowbench.survey.views import chosen_view
 from shadowbench.techniques.shadow_map import ShadowMap
-from tests.survey.conftest import box, from_above, looking, plate, tilted
+from tests.survey.conftest import SUN, box, from_above, looking, plate, tilted
 
 
 def of(view: View) -> tuple[FittedMap, Texels]:
@@ -114,8 +116,22 @@ def test_cascades_pay_along_a_street_and_not_over_a_plane_from_above() -> None:
     assert street is not None and street.worthwhile and street.saving > 10 and street.depth_ratio > 100
     sizes = list(street.edge_size.values())
     assert sizes == sorted(sizes, reverse=True)
-    flat = cascades(from_above([plate(50.0), plate(0.5, (0.0, 1.0, 0.0))], size=128))
-    assert flat is not None and not flat.worthwhile and flat.depth_ratio < 1.2
+    flat = cascades(from_above([plate(50.0), plate(0.5, (0.0, 1.0, 0.0))], SUN, size=128))
+    assert flat is not None and not flat.worthwhile and not flat.worthwhile_elsewhere and flat.depth_ratio < 1.2
+
+
+def test_a_gain_for_the_whole_view_is_told_where_all_edges_are_at_one_distance() -> None:
+    """By the receivers' texels, two maps or more of a size need fewer than one, though not by the edges."""
+    view = chosen_view("statue", 192)
+    found = cascades(view)
+    assert found is not None and not found.worthwhile and found.worthwhile_elsewhere
+    texels = found.best_by_size * found.size[found.best_by_size] ** 2
+    one = of(view)[1].size.value
+    assert texels < one**2 and found.saving_by_size == pytest.approx(one**2 / texels)
+    needed = needs(view, penumbrae=False)
+    reasons = {row.need: row.reason for row in explanations_of(needed)}
+    assert reasons["cascades save"].startswith("no gain for the edges in view, but for texels of a pixel on 95%")
+    assert "no cascades" not in verdict_of(needed) and "cascades for shadows elsewhere" in verdict_of(needed)
 
 
 def test_a_lamp_has_no_cascades() -> None:

@@ -4,16 +4,21 @@ import ctypes
 import gc
 from collections.abc import Collection
 from dataclasses import replace
+from itertools import product
 
 import moderngl
 import numpy as np
 import psutil
 import pytest
 
-from shadowbench.gl.device import RawGL
+from shadowbench.gl.device import Device, RawGL
+from shadowbench.gl.gbuffer import download
+from shadowbench.gl.program import Drawable, Program
+from shadowbench.measure.rendering import declared_work, finite_facts
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Camera, Light, View, view_of
+from tests import drawing
 from tests.samples import sampled
 
 KNOWN = techniques()
@@ -187,6 +192,112 @@ def test_bytes_are_counted_and_freed(spec, kind, device, studio, build, poses) -
     assert not any(ask("glIsTexture", texture.glo) for texture in textures)
     assert one.stage.bytes == 0
     device.check("releasing")
+
+
+@pytest.mark.parametrize(
+    ("spec", "kind", "reads"),
+    [
+        ("shadow-map:filter=pcf", "spot", 9),
+        ("cube-map:filter=hard", "point", 1),
+        ("cascades:filter=pcf", "directional", 9),
+        ("hybrid:size=64", "point", 2),
+        ("hybrid:rest=embree,size=64", "spot", 2),
+        ("light-samples:of=shadow-map(filter=pcf),n=5", "soft spot", 45),
+        ("light-samples:of=cube-map(filter=hard),n=5", "soft point", 5),
+        ("light-samples:of=shadow-map(size=32,filter=evsm(blur=5)),n=3", "soft spot", 3 * (1 + 10 * 32**2 / SIZE**2)),
+        ("light-samples:of=hybrid(size=64),n=5", "soft spot", 10),
+        ("light-samples:of=shadow-map,n=1", "soft spot", 1),
+        ("shadow-volume", "spot", 0),
+    ],
+)
+def test_reads_are_the_filter_s_in_each_map_that_a_pixel_looks_up(spec, kind, reads, studio, build, poses) -> None:
+    """And those of a blur, along rows and along columns of the map."""
+    shot = studio.shot(poses(kind)[0])
+    one = build(spec, shot)
+    one.draw(shot)
+    work = declared_work(one.technique, SIZE**2, finite_facts(spec, one.technique.facts()))
+    assert work.get("reads", 0) == round(reads * SIZE**2)
+
+
+COUNTED = [
+    *answered([name for name in ALL if not KNOWN[name].catalogue.soft_only]),
+    *product(["light-samples:of=shadow-map(fit=scene)", "soft-volume"], ["soft spot"]),
+    *product([f"shadow-map:fit={fit}" for fit in ("fixed", "scene", "view")], ["directional"]),
+    *product(["shadow-map:filter=msm(bits=16)", "cube-map:filter=evsm(mips=true)"], ["spot"]),
+    *product(["cascades:filter=evsm(mips=true)", "hybrid:fit=visible", "shadow-volume:compare=depth"], ["directional"]),
+]
+
+
+@pytest.mark.parametrize(("spec", "kind"), COUNTED)
+def test_bytes_are_those_of_the_textures_and_buffers_that_a_frame_uses(
+    spec, kind, device, studio, build, poses, monkeypatch
+) -> None:
+    """As OpenGL lists them, but for one texel that is drawn once, into which a map stores what is far."""
+    ask = RawGL(device.context, INQUIRIES)
+    view, used = poses(kind)[0], set()
+    shot = studio.shot(replace(view, scene=replace(view.scene, lights=(view.light,))))
+    build(spec, shot).stage.release()  # makes what all cells of a scene share
+
+    bind, draw = Program.bind, Drawable.draw
+
+    def recorded_bind(program, textures) -> None:
+        used.update(textures[name][0].glo for name in program._units)
+        bind(program, textures)
+
+    def recorded_draw(drawable, target, *others, **named) -> None:
+        for attachment in (0x8D00, 0x8CE0, 0x8CE1):  # depth and two colours
+            name = ctypes.c_int()
+            ask("glGetNamedFramebufferAttachmentParameteriv", target.glo, attachment, 0x8CD1, ctypes.byref(name))
+            used.add(name.value)
+        draw(drawable, target, *others, **named)
+
+    before = sizes_of(device, ask)
+    one = build(spec, shot)
+    monkeypatch.setattr(Program, "bind", recorded_bind)
+    monkeypatch.setattr(Drawable, "draw", recorded_draw)
+    monkeypatch.setattr(drawing, "download", lambda mask: used.add(mask.glo) or download(mask))
+    one.draw(shot)
+    made = {name: size for name, size in sizes_of(device, ask).items() if name not in before}
+    assert one.stage.bytes == sum(made.values())
+    assert sum(size for (kind, name), size in made.items() if kind == "glIsTexture" and name not in used) <= 16
+
+
+INQUIRIES = {
+    "glIsTexture": (ctypes.c_uint,),
+    "glIsBuffer": (ctypes.c_uint,),
+    "glGetTextureParameteriv": (ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p),
+    "glGetTextureLevelParameteriv": (ctypes.c_uint, ctypes.c_int, ctypes.c_uint, ctypes.c_void_p),
+    "glGetNamedBufferParameteriv": (ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p),
+    "glGetNamedFramebufferAttachmentParameteriv": (ctypes.c_uint, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p),
+}
+EXTENTS = 0x1000, 0x1001, 0x8071  # width, height, depth
+COMPONENTS = 0x805C, 0x805D, 0x805E, 0x805F, 0x884A, 0x88F1  # bits of red to alpha, depth, stencil
+
+
+def sizes_of(device: Device, ask: RawGL) -> dict[tuple[str, int], int]:
+    """Bytes of all textures and buffers of the context, by kind and name."""
+
+    def asked(call: str, *arguments: int) -> int:
+        value = ctypes.c_int()
+        ask(call, *arguments, ctypes.byref(value))
+        return value.value
+
+    newest = device.context.texture((1, 1), 1), device.context.buffer(reserve=4)
+    last, found = max(one.glo for one in newest), {}
+    for one in newest:
+        one.release()
+    for name in range(1, last):
+        if ask("glIsBuffer", name) & 1:
+            found["glIsBuffer", name] = asked("glGetNamedBufferParameteriv", name, 0x8764)
+        if ask("glIsTexture", name) & 1:
+            faces = 6 if asked("glGetTextureParameteriv", name, 0x1006) == 0x8513 else 1
+            bits = 0
+            for level in range(12):  # up to 2048 texels
+                width, height, depth = (asked("glGetTextureLevelParameteriv", name, level, one) for one in EXTENTS)
+                texel = sum(asked("glGetTextureLevelParameteriv", name, level, one) for one in COMPONENTS)
+                bits += faces * width * height * depth * texel
+            found["glIsTexture", name] = bits // 8
+    return found
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from shadowbench.scenes.cutouts import Cutout, Wrap
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.vectors import perpendicular_basis, unit
 from shadowbench.survey.casters import casters_of
+from shadowbench.truths.embree import INFINITE, Tracer
 from shadowbench.truths.rays import SUBPIXEL, ViewRays
 from shadowbench.truths.trace import trace
 from tests.cards import CAMERA, GROUND, alpha_of, cards, made_of_triangles
@@ -247,6 +248,67 @@ def test_volumes_decline_what_is_cut_out_or_draw_it_whole(spec, light, device, m
     assert refusal(opaque, view, device) is None
     on_ground = [mask(opaque, one)[-20:, :] for one in (view, whole)]  # below the leaves
     assert (on_ground[0] != on_ground[1]).mean() < 0.1
+
+
+@pytest.mark.parametrize("nearest", [True, False])
+@pytest.mark.parametrize(
+    ("alpha", "factor", "cutoff", "vertex"),
+    [(255, 1, 1, 1), (255, 0.5, 0.5, 1), (255, 1, 0.7, 0.7), (100, 1, 100 / 255, 1)],
+)
+def test_an_alpha_equal_to_the_cutoff_is_opaque(alpha, factor, cutoff, vertex, nearest, studio, mask) -> None:
+    """A card whose inner 6² of 8² texels have that alpha, and the square in which nothing less is mixed in."""
+    texels = np.pad(np.full((6, 6), alpha, np.uint8), 1)
+    corners = np.array([[-1.0, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]])
+    places = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)[GROUND.faces]
+    card = Mesh(
+        "card",
+        corners + np.array([0.0, 1.0, 0.0]),
+        GROUND.faces,
+        cutout=Cutout(texels, factor, cutoff, nearest),
+        coordinates=places,
+        alpha=np.full((2, 3), vertex, np.float32),
+    )
+    square = Mesh("card", corners * (0.75 if nearest else 0.625) + np.array([0.0, 1.0, 0.0]), GROUND.faces)
+    for radius in (0.0, 0.03):
+        sun = replace(LIGHTS["directional"], radius=radius)
+        truth, exact = (trace(leaves_view(sun, mesh, size=96), pixel_samples=1) for mesh in (card, square))
+        decided = exact.receivers & truth.receivers & ~truth.undecided
+        assert (exact.receivers & ~decided).sum() < 20
+        off = np.abs(truth.visibility - exact.visibility) > 4 * np.hypot(truth.standard_error, exact.standard_error)
+        assert (exact.visibility[decided] < 0.5).sum() > 300
+        assert off[decided].sum() == 0
+    for spec in ("ray-traced:where=gpu", "hybrid"):
+        masks = [mask(spec, leaves_view(LIGHTS["directional"], mesh, size=96)) for mesh in (card, square)]
+        assert (masks[0] != masks[1]).sum() < 5
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "shadow-volume",
+        *(f"shadow-volume:{one}" for one in ("count=z-pass", "faces=triangle", "compare=depth")),
+        "soft-volume",
+    ],
+)
+def test_volumes_of_whole_cards_shadow_what_is_seen_through_holes(spec, light, studio, mask) -> None:
+    """As rays from the visible surfaces find, past the same cards without holes."""
+    view, parsed = leaves_view(light), parse_spec(spec, KNOWN).with_(cutouts="opaque").text
+    shot, whole = (studio.shot(one) for one in (view, leaves_view(light, replace(LEAVES, cutout=None))))
+    point, normal = shot.position[..., :3], shot.normal[..., :3]
+    xyz, w = shot.view.light.homogeneous
+    toward = np.array(xyz) - w * point
+    facing = np.einsum("ijk,ijk->ij", normal, toward) > 0.02 * np.linalg.norm(toward, axis=2)
+    tracer = Tracer(shot.view.scene.geometry.vertices, shot.view.scene.geometry.faces)
+    origins = point[facing] + 1e-5 * normal[facing]
+    blocked, _ = tracer.occlusion(origins, toward[facing], 1.0 if w else INFINITE)
+    through = blocked[(shot.triangle != whole.triangle)[facing]]
+    assert min(through.sum(), (~through).sum()) > 1000
+    assert ((mask(parsed, view)[facing] < 0.5) != blocked).sum() <= 5  # at edges
+    if spec == "soft-volume":
+        soft = leaves_view(replace(light, radius=0.03))
+        samples = mask("light-samples:of=shadow-volume(cutouts=opaque),n=32", soft)
+        assert ((samples > 0.05) & (samples < 0.95)).sum() > 300
+        assert (np.abs(mask(parsed, soft) - samples) > 1 / 64).mean() < 1e-3
 
 
 def test_needs_count_what_is_cut_out() -> None:

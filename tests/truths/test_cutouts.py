@@ -85,23 +85,6 @@ def test_rays_pass_where_a_mask_of_plateaus_is_clear(nearest: bool, wrap: tuple[
     assert (blocked != cutout.opaque(at * 4.4 + 0.4))[~left_open].sum() == 0
 
 
-def test_a_cutoff_in_the_middle_of_a_plateau_leaves_it_open() -> None:
-    """Mixed in float32, equal alphas are not exactly themselves; the nearest texel's is."""
-    random = np.random.default_rng(4)
-    origins = np.column_stack([random.uniform(-0.4, 0.4, (200, 2)), np.full(200, 1.0)])
-    corners = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0.0]])
-    coordinates = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], dtype=np.float32)
-    found = {}
-    for nearest in (False, True):
-        cutout = Cutout(np.full((4, 4), 128, np.uint8), cutoff=128 / 255, nearest=nearest)
-        mesh = Mesh("card", corners, GROUND.faces, cutout=cutout, coordinates=coordinates)
-        geometry = Scene("card", (mesh,), (), ()).geometry
-        tracer = Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
-        found[nearest] = tracer.occlusion(origins, np.array([[0.0, 0.0, -1.0]]), INFINITE)
-    assert found[False][1].all()
-    assert found[True][0].all()
-
-
 def test_soft_shadows_of_texels_are_those_of_their_triangles() -> None:
     lamp = Light("lamp", "disc", (0.0, -1.0, 0.0), (0.3, 4.0, 0.2), radius=0.2)
     leaves = cards(25, Cutout(alpha_of("leaf"), nearest=True, wrap=("clamp", "clamp")))

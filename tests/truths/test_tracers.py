@@ -15,8 +15,23 @@ from shadowbench.survey.views import chosen_view
 from shadowbench.truths import packets
 from shadowbench.truths.embree import EmbreexScene, answers_digest
 from shadowbench.truths.trace import Truth, trace
+from tests.crowds import CROWD
 
 VIEWS = {"hard": ("colonnade", 64), "soft": ("post", 64)}
+
+ANSWERS = """
+import sys, warnings
+import numpy as np
+warnings.simplefilter("error")
+import shadowbench as sb
+answers = {}
+for scene, size in (("cube-on-plane", 32), ("leaves", 16), ("lamp-over-table", 8)):
+    truth = sb.truth(scene, view_size=size, pixel_samples=1)
+    scores = sb.score(np.roll(truth.visibility, 2, axis=0), truth)
+    answers |= {f"{scene} {name}": array for name, array in truth.arrays().items()}
+    answers |= {f"{scene} {name}": np.array(np.nan if value is None else value) for name, value in scores.items()}
+np.savez(sys.argv[1], **answers)
+"""
 
 
 def assert_same(one: Truth, other: Truth) -> None:
@@ -133,3 +148,34 @@ def test_rays_are_traced_where_compiled_code_cannot_be_cached() -> None:
     nowhere = {"NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator", "NUMBA_CACHE_DIR": ""}
     told = "from shadowbench.truths import light_samples, packets"
     subprocess.run([sys.executable, "-c", told], env=os.environ | nowhere, check=True, capture_output=True)
+
+
+@pytest.mark.slow
+def test_truths_and_scores_are_the_same_without_compiled_code(tmp_path) -> None:
+    """As in a suite whose coverage includes what Numba compiles; no warning either, of 0/0 for one."""
+    found = []
+    for disabled in ("0", "1"):
+        own = {"NUMBA_DISABLE_JIT": disabled, "SHADOWBENCH_CACHE": str(tmp_path / disabled)}
+        file = tmp_path / f"{disabled}.npz"
+        subprocess.run([sys.executable, "-c", ANSWERS, file], env=os.environ | own, check=True)
+        found.append(np.load(file))
+    compiled, python = found
+    assert compiled["cube-on-plane visibility"].any() and compiled["leaves iou"] < 1
+    for name in compiled:
+        assert np.array_equal(compiled[name], python[name], equal_nan=compiled[name].dtype.kind == "f"), name
+
+
+def test_instances_without_compiled_code_are_refused_by_the_variables_name(tmp_path) -> None:
+    (tmp_path / "crowd.toml").write_text(CROWD, encoding="utf-8")
+    limit = "from shadowbench.scenes import placed; placed.MOST_TRIANGLES = 2000; "
+    command = "from shadowbench.__main__ import main; main()"
+    arguments = ["truth", tmp_path / "crowd.toml", "-o", tmp_path / "t.npz"]
+    process = subprocess.run(
+        [sys.executable, "-c", limit + command, *arguments],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert process.returncode == 2
+    assert "scenes of instances need packets of rays, and NUMBA_DISABLE_JIT is set" in process.stderr

@@ -119,6 +119,22 @@ def test_centre_nearer_to_an_edge_than_the_rasterisers_grid_is_undecided(
     assert (truth.triangle[:, 32] >= 0).all() == (side * sign < 0)
 
 
+@pytest.mark.parametrize(("pixels", "undecided"), [(1 / 300, True), (1 / 220, False)], ids=["nearer", "farther"])
+@pytest.mark.parametrize("across", [-1, 1])
+@pytest.mark.parametrize("down", [-1, 1])
+def test_centre_nearer_to_a_corner_than_the_rasterisers_grid_is_undecided(
+    shape, looking, sun, pixels, undecided, across, down
+) -> None:
+    """A ground whose corner lies beside the centre in both directions: one corner of the grid's cell is on it."""
+    wide, tilt = 2 * math.tan(math.radians(10.0)) / 64, 1e-4
+    x, z = 0.5 * wide, (0.5 * wide - tilt) / (1 + 0.5 * wide * tilt)  # of the centre
+    corner = x + across * pixels * wide, z + down * pixels * wide
+    ground = shape("plane", 8.0, (corner[0] + 4 * across, 0, corner[1] + 4 * down))
+    truth = trace(looking([ground], sun, eye=(0, 1, 0), target=(0, 0, -tilt), fov=20.0))
+    assert truth.triangle[32, 32] < 0 and truth.triangle[32 + down, 32 + across] >= 0
+    assert truth.undecided[32, 32] == undecided
+
+
 def test_surface_seen_edge_on_is_undecided(shape, looking) -> None:
     """An eye a millionth above the ground: rounding alone says where its rays meet it."""
 

@@ -38,7 +38,7 @@ async function draw(element, chart, onClick) {
 // Zoom of the error-cost chart about the centre of its logarithmic domains; resets for a factor of 0.
 function zoomed(element, factor) {
   if (!factor) return element.redraw();
-  for (const [signal, axis] of [["zoom_ms", "x"], ["zoom_drawn", "y"]]) {
+  for (const [signal, axis] of [["zoom_cost", "x"], ["zoom_drawn", "y"]]) {
     const ends = element.view.scale(axis).domain(), middle = Math.sqrt(ends[0] * ends[1]);
     element.view.signal(signal, ends.map((end) => middle * (end / middle) ** factor));
   }

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from shadowbench.results.columns import described
+from shadowbench.measure.columns import described
 from shadowbench.results.folder import read_runs
 from shadowbench.scores.metrics import METRICS
 from tests.reports.conftest import run_file, write_folder

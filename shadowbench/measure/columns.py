@@ -85,6 +85,11 @@ FIXED = IDENTITY | TIMES | COSTS | MORE | MORE_TIMES | SOMETIMES
 """The columns that no metric, pass or technique names, and what they mean."""
 
 
+def is_taken(name: str) -> bool:
+    """Whether a column other than a metric's may have this name."""
+    return name in FIXED or any(re.fullmatch(pattern, name) for pattern in _OTHERS)
+
+
 def described(columns: Iterable[str]) -> dict[str, str]:
     """What each column of a table means. Raises KeyError for one that no table has."""
     return {name: _described(name) for name in columns}

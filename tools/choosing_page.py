@@ -1,0 +1,202 @@
+"""Generates docs/explanation/choosing.md from the rows of results/published/; --check reports a stale page.
+
+Every number of the page is computed from these rows; predicted times follow from the work that they count.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from statistics import fmean, median
+
+from pages import compare
+
+from shadowbench.advice.law import SHORTEST_MS, Law, law_on_record
+from shadowbench.measure.rows import Record
+from shadowbench.plugin.registry import own_techniques, preset_names
+from shadowbench.plugin.spec import parse_spec
+from shadowbench.results.folder import read_runs
+from shadowbench.results.ranking import Target
+from shadowbench.scenes.library import builtin_light
+from shadowbench.scores.metrics import METRICS, is_soft
+
+ROOT = Path(__file__).resolve().parent.parent
+FILE = ROOT / "docs" / "explanation" / "choosing.md"
+TARGETS = [Target("iou", limit) for limit in (0.9, 0.95, 0.98, 0.99)] + [
+    Target("edge_px", limit) for limit in (1.0, 0.5)
+]
+STRICT = Target("iou", 0.99)
+COURSE = ("", "preset=offset", "preset=constant", "preset=course", "preset=webgl")
+COURSE_SCENE, COURSE_SIZE = "colonnade", 1024
+COLUMNS = ("iou", "acne", "leak", "contact")
+
+
+def main() -> int:
+    """Write or check the page."""
+    law = law_on_record()
+    assert law is not None
+    rows = {name: _rows(name) for name in ("techniques", "plants")}
+    scenes = {name: list(dict.fromkeys(row["scene"] for row in found)) for name, found in rows.items()}
+    values = {
+        "DEVICE": law.device,
+        "SHORTEST": f"{SHORTEST_MS:g}",
+        "SCENES": str(len(scenes["techniques"])),
+        "VIEW": str(rows["techniques"][0]["view_size"]),
+        "COUNTS": "\n".join(_counts(rows["techniques"], law)),
+        "BY_SCENE": "\n".join(_by_scene(rows["techniques"], scenes["techniques"], law)),
+        "FINDINGS": "\n".join(_findings(rows["techniques"], law)),
+        "PLANTS": "\n".join(_by_scene(rows["plants"], scenes["plants"], law)),
+        "COURSE_SCENE": COURSE_SCENE,
+        "COURSE_SIZE": str(COURSE_SIZE),
+        "COURSE_ONE": "\n".join(_course(rows["techniques"], [COURSE_SCENE])),
+        "COURSE_ALL": "\n".join(
+            _course(rows["techniques"], suns := [s for s in scenes["techniques"] if builtin_light(s) == "directional"])
+        ),
+        "SUNS": str(len(suns)),
+    }
+    text = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
+    for name, value in values.items():
+        text = text.replace(f"@{name}@", value)
+    if "--check" in sys.argv:
+        return compare(FILE, text, Path(__file__).name)
+    FILE.write_text(text, encoding="utf-8")
+    return 0
+
+
+def _rows(name: str) -> list[Record]:
+    """Scored rows of a published study, under lights without a size."""
+    (run,) = read_runs([ROOT / "results" / "published" / name])
+    return [
+        row
+        for row in run.rows
+        if row["status"] == "ok" and not is_soft(row["metrics"]) and row["technique"] != "unshadowed"
+    ]
+
+
+def _name(row: Record) -> str:
+    """The spec, by its preset's name where it has one, and the map size."""
+    spec = preset_names().get(row["spec"], row["spec"])
+    return f"`{spec}` at {row['map_size']}" if row["map_size"] else f"`{spec}`"
+
+
+def _meets(row: Record, target: Target) -> bool:
+    value = row["metrics"][target.metric]
+    return value is not None and METRICS[target.metric].meets(value, target.limit)
+
+
+def _ranked(rows: Sequence[Record], scene: str, target: Target, law: Law) -> list[tuple[float, Record]]:
+    """Rows of a scene that meet a target, with predicted times, cheapest first; of times not told apart, by work."""
+    able = [
+        (ms, row)
+        for row in rows
+        if row["scene"] == scene and _meets(row, target) and (ms := law.of_row(row)) is not None
+    ]
+    return sorted(able, key=lambda pair: (pair[0], pair[1]["work"]["cost"]))
+
+
+def _counts(rows: Sequence[Record], law: Law) -> Iterator[str]:
+    """For each target, in how many scenes each technique is the cheapest."""
+    scenes = dict.fromkeys(row["scene"] for row in rows)
+    choices = {
+        target: [found[0][1] for scene in scenes if (found := _ranked(rows, scene, target, law))] for target in TARGETS
+    }
+    names = list(dict.fromkeys(row["technique"] for row in rows if law.of_row(row) is not None))
+    yield f"| target | {' | '.join(f'`{name}`' for name in names)} | none | median map |"
+    yield f"|---|{'---:|' * (len(names) + 2)}"
+    for target, found in choices.items():
+        won = Counter(row["technique"] for row in found)
+        sizes = [row["map_size"] for row in found if row["map_size"]]
+        counts = " | ".join(str(won[name]) for name in names)
+        yield f"| {_target(target)} | {counts} | {len(scenes) - len(found)} | {median(sizes):g} |"
+
+
+def _findings(rows: Sequence[Record], law: Law) -> Iterator[str]:
+    """What the rows have in common, each sentence with its counts."""
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    ranked = {scene: _ranked(rows, scene, STRICT, law) for scene in scenes}
+    for name in ("shadow-volume", "hybrid"):
+        own = [row["metrics"]["iou"] for row in rows if row["technique"] == name]
+        beaten = sum(found[0][1]["technique"] != name for found in ranked.values() if found)
+        least = "an IoU of 1" if min(own) == 1 else f"an IoU of {_iou(min(own))} or more"
+        yield (
+            f"- **`{name}`** has {least} in the {len(own)} scenes that it was drawn in; in {beaten} of {len(scenes)} "
+            "another technique meets 0.99 at less time."
+        )
+    for kind in ("point", "spot"):
+        lit = [scene for scene in scenes if builtin_light(scene) == kind]
+        winners = Counter(ranked[scene][0][1]["technique"] for scene in lit if ranked[scene])
+        named = ", ".join(f"`{name}` in {count}" for name, count in winners.most_common())
+        yield f"- **A {kind} light** ({', '.join(lit)}): at an IoU of 0.99 the cheapest is {named} of {len(lit)}."
+    planar = [row["scene"] for row in rows if row["technique"] == "planar-projection" and _meets(row, STRICT)]
+    yield (
+        f"- **Shadows on planes only**: `planar-projection` meets an IoU of 0.99 in {len(planar)} scenes: "
+        f"{', '.join(planar)}."
+    )
+    sides = ("shadow-map", "cascades")
+    ious = {
+        (r["scene"], r["spec"]): r["metrics"]["iou"]
+        for r in rows
+        if r["spec"] in sides and r["map_size"] == COURSE_SIZE
+    }
+    both = {
+        scene: [ious[scene, side] for side in sides] for scene in scenes if all((scene, side) in ious for side in sides)
+    }
+    better = [scene for scene, (one, several) in both.items() if several > one]
+    scene, (one, several) = max(both.items(), key=lambda item: item[1][1] - item[1][0])
+    yield (
+        f"- **Cascades** have a higher IoU than one map of the same size, {COURSE_SIZE}², in {len(better)} of the "
+        f"{len(both)} scenes with both, the most in {scene}: {_iou(several)} against {_iou(one)}."
+    )
+
+
+def _target(target: Target) -> str:
+    return f"IoU ≥ {target.limit:.2f}" if target.metric == "iou" else f"edges ≤ {target.limit:g} px off"
+
+
+def _by_scene(rows: Sequence[Record], scenes: Sequence[str], law: Law) -> Iterator[str]:
+    """The cheapest at the strict target in each scene, and the cheapest of another technique."""
+    yield "| scene | light | cheapest | IoU | ms | next technique | IoU | ms | without a predicted time |"
+    yield "|---|---|---|---:|---:|---|---:|---:|---|"
+    for scene in scenes:
+        ranked = _ranked(rows, scene, STRICT, law)
+        best = ranked[:1]
+        others = [pair for pair in ranked if pair[1]["technique"] != ranked[0][1]["technique"]][:1]
+        cells = [cell for found in (best, others) for cell in _choice(found)]
+        unranked = [
+            _name(row) for row in rows if row["scene"] == scene and _meets(row, STRICT) and law.of_row(row) is None
+        ]
+        yield f"| {scene} | {builtin_light(scene)} | {' | '.join(cells)} | {', '.join(unranked)} |"
+
+
+def _choice(found: Sequence[tuple[float, Record]]) -> tuple[str, str, str]:
+    """A row's spec, IoU and predicted time; `none` if there is none."""
+    if not found:
+        return "none", "", ""
+    ms, row = found[0]
+    return _name(row), _iou(row["metrics"]["iou"]), f"{ms:.2g}" if ms > SHORTEST_MS else f"<{SHORTEST_MS:g}"
+
+
+def _iou(value: float) -> str:
+    return "1" if value == 1.0 else f"{value:.4f}" if value < 0.99995 else f"{value:.6f}"
+
+
+def _course(rows: Sequence[Record], scenes: Sequence[str]) -> Iterator[str]:
+    """Means over scenes of the default and of settings that courses publish."""
+    known = {one.name: one for one in own_techniques()}
+    yield "| spec | 1 − IoU | acne | leak | contact |"
+    yield "|---|---:|---:|---:|---:|"
+    for items in COURSE:
+        short = f"shadow-map:{items}".rstrip(":")
+        spec = parse_spec(short, known).sizeless_text
+        found = [
+            row["metrics"]
+            for row in rows
+            if row["spec"] == spec and row["map_size"] == COURSE_SIZE and row["scene"] in scenes
+        ]
+        assert len(found) == len(scenes), f"{short}: {len(found)} rows of {len(scenes)}"
+        iou, *errors = (fmean(row[name] for row in found if row[name] is not None) for name in COLUMNS)
+        yield f"| `{short}` | {1 - iou:.4f} | {' | '.join(f'{value:.2g}' for value in errors)} |"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
