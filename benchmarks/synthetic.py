@@ -25,7 +25,6 @@ _SPECS = tuple(
 )
 _SIZES = (256, 512, 1024, 2048, 4096)
 _PHASES = (0, 1)
-PER_SCENE = len(_SPECS) * len(_SIZES) * len(_PHASES)
 _STUDY = {"scenes": [], "specs": list(_SPECS), "reference": "shadow-map:size=1024", "view_size": SIDE, "rounds": 9}
 
 

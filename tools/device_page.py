@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from pages import compare
 
-from shadowbench.advice.law import SHORTEST_MS, WORST, Law, law_of
-from shadowbench.results.submission import Submission, beside_work, counted_work, known_submissions
+from shadowbench.advice.law import WORST, Law, law_of
+from shadowbench.results.submission import SHORTEST_MS, Submission, beside_work, counted_work, known_submissions
 
 FILE = Path(__file__).resolve().parent.parent / "docs" / "explanation" / "devices.md"
 FILTERED = ("shadow-map:filter=pcf", 4096)

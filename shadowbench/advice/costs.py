@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
-from shadowbench.advice.law import SHORTEST_MS, Law, counts_of, law_on_record
+from shadowbench.advice.law import Law, counts_of, law_on_record
 from shadowbench.advice.search import Trial, reads_of
 from shadowbench.advice.target import Target
 from shadowbench.errors import InputError
 from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rows import Result
 from shadowbench.plugin.spec import Spec
-from shadowbench.results.submission import kind_of
+from shadowbench.results.submission import SHORTEST_MS, kind_of
 from shadowbench.results.tables import cells_frame
 from shadowbench.results.times import ReferenceTime, normalise_times
 from shadowbench.scenes.model import View

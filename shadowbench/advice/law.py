@@ -24,8 +24,14 @@ from scipy.optimize import nnls
 from shadowbench.errors import InputError
 from shadowbench.gl.clock import QUERIES
 from shadowbench.measure.rows import Record
-from shadowbench.results.submission import SHORTEST_MS as SHORTEST_MS
-from shadowbench.results.submission import Submission, beside_work, counted_work, kind_of, known_submissions
+from shadowbench.results.submission import (
+    SHORTEST_MS,
+    Submission,
+    beside_work,
+    counted_work,
+    kind_of,
+    known_submissions,
+)
 from shadowbench.scores.metrics import is_soft
 from shadowbench.techniques.unshadowed import Unshadowed
 

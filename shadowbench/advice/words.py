@@ -6,7 +6,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from shadowbench.advice.law import SHORTEST_MS
 from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES, start_size
@@ -16,7 +15,7 @@ from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Drawer
 from shadowbench.measure.rows import Result
 from shadowbench.plugin.params import Component
-from shadowbench.results.submission import kind_of
+from shadowbench.results.submission import SHORTEST_MS, kind_of
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
 

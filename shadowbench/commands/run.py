@@ -129,6 +129,10 @@ def run(
         found = measure(study, at, chosen_part)
     if found.run.earlier and not printed.quiet:
         console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
+    if found.run.older and not printed.quiet:
+        rows = f"{counted(found.run.older, 'row')} of earlier commands"
+        why = "of cells with these names, but of another file, setting or version; another -o keeps both"
+        console.print_error(f"note: {asked.output}: table.csv and reports leave out {rows}: {why}")
     if printed.json:
         from shadowbench.advice.law import law_on_record
         from shadowbench.results.configurations import sections

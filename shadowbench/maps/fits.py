@@ -147,7 +147,7 @@ class FittedView:
         self._stage, self._fit, self._size, self._padding = stage, fit, size, filter_radius + 1
         self._bounds = cache(lambda: VisibleBounds(stage))
         if isinstance(fit, VisibleFit):
-            self._bounds()  # now, and not in the first frame, as of fits of plug-ins that ask for it
+            self._bounds()  # built here; for a fit of a plug-in that asks for it, in the first frame
 
     def __call__(self, frame: Frame, light_radius: float = 0.0) -> LightView:
         """The light view for a frame. light_radius: see `Filter.light_radius`."""

@@ -68,7 +68,8 @@ class Results(pd.DataFrame):
         section, every = self._section(scene)
         chart = front_chart(section, styles_of(specs_of(every)))
         if chart is None:
-            raise InputError(f"front: {section.title} has no times; allowed: results with rounds of 1 or more")
+            allowed = "rounds of 1 or more on a GPU, else specs with a predicted time"
+            raise InputError(f"front: {section.title} has no costs; allowed: {allowed}")
         return Figure(titled(chart, section.title, section.run.renderer, cost_source(section)))
 
     def sizes(self, scene: str | None = None) -> Figure:

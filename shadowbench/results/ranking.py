@@ -150,9 +150,11 @@ def cheapest(found: Sequence[Candidate], target: Target) -> Candidate | None:
     return min(able, key=_cost, default=None)
 
 
-def _cost(one: Candidate) -> tuple[int, bool, float, float, str]:
+def _cost(one: Candidate) -> tuple[int, bool, float, float, float, str]:
+    """Of predicted times that are not told apart, the one of less work comes first, as in `recommend`."""
     cost = one.cost if one.cost is not None else float(one.mean.map_size or 0)
-    return -len(one.by_scene), one.cost is None, cost, _error(one.mean), one.mean.label
+    work = one.mean.value("work_cost") or 0.0 if one.mean.cost_name == "predicted_ms" else 0.0
+    return -len(one.by_scene), one.cost is None, cost, work, _error(one.mean), one.mean.label
 
 
 def ties(found: Sequence[Candidate], best: Candidate, target: Target) -> tuple[Candidate, ...]:
@@ -188,9 +190,9 @@ def cost_matrix(found: Sequence[Candidate], targets: Sequence[Target]) -> dict[s
     return dict(sorted(rows.items(), key=lambda item: _rank(item[1])))
 
 
-def _rank(cells: Sequence[CostCell]) -> list[tuple[int, bool, float, float, str]]:
+def _rank(cells: Sequence[CostCell]) -> list[tuple[int, bool, float, float, float, str]]:
     """Sort key: the cost at the middle target, then at the easier ones; a target that is not met ranks last."""
-    never = (0, True, float("inf"), 0.0, "")
+    never = (0, True, float("inf"), 0.0, 0.0, "")
     middle = len(cells) // 2
     order = [*cells[middle::-1], *cells[middle + 1 :]]
     return [never if cell.cheapest is None else _cost(cell.cheapest) for cell in order]

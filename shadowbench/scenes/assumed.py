@@ -138,6 +138,7 @@ def _columns(meshes: Sequence[Mesh], low: Floats, cell: Floats) -> _Columns:
     """The columns of meshes. low: their lowest corner; cell: (3,) the units of x, of heights and of z."""
     lowest, floor = np.full((2, COLUMNS, COLUMNS), np.inf)
     feet, batch = list[Floats](), list[Floats]()
+    held = 0
 
     def cells_of(points: Floats) -> NDArray[np.intp]:
         cells: NDArray[np.intp] = np.clip(points[..., [0, 2]], 0, COLUMNS - 1).astype(np.intp)
@@ -165,8 +166,10 @@ def _columns(meshes: Sequence[Mesh], low: Floats, cell: Floats) -> _Columns:
             below = np.minimum(np.minimum(a, b), c) < floor.max()
             if below.any():
                 batch.append(vertices[mesh.faces[part][below]])
-            if sum(map(len, batch)) >= _BATCH:
+                held += len(batch[-1])  # as summing a batch of tiny meshes anew for each is quadratic
+            if held >= _BATCH:
                 add()
+                held = 0
     if batch:
         add()
     return _Columns(lowest, floor, np.concatenate(feet))

@@ -72,6 +72,9 @@ def _check_bounds(elements: NDArray[Any], accessor: Accessor, where: str) -> Non
     """
     if accessor.min is None or accessor.max is None or not len(elements):
         return
+    if {len(accessor.min), len(accessor.max)} != {elements.shape[1]}:
+        found = f"{len(accessor.min)} and {len(accessor.max)} numbers"
+        raise InputError(f"{where}: found min and max of {found}; allowed: {elements.shape[1]}, as its elements")
     given = np.array([accessor.min, accessor.max])
     read = np.array([elements.min(axis=0), elements.max(axis=0)])
     off = BOUNDS_OFF * np.ptp(given, axis=0).max() + 1e-6 * np.abs(given).max()

@@ -1,7 +1,7 @@
 """Meshes placed in the world, with triangles of their own, or, in large scenes, with those of all their instances."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import reduce
 
@@ -27,6 +27,9 @@ from shadowbench.scenes.vectors import Floats
 MOST_SKEWED = 1e4
 """Ratio of the longest to the shortest scale of an instance above which it has triangles of its own."""
 
+_BATCH = 1 << 12
+"""Triangles that are looked at together, at least."""
+
 
 def is_large(meshes: Iterable[Mesh], where: str) -> bool:
     """Whether meshes have so many triangles that instances must share theirs. Raises InputError for too many."""
@@ -47,10 +50,7 @@ def placed(instances: Iterable[tuple[Mesh, Floats]], where: str) -> tuple[list[M
     Raises InputError that begins with `where` for coordinates that become infinite or too large.
     """
     meshes, dropped = [], 0
-    for mesh, matrix in instances:
-        triangles = vertices, faces = transformed(Triangles(mesh.vertices, mesh.faces), matrix)
-        checked(vertices, where)
-        kept = with_area(triangles)
+    for mesh, matrix, (vertices, faces), kept in _moved(instances, where):
         lost = int(len(kept) - kept.sum())
         dropped += lost
         if lost:  # and without the vertices that only those used
@@ -59,6 +59,33 @@ def placed(instances: Iterable[tuple[Mesh, Floats]], where: str) -> tuple[list[M
         if len(faces):
             meshes.append(mesh.reshaped(vertices, faces, matrix, kept if lost else None))
     return meshes, dropped
+
+
+def _moved(
+    instances: Iterable[tuple[Mesh, Floats]], where: str
+) -> Iterator[tuple[Mesh, Floats, Triangles, NDArray[np.bool_]]]:
+    """Meshes, their matrices, their triangles under these, and which have an area; many tiny meshes are one batch."""
+    batch = list[tuple[Mesh, Floats, Triangles]]()
+    held = 0
+
+    def looked_at() -> Iterator[tuple[Mesh, Floats, Triangles, NDArray[np.bool_]]]:
+        vertices = checked(np.concatenate([each.vertices for *_, each in batch]), where)
+        first = np.cumsum([0, *(len(each.vertices) for *_, each in batch)])
+        ends = np.cumsum([len(each.faces) for *_, each in batch])
+        faces = [each.faces + start for (*_, each), start in zip(batch, first, strict=False)]
+        kept = np.split(with_area(Triangles(vertices, np.concatenate(faces))), ends[:-1])
+        for (mesh, matrix, triangles), own in zip(batch, kept, strict=True):
+            yield mesh, matrix, triangles, own
+
+    for mesh, matrix in instances:
+        batch.append((mesh, matrix, transformed(Triangles(mesh.vertices, mesh.faces), matrix)))
+        held += len(mesh.faces)
+        if held >= _BATCH:
+            yield from looked_at()
+            batch.clear()
+            held = 0
+    if batch:
+        yield from looked_at()
 
 
 def shared(instances: Iterable[tuple[Mesh, Floats]], where: str) -> tuple[list[Mesh], int]:

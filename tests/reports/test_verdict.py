@@ -401,10 +401,14 @@ def test_every_cost_of_a_panel_is_in_one_currency(measured) -> None:
     assert "a device on record from counted work; below 0.1 ms they are not told apart" in words
 
 
-def test_short_predicted_times_are_not_told_apart(measured) -> None:
+def test_short_predicted_times_are_not_told_apart_and_less_work_comes_first(measured) -> None:
     cells = [Cell("a", size, 0.001 * size / 512, 1.0, work=1e6, predicted=0.1) for size in (512, 1024)]
-    line = verdict(measured(*cells, Cell("b", 512, 0.001, 1.0, predicted=0.1)))[0]
-    assert line.endswith("<0.1 ms a frame; as cheap: `b at 512`.") and "within the noise" not in line
+    line = verdict(measured(*cells, Cell("b", 512, 0.0005, 1.0, work=2e6, predicted=0.1)))[0]
+    assert (
+        "`a at 512` is the cheapest" in line
+        and line.endswith("<0.1 ms a frame; as cheap: `b at 512`.")
+        and "within the noise" not in line
+    )
 
 
 @pytest.mark.parametrize(

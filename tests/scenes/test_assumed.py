@@ -253,13 +253,6 @@ def test_a_scene_file_is_never_given_a_ground(scene_file: Callable[..., Path]) -
     assert [note.split(" in ")[0] for note in scene.notes] == ["no camera", "no light"]
 
 
-def test_no_rounding_of_the_size_of_a_scene_s_last_bits_is_noted(tmp_path: Path) -> None:
-    path = tmp_path / "model.obj"
-    trimesh.creation.box(bounds=[(-300, -7.45e-9, -200), (300 - 3e-6, 80, 200 - 2e-6)]).export(path)
-    notes = " ".join(load_scene(path).notes)
-    assert "at y = 0 around (0, 0)" in notes and "looking at (0, 40, 0)" in notes and "e-" not in notes
-
-
 def test_a_speck_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "speck.obj"
     path.write_text("v 0 0 0\nv 1e-30 0 0\nv 0 1e-30 0\nf 1 2 3\n")

@@ -267,6 +267,14 @@ def test_shorts_padded_without_a_stride_contradict_their_bounds(gltf_file: Gltf)
     assert mesh.bounds.tolist() == [[0, 0, 0], [900, 500, 0]]
 
 
+@pytest.mark.parametrize(("least", "most"), [([0, 0], [1, 1]), ([0], [1]), ([], []), ([0, 0, 0], [1, 1])])
+def test_bounds_of_another_number_of_components_are_refused(
+    gltf_file: Gltf, least: list[float], most: list[float]
+) -> None:
+    bounds = {"count": 3, "min": least, "max": most}
+    refused(gltf_file(accessor=bounds), "accessors 1", f"min and max of {len(least)} and {len(most)} numbers")
+
+
 def test_a_morph_target_without_a_bufferView_moves_nothing(gltf_file: Gltf) -> None:
     accessors = json.loads(gltf_file().read_text())["accessors"]
     zeros = {"componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0]}

@@ -12,7 +12,9 @@ from PIL import Image
 from shadowbench.errors import TooLarge
 from shadowbench.scenes.instanced import InstancedGeometry
 from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.mesh import Mesh
 from shadowbench.scenes.model import Scene
+from shadowbench.scenes.placed import placed
 from tests.crowds import CROWD, expanded_and_instanced
 from tests.scenes.conftest import refused
 
@@ -105,3 +107,17 @@ def test_cut_out_instances_are_one_line(scene_file: Callable[..., Path], monkeyp
     most = load_scene(path).geometry.count - 1
     monkeypatch.setattr("shadowbench.scenes.placed.MOST_TRIANGLES", most)
     refused(path, "[[mesh]] 1", "is cut out", f"more than {most} triangles", "opaque instances")
+
+
+def test_tiny_meshes_in_batches_are_what_they_are_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    quad = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [0.0, 0.0, 1.0], [2.0, 0.0, 0.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 4], [0, 3, 2]], dtype=np.int32)  # the second has no area
+    matrices = [np.diag([scale, 1.0, 0.3, 1.0]) for scale in (1.0, -0.7, 0.0, 3.0, 0.1)]  # a mirror, and all flat
+    instances = [(Mesh("quad", quad, faces), matrix) for matrix in matrices]
+    found = []
+    for size in (1, 4, 1 << 12):
+        monkeypatch.setattr("shadowbench.scenes.placed._BATCH", size)
+        meshes, dropped = placed(instances, "quads")
+        assert (len(meshes), dropped) == (4, 4 + 3)
+        found.append([(mesh.vertices.tobytes(), mesh.faces.tobytes()) for mesh in meshes])
+    assert found[0] == found[1] == found[2]

@@ -115,3 +115,20 @@ def test_hard_shadows_of_a_view_do_not_stand_beside_its_soft_ones(shadowbench: S
 
     assert shadowbench("run", *view, "-t", "ray-traced").code == 0
     assert [row["key"] for row in table(out) if row["status"] == "ok"] == [hard["key"]], "measured before"
+
+
+def test_another_file_of_the_same_name_does_not_replace_the_first_without_a_word(
+    shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    options = ["-t", "unshadowed", *SMALL, "--no-ground", "-o", out]
+    files = [tmp_path / folder / "ball.obj" for folder in ("one", "two")]
+    for file, height in zip(files, (1, 2), strict=True):
+        file.parent.mkdir()
+        file.write_text(f"v 0 0 0\nv 1 0 0\nv 0 {height} 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    assert "leave out" not in shadowbench("run", files[0], *options).err
+    for _ in range(2):  # also where nothing is measured anew
+        told = shadowbench("run", files[1], *options).err
+        assert f"{out}: table.csv and reports leave out 1 row of earlier commands" in told
+    (row,) = table(out)
+    assert row["command"].split()[2] == str(files[1])
