@@ -32,7 +32,7 @@ help:
 	@echo "make test       lint and the fast tests"
 	@echo "make test-slow  the slow tests, benchmarks at small sizes; as OpenGL 4.1, and truths as on other processors"
 	@echo "make test-all   both, with every value of what test-slow takes samples of, and all GL tests as OpenGL 4.1"
-	@echo "make lint       format, ruff, mypy, the arrows between the packages"
+	@echo "make lint       format, ruff, mypy, the arrows between the packages, the ledger of lines"
 	@echo "make docs       the documentation into build/docs/, a warning or a broken link being an error"
 	@echo "make site       the published results as a site, build/site/index.html, and the documentation in it"
 	@echo "make published  measure what results/published/ lacks of benchmarks/published/: some minutes for all of it"
@@ -79,6 +79,7 @@ lint: setup
 	$(bin)/ruff check
 	$(bin)/mypy --num-workers 2 --no-error-summary
 	$(bin)/lint-imports --no-cache
+	$(bin)/python tools/ledger.py
 
 docs: setup
 	$(bin)/sphinx-build -W --keep-going -n -q -d build/doctrees docs build/docs
