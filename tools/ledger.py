@@ -133,18 +133,12 @@ def main() -> int:
     if chosen.record:
         record(found)
         return 0
-    lines = list(breaches(entries, owners, found))
-    lines += [
-        f"total: {what} {size}; allowed: {limits[what]}"
-        for what, size in totals(names, sums).items()
-        if size > limits[what]
-    ]
-    base = base_totals()
-    lines += [
-        f"total: {what} {limits[what]}, and {base[what]} before: totals do not rise"
-        for what in limits
-        if limits[what] > base.get(what, limits[what])
-    ]
+    lines, base = list(breaches(entries, owners, found)), base_totals()
+    for what, size in totals(names, sums).items():
+        if size > limits[what]:
+            lines.append(f"total: {what} {size}; allowed: {limits[what]}")
+        if limits[what] > base.get(what, limits[what]):
+            lines.append(f"total: {what} {limits[what]}, and {base[what]} before: totals do not rise")
     print(*lines, sep="\n", file=sys.stderr, end="\n" if lines else "")
     return 1 if lines else 0
 
