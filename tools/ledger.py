@@ -134,9 +134,9 @@ def main() -> int:
         record(found)
         return 0
     lines, base = list(breaches(entries, owners, found)), base_totals()
-    for what, size in totals(names, sums).items():
-        if size > limits[what]:
-            lines.append(f"total: {what} {size}; allowed: {limits[what]}")
+    for what, total in totals(names, sums).items():
+        if total > limits[what]:
+            lines.append(f"total: {what} {total}; allowed: {limits[what]}")
         if limits[what] > base.get(what, limits[what]):
             lines.append(f"total: {what} {limits[what]}, and {base[what]} before: totals do not rise")
     print(*lines, sep="\n", file=sys.stderr, end="\n" if lines else "")
