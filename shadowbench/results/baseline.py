@@ -285,8 +285,8 @@ def write_baseline(results: Sequence[Result], folder: Path, masks: Path | None =
                 with replace_file(kept / file.name) as temporary:
                     shutil.copyfile(file, temporary)
     with replace_file(folder / "rows.jsonl") as temporary:
-        lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
-        temporary.write_text("".join(lines), encoding="utf-8")
+        lines = [json.dumps({"schema": SCHEMA, **row}, allow_nan=False, separators=(",", ":")) for row in records]
+        temporary.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
     for file in kept.glob("*.png"):
         if file.name not in copied:
             file.unlink()
