@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 _AGAIN_S = 0.02
@@ -39,15 +40,14 @@ def _interruptible() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0)  # as Python exits, it would kill
 
 
-def _interrupt(*_: object) -> None:
+def _interrupt(_: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt, but while modules are imported only afterwards.
 
     Some packages take any exception of an import for a missing package, and go on without it (trimesh); others are left
     half imported, and crash.
     """
-    frame = sys._getframe()
     while frame is not None and frame.f_code.co_name != "_find_and_load":  # of importlib
-        frame = frame.f_back  # type: ignore[assignment]
+        frame = frame.f_back
     if frame is None:
         raise KeyboardInterrupt
     signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)

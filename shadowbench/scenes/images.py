@@ -28,7 +28,7 @@ def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
 
 
 def _of_bytes(image: Image.Image) -> Image.Image:
-    """An image in grey of 16 bits as one of 8 with alpha, as Pillow would clip it; any other unchanged."""
+    """An image in grey of 16 bits as one of 8 with alpha, since Pillow would clip it; any other unchanged."""
     if not image.mode.startswith("I"):
         return image
     grey, clear = np.asarray(image), image.info.get("transparency")  # of a PNG, the grey that is transparent
