@@ -3,8 +3,6 @@
 import difflib
 from collections.abc import Iterable
 
-LONGEST_QUOTE = 500
-"""Most characters quoted from messages of foreign code, such as plug-ins."""
 NOT_INSTALLED = "{} is not installed; docs/how-to/install.md lists the platforms that have it"
 NOT_EVERYWHERE = ("embreex", "moderngl", "numba", "vl_convert")
 """Modules that some platforms lack; what can do without them imports them where it calls them."""
@@ -90,9 +88,8 @@ def message(error: BaseException) -> str:
 
 
 def quoted(text: str) -> str:
-    """Foreign text as one printable line of at most LONGEST_QUOTE characters, ending in … if truncated."""
-    line = printable(" ".join(text[: 10 * LONGEST_QUOTE].split()))
-    return line if len(line) <= LONGEST_QUOTE else line[: LONGEST_QUOTE - 1] + "…"
+    """Foreign text as one printable line."""
+    return printable(" ".join(text.split()))
 
 
 def printable(line: str) -> str:
