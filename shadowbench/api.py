@@ -86,7 +86,6 @@ def load(
     no_ground: bool = False,
     time: float | None = None,
     clip: str | None = None,
-    variant: str | None = None,
     camera: Placed = None,
     target: Placed = None,
     lamp: Placed = None,
@@ -96,7 +95,7 @@ def load(
 
     assets: additional folder to search for a scene file's meshes; up: up axis, y or z, of mesh formats that do not
     specify it; sun: give directional lights without a size that of the sun; no_ground: assume no ground; time, clip:
-    seconds, and the name or number of a clip, that pose an animated glTF; variant: of its materials; camera: the name
+    seconds, and the name or number of a clip, that pose an animated glTF; camera: the name
     of one of its cameras, "front", "back", "left", "right", "top", "inside", or a point, from which it looks at target;
     lamp, sun_at: a point light at a point, or a sun at azimuth and elevation in degrees, in place of the scene's
     lights. Raises InputError.
@@ -105,7 +104,7 @@ def load(
     folder = None if assets is None else Path(options.instance_of(assets, "assets", "a folder", str, Path))
     placed = {"camera": camera, "target": target, "lamp": lamp, "sun_at": sun_at}
     texts = {name: options.place_text(place, name) for name, place in placed.items()}
-    chosen = options.SceneOptions(folder, up, sun, no_ground, time, clip, variant, **texts)
+    chosen = options.SceneOptions(folder, up, sun, no_ground, time, clip, **texts)
     return opened(value, chosen, tracer_of)
 
 

@@ -26,7 +26,7 @@ class InputError(ShadowbenchError):
 
 
 class NotInFile(InputError):
-    """A clip or variant that a scene does not have; others may have it."""
+    """A clip that a scene does not have; others may have it."""
 
 
 class MetricError(ShadowbenchError):

@@ -62,7 +62,7 @@ app = typer.Typer(
     cls=_Grouped,
     help="Real-time shadow techniques, scored against ray tracing.\n\n"
     "SCENE is a built-in name (see `shadowbench list scenes`), a scene file (.toml) or a mesh file "
-    "(.glb .gltf .obj .ply .stl .off .usd). If a file lacks a camera, a light or a ground, one is assumed, and a note "
+    "(.glb .gltf .obj .ply .stl .off). If a file lacks a camera, a light or a ground, one is assumed, and a note "
     "says which; --camera, --lamp and --sun-at place others.\n\n"
     "SPEC is a technique with its parameters (see `shadowbench list techniques`), written as "
     "shadow-map:size=2048,filter=pcf. A cell is one spec in one view of a scene, under one light, at one map size.",

@@ -193,7 +193,7 @@ class _Files:
     def meshes(self, table: MeshTable, where: str) -> tuple[tuple[Mesh, ...], int]:
         """The meshes of a table's file in object space, and the zero-area triangles of the file."""
         file = self._resolved(str(table.file), f"{where}: file")
-        key = file, Chosen(table.time, table.clip, table.variant, table.mask is not None)
+        key = file, Chosen(table.time, table.clip, table.mask is not None)
         if key not in self.read:
             self.read[key] = read_meshes(file, f"{where}: {table.file}", key[1])
         return self.read[key].meshes, self.read[key].dropped

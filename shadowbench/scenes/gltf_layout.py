@@ -63,15 +63,6 @@ class NodeTable(JsonObject):
     extensions: dict[str, Any] = {}
 
 
-class _Variant(JsonObject):
-    name: str
-
-
-class _Mapping(JsonObject):
-    variants: list[Annotated[Count, index_into("variants")]]
-    material: Annotated[Count, index_into("materials")]
-
-
 class Primitive(JsonObject):
     """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip and fan of triangles.
 
@@ -82,7 +73,6 @@ class Primitive(JsonObject):
     indices: AccessorIndex | None = None
     mode: Literal[0, 1, 2, 3, 4, 5, 6] = 4
     material: Annotated[Count, index_into("materials")] | None = None
-    variants: list[_Mapping] = Field([], validation_alias=AliasPath("extensions", "KHR_materials_variants", "mappings"))
     targets: list[dict[str, AccessorIndex]] = []
     draco: ViewIndex | None = Field(None, validation_alias=AliasPath(*DRACO, "bufferView"))
     draco_ids: dict[str, Annotated[Count, Field(lt=2**32)]] = Field(
@@ -208,7 +198,6 @@ class Layout(JsonObject):
     images: list[_Image] = []
     cameras: list[_Camera] = []
     lights: list[_Light] = Field([], validation_alias=LISTS["lights"])
-    variants: list[_Variant] = Field([], validation_alias=LISTS["variants"])
     animations: list[Animation] = []
     skins: list[Skin] = []
     extensionsUsed: list[str] = []

@@ -29,7 +29,6 @@ class SceneFields(Strict):
     no_ground: bool = Field(False, strict=True)
     time: float | None = Field(None, ge=0.0)
     clip: str | None = None
-    variant: str | None = None
     camera: _Place = None
     target: _Place = None
     lamp: _Place = None

@@ -161,12 +161,12 @@ class Study(SceneFields):
                 yield self.block(view_of(scene, camera, light, self.view_size))
 
     def _opened(self) -> Iterator[tuple[str | Scene, Scene]]:
-        """The scenes; time, clip and variant are of those that have them, and a note says which do not.
+        """The scenes; time and clip are of those that have them, and a note says which do not.
 
         Raises InputError, also if none has them.
         """
         sources, options = list(dict.fromkeys(self.scenes)), self.scene_options()
-        plain = replace(options, time=None, clip=None, variant=None)
+        plain = replace(options, time=None, clip=None)
         if plain == options or len(sources) < 2:
             yield from ((source, opened(source, options, tracer_of)) for source in sources)
             return

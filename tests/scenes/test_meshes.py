@@ -200,6 +200,7 @@ def test_a_missing_file_a_folder_and_an_unknown_kind_are_one_line(tmp_path: Path
     (tmp_path / "folder.obj").mkdir()
     refused(tmp_path / "folder.obj", "not a file")
     refused(tmp_path / "a.fbx", "unknown kind", ".glb .gltf .obj .ply .stl .off")
+    refused(tmp_path / "a.usdz", "a.usdz: USD is not read; convert it to .glb, with Blender", "usdcat")
 
 
 @pytest.mark.parametrize("kept", [0.1, 0.5, 0.9, 0.99])
