@@ -9,7 +9,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PLUGINS = {"exponential_shadow_map.py", "sphere_proxies.py", "variance_shadow_map.py"}
-OTHERS = {"vtk_shadows.py", "shadow_area.py"}  # an engine, in tests/engines/; a metric, in tests/promises/
+OTHERS = {"vtk_shadows.py", "shadow_area.py", "tune.py"}
+"""An engine, in tests/engines/; a metric, in tests/promises/; a search, with Optuna, which is not installed here."""
 BALL = """
 name = "ball"
 camera = { position = [2.0, 3.0, 4.0], target = [0.3, 0.3, 0.0] }

@@ -371,7 +371,7 @@ def test_help_groups_every_command_and_cuts_no_summary(
     names = {title.split()[0]: re.findall(r"^  (\S+)", lines, re.MULTILINE) for title, lines in panels.items()}
     assert names == {
         "Measure": ["run", "stress", "score", "truth"],
-        "Decide": ["recommend", "needs", "tune"],
+        "Decide": ["recommend", "needs"],
         "Check": ["check", "merge", "repro", "submit", "doctor"],
         "Look": ["report", "render", "view", "list"],
         "Extend": ["engines", "new-technique", "export"],

@@ -186,12 +186,6 @@ def test_bad_input_is_one_line_and_exit_2(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_tune_takes_an_up_axis_too(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
-    answer = shadowbench("tune", "-t", "shadow-map", "--scenes", "cube-on-plane", "--up", "z", "-o", tmp_path)
-    assert answer.code == 2
-    assert "--up z: cube-on-plane specifies its up axis" in answer.err
-
-
 def test_a_rows_file_of_another_program_is_an_error_and_is_kept(
     shadowbench: Callable[..., Any], tmp_path: Path
 ) -> None:

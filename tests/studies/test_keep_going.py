@@ -89,15 +89,3 @@ def test_stress_leaves_out_a_line_that_fails(
     answer = shadowbench(*command)
     assert answer.code == 3 and "failed: 1 × axis: gap spot: as planned\n" in answer.err
     assert "directional" in (tmp_path / "out" / "table.csv").read_text()
-
-
-def test_tune_leaves_out_a_scene_that_cannot_be_read(
-    shadowbench: Shadowbench, scenes: dict[str, Path], tmp_path: Path
-) -> None:
-    named = f"{scenes['good']},cube-on-plane,{scenes['broken']}"
-    options = ("--held-out", "good", "--trials", "1", "--map-size", "32", "--view-size", "32", "--phases", "1", "-q")
-    command = ("tune", "-t", "shadow-map", "--scenes", named, *options, "-o", tmp_path / "out")
-    assert shadowbench(*command).code == 2
-    answer = shadowbench(*command, "--keep-going")
-    assert answer.code == 3 and answer.err.startswith(f"failed: 1 × scene: {scenes['broken']}: not TOML")
-    assert set(measured(tmp_path / "out")) == {"good", "cube-on-plane"}
