@@ -101,7 +101,6 @@ def test_while_a_run_goes_on_its_rows_are_on_disk_and_no_other_writes_into_its_f
     for command in (
         arguments(1, LATE_GATE),
         ["recommend", "stairs", "-o", out],
-        ["tune", "-t", "shadow-map", "-o", out],
     ):
         answer = shadowbench(*command)
         assert (answer.code, answer.err) == (
