@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from shadowbench import options
 from shadowbench.advice.costs import by_of
-from shadowbench.advice.law import find_law
 from shadowbench.advice.recommend import Recommendation, has_penumbra
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.space import technique_names
@@ -257,7 +256,7 @@ def recommend(
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
     with shared_worker(files) as worker, campaign(_kept_in(folder), worker) as made:
-        return measure_recommendation(chosen, target, known, made, by=by_of(by), among=among, law=find_law(device))[0]
+        return measure_recommendation(chosen, target, known, made, by=by_of(by), among=among, device=device)[0]
 
 
 def stress(

@@ -27,7 +27,6 @@ from shadowbench.commands import (
     run,
     score,
     stress,
-    submit,
     truth,
     view,
 )
@@ -72,7 +71,7 @@ app = typer.Typer(
 _PANELS = {  # as --help lists them
     "Measure techniques": (run.run, stress.stress, score.score, truth.truth),
     "Decide what a scene needs": (recommend.recommend, recommend.needs),
-    "Check results and the machine": (check.check, merge.merge, repro.repro, submit.submit, doctor.doctor),
+    "Check results and the machine": (check.check, merge.merge, repro.repro, doctor.doctor),
     "Look": (report.report, render.render, view.view, listing.list_things),
     "Extend with a technique or an engine": (engines.engines, extend.new_technique, extend.export),
 }
