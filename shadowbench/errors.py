@@ -7,8 +7,6 @@ NOT_INSTALLED = "{} is not installed; docs/how-to/install.md lists the platforms
 NOT_EVERYWHERE = ("embreex", "moderngl", "numba", "vl_convert")
 """Modules that some platforms lack; what can do without them imports them where it calls them."""
 
-NO_PROCESS = "no further process or thread is allowed here (ulimit -u, or a limit of the container)"
-
 
 class ShadowbenchError(Exception):
     """A failure reported as one line of printable characters instead of a traceback."""

@@ -75,9 +75,9 @@ def report(
     target = report_target(asked.output, asked.format, asked.split)
     techniques_with(asked.plugin)  # whose metrics are columns too
     with console.Reporter(quiet) as reporter:
-        reporter.stage("reading", 1, ", ".join(map(str, folders)))
+        reporter.stage("reading", 1)
         runs, sweeps = read_folders(folders)
-        reporter.stage("charts and pictures", 1, str(target))
+        reporter.stage("charts and pictures", 1)
         scenes = sections(runs, law_on_record())
         count = write_report(runs, scenes, sweeps, target, asked.format, asked.split, asked.picture)
     if quiet:

@@ -355,27 +355,6 @@ def test_progress_is_a_line_now_and_then_where_it_is_piped(
         assert (capsys.readouterr().err.splitlines()[-1:] == [last]) == (not quiet and not seconds)
 
 
-def test_what_is_left_to_time_takes_as_long_as_other_times(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Two scenes of ten cells, drawn in a second each and timed in twenty, which are reported together."""
-    now = [0.0]
-    monkeypatch.setattr(console, "err", lambda: Console(stderr=True, width=80, get_time=lambda: now[0]))
-    monkeypatch.setattr(console, "_EVERY", 0.0)
-    with console.Reporter(quiet=False) as reporter:
-        reporter.stage("cells", 40, timed=20)
-        for _ in range(2):
-            for now[0] in [now[0] + at for at in range(1, 11)]:
-                reporter.step("stairs shadow-map")
-            now[0] += 200
-            for _ in range(10):
-                reporter.step("stairs: timed")
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.partition(",")[0] for line in lines] == [f"cells: {at} of 40" for at in range(1, 41)]
-    second = [line.split(" left")[0].split("about ")[1] for line in lines[20:30]]
-    assert set(second) == {"3 min"}, "200 s of times, and up to ten of drawing"
-
-
 @pytest.mark.parametrize(("value", "shown"), [(0.99975, "0.9998"), (0.99998749, "0.99999"), (1.0, "1"), (1.0002, "1")])
 def test_what_is_not_exact_is_not_rounded_to_1(value: float, shown: str) -> None:
     """`1 is exact`, say the columns of IoU and SSIM, in the terminal and in the report."""
