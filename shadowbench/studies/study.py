@@ -31,7 +31,7 @@ from shadowbench.scenes.opening import Named, named, opened
 from shadowbench.strict import explain, read_toml
 from shadowbench.studies.crossing import MOST_SPECS, CrossedSpecs, Techniques, convert, to_list
 from shadowbench.studies.scene_fields import SceneFields
-from shadowbench.truths.instances import tracer_of
+from shadowbench.truths.embree import tracer_of
 
 if TYPE_CHECKING:
     from shadowbench.results.tables import SweepPositions
