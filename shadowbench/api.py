@@ -55,7 +55,7 @@ from shadowbench.studies.study import study_from_options
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as survey_view
 from shadowbench.truths.cache import cached_truth
-from shadowbench.truths.instances import tracer_of
+from shadowbench.truths.embree import tracer_of
 from shadowbench.truths.trace import Truth
 
 SceneLike = Scene | str | Path

@@ -42,10 +42,6 @@ class Unsupported(Exception):
         super().__init__(quoted(reason))
 
 
-class TooLarge(Unsupported, InputError):
-    """A scene of more triangles than something can hold at once."""
-
-
 def how_to_install(extra: str) -> str:
     """End of a message about a missing package: what installs an extra. The name on the package index is another's."""
     return f"pip install '.[{extra}]' in a checkout of shadowbench installs it"

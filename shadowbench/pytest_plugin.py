@@ -117,7 +117,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         from shadowbench.engines.stored_truth import stored_truth_of
         from shadowbench.errors import InputError
         from shadowbench.scenes.opening import chosen_view
-        from shadowbench.truths.instances import tracer_of
+        from shadowbench.truths.embree import tracer_of
 
         number = next(numbers)
         file = folder / f"{name}{f'-{number}' if number > 1 else ''}.diff.png"

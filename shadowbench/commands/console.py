@@ -111,7 +111,7 @@ class Reporter(logging.Handler):
     def view(self, scene: str, size: int | None, options: "ViewOptions") -> "View":
         """The view that the options name, by default of 512² pixels; notes what is assumed about it."""
         from shadowbench.scenes.opening import chosen_view
-        from shadowbench.truths.instances import tracer_of
+        from shadowbench.truths.embree import tracer_of
 
         return chosen_view(scene, size or 512, options, self.note, tracer_of)
 

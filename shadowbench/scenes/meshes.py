@@ -16,7 +16,7 @@ from shadowbench.scenes.looks import Look
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.obj import read_obj
 from shadowbench.scenes.off_stl import read_off, read_stl
-from shadowbench.scenes.placed import is_large, placed, shared
+from shadowbench.scenes.placed import check_count, placed
 from shadowbench.scenes.ply import read_ply
 from shadowbench.scenes.polygons import Polygons, triangulated
 from shadowbench.strict import short
@@ -92,8 +92,8 @@ def _assembled(contents: Contents, name: str, where: str) -> Scene:
     total = sum(len(mesh.faces) for mesh, _ in contents.instances)
     if total == 0:
         raise InputError(f"{where}: holds no triangles; at least one is needed")
-    place = shared if is_large((mesh for mesh, _ in contents.instances), where) else placed
-    meshes, dropped = place(contents.instances, where)
+    check_count((mesh for mesh, _ in contents.instances), where)
+    meshes, dropped = placed(contents.instances, where)
     if not meshes:
         raise InputError(f"{where}: all {total} triangles have zero area; at least one must have some")
     cameras, lights, notes = contents.cameras, contents.lights, contents.notes

@@ -33,7 +33,7 @@ from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, vi
 from shadowbench.scenes.opening import Named, named, opened
 from shadowbench.strict import Strict, explain, read_toml
 from shadowbench.studies.crossing import CrossedSpecs, Techniques, convert, to_list
-from shadowbench.truths.instances import tracer_of
+from shadowbench.truths.embree import tracer_of
 
 if TYPE_CHECKING:
     from shadowbench.results.tables import SweepPositions
