@@ -30,8 +30,8 @@ from shadowbench.plugin.registry import source_file, techniques
 from shadowbench.plugin.spec import format_value
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, View, view_of
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.metrics import score
-from shadowbench.survey.views import chosen_view
 from shadowbench.truths.cache import cached_truth
 
 ROOT = Path(__file__).resolve().parent.parent
