@@ -32,7 +32,7 @@ from shadowbench.scenes.model import View, view_of
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.truths.cache import cached_truth
 from shadowbench.versions import VERSION
-from shadowbench.viewer.state_files import cell_state
+from shadowbench.viewer.state import cell_state
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE, SUMS = "datapackage.json", "SHA256SUMS"
