@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from shadowbench.results.submission import IDENTITY, WORK
 from shadowbench.scenes.library import load_scene
 

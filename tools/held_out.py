@@ -21,7 +21,7 @@ from shadowbench.advice.tune_search import log_error, scene_scores
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import preset_names
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from shadowbench.scenes.library import builtin_names
 
 FIRST_PHASE = 8

@@ -10,7 +10,7 @@ from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.spec import Spec, spec_of
-from shadowbench.results.folder import write_cells
+from shadowbench.results.frame import write_cells
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.run import check_sizes

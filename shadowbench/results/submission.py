@@ -16,7 +16,7 @@ from shadowbench.gl.clock import QUERIES
 from shadowbench.measure.clock_rates import device_name
 from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rows import Count, NonNegative, Result, Size
-from shadowbench.results.folder import Run
+from shadowbench.results.frame import Run
 from shadowbench.results.times import ROUGH
 from shadowbench.strict import Strict, explain
 

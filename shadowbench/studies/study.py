@@ -33,7 +33,7 @@ from shadowbench.studies.scene_fields import SceneFields
 from shadowbench.survey.views import Named, named, opened
 
 if TYPE_CHECKING:
-    from shadowbench.results.tables import SweepPositions
+    from shadowbench.results.frame import SweepPositions
 
 MOST_CELLS = 1_000_000
 """Most cells of a study file in one view, counting each phase."""
@@ -83,7 +83,7 @@ class Study(SceneFields):
     @property
     def sweep_positions(self) -> "SweepPositions":
         """Positions of its specs in bias sweeps."""
-        from shadowbench.results.tables import positions_in_sweeps  # pandas takes long to import
+        from shadowbench.results.frame import positions_in_sweeps  # pandas takes long to import
 
         return positions_in_sweeps(
             ((spec.sizeless_text, spec.map_size if "size" in spec.explicit else None), (home.sizeless_text, factor))

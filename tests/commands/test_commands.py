@@ -372,7 +372,7 @@ def test_help_groups_every_command_and_cuts_no_summary(
     assert names == {
         "Measure": ["run", "stress", "score", "truth"],
         "Decide": ["recommend", "needs", "tune"],
-        "Check": ["check", "merge", "repro", "submit", "doctor"],
+        "Check": ["check", "merge", "submit", "doctor"],
         "Look": ["report", "render", "view", "list"],
         "Extend": ["engines", "new-technique", "export"],
     }

@@ -10,7 +10,7 @@ import shadowbench.techniques.shadow_volume as module
 from shadowbench.errors import InputError
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.results.folder import IDENTITY, identity
+from shadowbench.results.frame import IDENTITY, identity
 from shadowbench.scenes.files import transform_of
 from shadowbench.scenes.library import hard_names, load_scene
 from shadowbench.scenes.model import Light, Mesh, view_of
