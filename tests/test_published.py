@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import publish
 import pytest
+from shadowbench.reports.engines_page import write_engines_page
+from tests.reports.test_engines_page import ROWS, row
 
 from shadowbench.plugin.registry import techniques
-from shadowbench.reports.engines_page import write_engines_page
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from shadowbench.scores.masks import read_mask
 from shadowbench.studies.study import read_study
 from tests.reports.conftest import CELLS, run_file, write_folder
-from tests.reports.test_engines_page import ROWS, row
 
 FOLDERS = sorted(folder for folder in publish.PUBLISHED.iterdir() if folder.is_dir())
 MOST = 3_600_000  # bytes of all that is published

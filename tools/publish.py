@@ -24,12 +24,12 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
-
-from shadowbench.measure.rows import Record
 from shadowbench.reports.defect_text import cured_row, defect_of
 from shadowbench.reports.engine_defects import strip_rows
+
+from shadowbench.measure.rows import Record
 from shadowbench.results.engine_settings import engine_results
-from shadowbench.results.folder import identity, read_runs, view_name
+from shadowbench.results.frame import identity, read_runs, view_name
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import is_soft
 

@@ -13,7 +13,7 @@ from shadowbench.errors import InputError, counted
 
 if TYPE_CHECKING:
     from shadowbench.plugin.engine import Engine
-    from shadowbench.results.folder import Run
+    from shadowbench.results.frame import Run
 
 _PAGE = "engines.md"
 
@@ -78,7 +78,7 @@ def page(known: "Mapping[str, type[Engine]]", folders: Sequence[Path], target: P
     """Write the page of folders that were measured. Raises InputError."""
     from shadowbench.files import check_outputs
     from shadowbench.results.engine_settings import engine_results
-    from shadowbench.results.folder import read_runs
+    from shadowbench.results.frame import read_runs
 
     if not folders:
         raise InputError("engines page: found no folder; allowed: those of `engines measure` or `run`")

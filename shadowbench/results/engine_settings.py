@@ -11,7 +11,7 @@ from shadowbench.measure.rows import Record
 from shadowbench.plugin.engine import Engine, Sides
 from shadowbench.plugin.registry import engines
 from shadowbench.plugin.spec import Spec, parse_spec
-from shadowbench.results.folder import Run, rows_file
+from shadowbench.results.frame import Run, rows_file
 from shadowbench.scores.metrics import METRICS
 
 ERROR = "iou"

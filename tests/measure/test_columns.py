@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.reports.test_engines_page import ROWS
 
 from shadowbench.measure.columns import described
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from shadowbench.scores.metrics import METRICS
 from tests.reports.conftest import run_file, write_folder
-from tests.reports.test_engines_page import ROWS
 
 BASELINE = Path(__file__).resolve().parents[2] / "results" / "baseline"
 
