@@ -15,7 +15,7 @@ import pytest
 
 import shadowbench as sb
 from shadowbench.results.tables import over_phases
-from shadowbench.shared_worker import _Shared, shared_worker
+from shadowbench.campaigns import _Shared, shared_worker
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "docs" / name for name in ("how-to/python.md", "reference/api.md")]
@@ -240,7 +240,7 @@ FORKED = """
 import os, sys
 import shadowbench as sb
 from shadowbench.results.tables import over_phases
-from shadowbench.shared_worker import _Shared
+from shadowbench.campaigns import _Shared
 
 first = sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility
 process = _Shared.worker._process.pid
