@@ -42,6 +42,7 @@ from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.reports.notebook import Results
 from shadowbench.results.ranges import ranges_frame
 from shadowbench.scenes.model import Scene, View
+from shadowbench.scenes.opening import chosen_view, opened
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
 from shadowbench.campaigns import campaign, shared_worker
@@ -54,8 +55,8 @@ from shadowbench.studies.stress import stress as sweep
 from shadowbench.studies.study import study_from_options
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as survey_view
-from shadowbench.survey.views import chosen_view, opened
 from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.instances import tracer_of
 from shadowbench.truths.trace import Truth
 
 SceneLike = Scene | str | Path
@@ -104,7 +105,8 @@ def load(
     folder = None if assets is None else Path(options.instance_of(assets, "assets", "a folder", str, Path))
     placed = {"camera": camera, "target": target, "lamp": lamp, "sun_at": sun_at}
     texts = {name: options.place_text(place, name) for name, place in placed.items()}
-    return opened(value, options.SceneOptions(folder, up, sun, no_ground, time, clip, variant, **texts))
+    chosen = options.SceneOptions(folder, up, sun, no_ground, time, clip, variant, **texts)
+    return opened(value, chosen, tracer_of)
 
 
 def truth(

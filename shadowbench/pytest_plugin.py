@@ -116,14 +116,15 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         from shadowbench.engines.accuracy import accuracy_of
         from shadowbench.engines.stored_truth import stored_truth_of
         from shadowbench.errors import InputError
-        from shadowbench.survey.views import chosen_view
+        from shadowbench.scenes.opening import chosen_view
+        from shadowbench.truths.instances import tracer_of
 
         number = next(numbers)
         file = folder / f"{name}{f'-{number}' if number > 1 else ''}.diff.png"
         try:
             chosen = ViewOptions(**{name: others.pop(name) for name in _OPTIONS if name in others})
             handed = _handed(mask, others)
-            against = stored_truth_of(scene, chosen) or chosen_view(scene, handed.size, chosen)
+            against = stored_truth_of(scene, chosen) or chosen_view(scene, handed.size, chosen, tracer_of=tracer_of)
             return ShadowAccuracy(accuracy_of(handed, against), file)
         except InputError as error:
             pytest.fail(str(error), pytrace=False)

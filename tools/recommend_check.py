@@ -29,7 +29,7 @@ from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.library import hard_names
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")

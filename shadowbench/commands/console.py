@@ -116,9 +116,10 @@ class Reporter(logging.Handler):
 
     def view(self, scene: str, size: int | None, options: "ViewOptions") -> "View":
         """The view that the options name, by default of 512² pixels; notes what is assumed about it."""
-        from shadowbench.survey.views import chosen_view
+        from shadowbench.scenes.opening import chosen_view
+        from shadowbench.truths.instances import tracer_of
 
-        return chosen_view(scene, size or 512, options, self.note)
+        return chosen_view(scene, size or 512, options, self.note, tracer_of)
 
     def step(self, what: str) -> None:
         """Advance the bar; what: text after it."""

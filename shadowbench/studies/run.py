@@ -15,8 +15,8 @@ from shadowbench.measure.cells import UNSHADOWED, Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Failure
 from shadowbench.measure.flips import SIZE_AFTER
 from shadowbench.measure.rows import Result
+from shadowbench.scenes.opening import first_of
 from shadowbench.studies.study import Study, scenes_of
-from shadowbench.survey.views import first_of
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
     from shadowbench.results.folder import Run

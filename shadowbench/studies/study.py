@@ -27,10 +27,11 @@ from shadowbench.options import (
 from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
+from shadowbench.scenes.opening import Named, named, opened
 from shadowbench.strict import explain, read_toml
 from shadowbench.studies.crossing import MOST_SPECS, CrossedSpecs, Techniques, convert, to_list
 from shadowbench.studies.scene_fields import SceneFields
-from shadowbench.survey.views import Named, named, opened
+from shadowbench.truths.instances import tracer_of
 
 if TYPE_CHECKING:
     from shadowbench.results.tables import SweepPositions
@@ -167,14 +168,14 @@ class Study(SceneFields):
         sources, options = list(dict.fromkeys(self.scenes)), self.scene_options()
         plain = replace(options, time=None, clip=None, variant=None)
         if plain == options or len(sources) < 2:
-            yield from ((source, opened(source, options)) for source in sources)
+            yield from ((source, opened(source, options, tracer_of)) for source in sources)
             return
         scenes, lacking = [], []
         for source in sources:
             try:
-                scenes.append(opened(source, options))
+                scenes.append(opened(source, options, tracer_of))
             except NotInFile as error:
-                scene = opened(source, plain)
+                scene = opened(source, plain, tracer_of)
                 scenes.append(replace(scene, notes=(*scene.notes, f"{error}; {scene.name} is taken without")))
                 lacking.append(error)
         if len(lacking) == len(sources):

@@ -23,10 +23,10 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.files import read_document
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Mesh
+from shadowbench.scenes.opening import named
 from shadowbench.scenes.tables import LIGHT_TABLES, Color
 from shadowbench.strict import Strict, explain
 from shadowbench.studies.crossing import Techniques
-from shadowbench.survey.views import named
 from shadowbench.viewer.state import Layout, Origin, Overlay, Source, ViewerState
 
 _ATTRIBUTES = ("color", "casts", "receives", "planar")  # of a mesh, besides its shape

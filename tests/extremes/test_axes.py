@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shadowbench.extremes.axes import AXES
+from shadowbench.extremes.axes import AXES, FRAMES
 from shadowbench.extremes.model import TEXEL, Axis, value_label
-from shadowbench.extremes.views import FRAMES
 from shadowbench.scenes.model import Light, LightKind, View
 from shadowbench.truths.trace import trace
 

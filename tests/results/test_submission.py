@@ -30,8 +30,8 @@ from shadowbench.results.submission import (
     read_submission,
     write_submission,
 )
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.studies.study import find_study, read_study
-from shadowbench.survey.views import chosen_view
 
 from .submissions import changed, submission
 

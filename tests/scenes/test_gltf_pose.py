@@ -21,8 +21,8 @@ from shadowbench.scenes.gltf import read_gltf
 from shadowbench.scenes.gltf_animation import slerp
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.studies.study import Study, study_from_options
-from shadowbench.survey.views import chosen_view
 from tests.scenes.conftest import refused
 from tests.scenes.pose_reference import Reference
 from tests.scenes.rigs import HALF, RIGS, Rig, tube, turn

@@ -18,10 +18,10 @@ from shadowbench.plugin.base import Stage
 from shadowbench.plugin.registry import shader_folder
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.survey.explanations import explanations_of, verdict_of
 from shadowbench.survey.sampling import Samples, sample_view
 from shadowbench.survey.survey import Receivers, needs, planes_of, receivers_of
-from shadowbench.survey.views import chosen_view
 from shadowbench.techniques.planar_projection import PlanarProjection
 from shadowbench.truths.embree import Tracer
 from shadowbench.truths.trace import trace
@@ -227,7 +227,7 @@ def test_needs_prints_the_number_of_sampled_pixels(shadowbench: Callable[..., An
 @pytest.mark.slow
 def test_needs_make_no_opengl_context() -> None:
     code = (
-        "import sys; from shadowbench.survey.views import chosen_view; from shadowbench.survey.survey import needs;"
+        "import sys; from shadowbench.scenes.opening import chosen_view; from shadowbench.survey.survey import needs;"
         "needs(chosen_view('cube-on-plane', 32)); sys.exit('glcontext' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
