@@ -1,4 +1,4 @@
-"""Where is measured: by a worker process here, which the Python functions share, or by the workers of a Dask cluster."""
+"""Campaigns where they are wanted: in a worker process here, which Python functions share, or on a Dask cluster."""
 
 import atexit
 from collections.abc import Iterator, Sequence
@@ -50,7 +50,7 @@ def shared_worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> It
 
 
 @contextmanager
-def campaign(
+def campaign_in(
     folder: Path | None,
     reporter: Reporter | None = None,
     plugins: Sequence[Path] = (),

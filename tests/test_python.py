@@ -14,8 +14,8 @@ import pandas as pd
 import pytest
 
 import shadowbench as sb
-from shadowbench.results.tables import over_phases
 from shadowbench.campaigns import _Shared, shared_worker
+from shadowbench.results.tables import over_phases
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "docs" / name for name in ("how-to/python.md", "reference/api.md")]

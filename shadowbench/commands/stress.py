@@ -56,7 +56,7 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
       refused: 1e5              values that the technique does not support
       3 of 20 values            number of values measured, with --quick
     """
-    from shadowbench.campaigns import campaign
+    from shadowbench.campaigns import campaign_in
     from shadowbench.measure.plugin_output import subjects_with
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.results.ranges import ranges_frame
@@ -70,11 +70,11 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
     specs = tuple(dict.fromkeys(parse_spec(text, known) for text in asked.techniques)) or default_specs(known.values())
     with (
         console.Reporter(printed.quiet) as reporter,
-        campaign(
+        campaign_in(
             asked.output, reporter, asked.plugin, LIMITS, **asdict(machines), keep_going=asked.keep_going, **SWEEPING
-        ) as swept,
+        ) as campaign,
     ):
-        found = walk(specs, axes, swept, quick=asked.quick, part=chosen_part)
+        found = walk(specs, axes, campaign, quick=asked.quick, part=chosen_part)
     if printed.json:
         frame = ranges_frame(found.ranges).astype(object)
         console.print_json(frame.where(frame.notna(), None).to_dict("records"))

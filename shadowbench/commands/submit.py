@@ -48,8 +48,7 @@ def submit(
 
 def _measured(output: Path, quiet: bool) -> "Submission":
     """The submission of this machine's device. Raises InputError if the study cannot be read."""
-    from shadowbench.commands.executors import campaigns
-    from shadowbench.commands.options import Machines
+    from shadowbench.campaigns import campaign_in
     from shadowbench.measure.clock_rates import clock_rates
     from shadowbench.measure.doctor import measure_noise
     from shadowbench.measure.worker import Worker
@@ -60,8 +59,8 @@ def _measured(output: Path, quiet: bool) -> "Submission":
 
     study = read_study(find_study(STUDY), techniques())
     with console.Reporter(quiet) as reporter, Worker((), study.limits) as worker:
-        with campaigns(output, Machines(), (), study.limits, reporter, worker) as at:
-            found = measure(study, at)
+        with campaign_in(output, reporter, worker=worker) as campaign:
+            found = measure(study, campaign)
         noise = measure_noise(worker)
         rates = clock_rates(found.info.renderer)  # right after it was at work
     return submission_of(found.run, found.info, rates, Noise(ratio=noise.ratio, worst=noise.worst, n=noise.n))

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import campaigns
 from shadowbench.errors import counted, number
 from shadowbench.options import PHASES, Bounds, SceneOptions, option, view_size
 
@@ -64,6 +63,7 @@ def tune(asked: TuneOptions, view: SceneOptions, machines: options.Machines, pri
       acne, leak, contact means over the held-out scenes (shadowbench list metrics)
     """
     from shadowbench.advice.tune import no_image, tune_parameters, values
+    from shadowbench.campaigns import campaign_in
     from shadowbench.measure.plugin_output import subjects_with
     from shadowbench.plugin.spec import parse_spec
 
@@ -72,7 +72,7 @@ def tune(asked: TuneOptions, view: SceneOptions, machines: options.Machines, pri
     of_campaigns: dict[str, Any] = {"keep_going": asked.keep_going, "keeps_images": no_image}
     with (
         console.Reporter(printed.quiet) as reporter,
-        campaigns(asked.output, machines, asked.plugin, None, reporter, **of_campaigns) as (campaign,),
+        campaign_in(asked.output, reporter, asked.plugin, **asdict(machines), **of_campaigns) as campaign,
     ):
         found = tune_parameters(
             spec,

@@ -1,4 +1,4 @@
-"""Blocks as tasks of a Dask cluster, which places, retries and restarts them. Rows are written here; nothing is timed."""
+"""Blocks as tasks of Dask, which places, retries and restarts them. Rows are written here alone; nothing is timed."""
 
 import logging
 import os
@@ -74,9 +74,10 @@ def measure_block(
     """Rows of a block with these cells, and images by path in the run folder, by a campaign in a temporary one."""
     with _drawing, TemporaryDirectory(prefix="shadowbench-") as name:
         known, folder = techniques_with(setup[0]), Path(name)
-        read = [Cell(parse_spec(spec, known), phase, home and parse_spec(home, known)) for spec, phase, home in cells]
+        specs = {text: parse_spec(text, known) for spec, _, home in cells for text in (spec, home) if text}
+        read = tuple(Cell(specs[spec], phase, specs.get(home or "")) for spec, phase, home in cells)
         with Campaign(folder, GLDrawer(worker_here(setup)), LogReporter(), **options) as campaign:
-            list(campaign.measure([replace(block, cells=tuple(read))]))
+            list(campaign.measure([replace(block, cells=read)]))
         rows = [row for row, _ in stream_rows(folder / "rows.jsonl")]
         return rows, {file.relative_to(folder).as_posix(): file.read_bytes() for file in folder.glob("*/*.png")}
 
@@ -127,14 +128,12 @@ class DaskCampaign(Campaign):
         missing = [(block, cells) for block in listed if (cells := self.unscored(block))]
         for _ in range(sum(len(block.cells) for block in listed) - sum(len(cells) for _, cells in missing)):
             self.reporter.step("measured before")
-        jobs = [
-            (
-                replace(block, cells=(), rounds=0, reference=DEFAULT_REFERENCE),
-                [(cell.spec.full_text, cell.phase, cell.home and cell.home.full_text) for cell in cells],
-            )
-            for block, cells in missing
+        bare = [replace(block, cells=(), rounds=0, reference=DEFAULT_REFERENCE) for block, _ in missing]
+        texts = [
+            [(cell.spec.full_text, cell.phase, cell.home and cell.home.full_text) for cell in cells]
+            for _, cells in missing
         ]
-        for index, result in self._map(measure_block, *zip(*jobs, strict=True), setup=self._setup, options=self._options):
+        for index, result in self._map(measure_block, bare, texts, setup=self._setup, options=self._options):
             block, cells = missing[index]
             with self._attempt(*called(block)):
                 rows, images = result()
@@ -169,7 +168,7 @@ class DaskCampaign(Campaign):
 
         futures = self._client.map(function, *jobs, **same, retries=3, pure=False, workers=self._addresses)
         indices = {future: index for index, future in enumerate(futures)}
-        for future in as_completed(futures):
+        for future in as_completed(futures, loop=self._client.loop):
             yield indices[future], result
             future.release()  # of its result, in the memory of a worker
 
@@ -209,4 +208,3 @@ def dask_campaign(
             raise InputError(f"--dask {where}: no Dask scheduler answers ({reason}); allowed: {allowed}") from None
         stack.callback(client.close, timeout=2)
         yield DaskCampaign(folder, client, setup, renderer, reporter, **options)
-
