@@ -231,7 +231,7 @@ def _transformed(view: View, factor: float, offset: Floats) -> View:
     scene, camera, light = view.scene, _moved(view.camera, factor, offset), view.light
     if light.kind != "directional":
         light = replace(light, position=vec3(np.array(light.position) * factor + offset))
-    meshes = tuple(mesh.with_vertices(mesh.vertices * factor + offset) for mesh in scene.meshes)
+    meshes = tuple(replace(mesh, vertices=mesh.vertices * factor + offset) for mesh in scene.meshes)
     return view_of(Scene(scene.name, meshes, (camera,), (light,)), camera, light, view.size)
 
 

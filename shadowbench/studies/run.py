@@ -167,7 +167,7 @@ def _announce(study: Study, blocks: Sequence[Block], campaign: Campaign) -> None
         rough = f"about {duration(seconds)} on two cores without a GPU"
         also = f" and {timed} to time" if timed else ""
         campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to draw{also}: {rough}")
-    campaign.reporter.stage("cells", len(cells) + timed, timed=timed)
+    campaign.reporter.stage("cells", len(cells) + timed)
 
 
 def _nothing(what: str, failures: Sequence[Failure]) -> ShadowbenchError:

@@ -158,7 +158,7 @@ def test_without_casters_or_receivers_there_is_nothing_to_need(flags: dict, ligh
 def test_a_closed_room_under_a_light_outside_has_no_edges(light: Light) -> None:
     """A ray from a pixel at the joint of its walls may start outside, where it is lit."""
     room = box(1.0, (0.0, 0.0, 0.0))
-    room = replace(room, points=room.points * (4.0, 3.0, 4.0))
+    room = replace(room, vertices=room.vertices * (4.0, 3.0, 4.0))
     light = replace(light, direction=(-0.368687826495, -0.819152044289, -0.439385041771), position=(4.0, 6.0, -1.6))
     if light.kind == "spot":
         light = replace(light, direction=(-0.5, -1.0, 0.2))
