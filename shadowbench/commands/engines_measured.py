@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console
-from shadowbench.commands.executors import campaigns
-from shadowbench.commands.options import Machines
 from shadowbench.errors import InputError, counted
 
 if TYPE_CHECKING:
@@ -36,6 +34,7 @@ def measure_engines(
     Those that cannot draw here are told on stderr; exit code 1 if one of them was named, or if none can. Raises
     InputError for scenes with soft shadows.
     """
+    from shadowbench.campaigns import campaign_in
     from shadowbench.engines.environment import what_lacks
     from shadowbench.files import check_folder, make_folder
     from shadowbench.reports.engines_page import is_engines_page
@@ -68,8 +67,8 @@ def measure_engines(
     )
     with ExitStack() as stack:
         reporter = stack.enter_context(console.Reporter(quiet))
-        at = stack.enter_context(campaigns(folder, Machines(), (), study.limits, reporter))
-        found = measure(study, at)
+        campaign = stack.enter_context(campaign_in(folder, reporter, limits=study.limits))
+        found = measure(study, campaign)
     _write_page(known, [found.run], folder / _PAGE)
     return console.exit_code_of(found.run.last.results, found.failures) or code
 

@@ -1,8 +1,7 @@
-"""The worker process that all drawing functions of Python share, for one thread at a time; progress is logged."""
+"""Campaigns where they are wanted: in a worker process here, which Python functions share, or on a Dask cluster."""
 
 import atexit
-import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,25 +9,10 @@ from threading import RLock
 from typing import Any
 
 from shadowbench.engines.drawer import EngineDrawer
-from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.campaign import Campaign, LogReporter, Reporter
 from shadowbench.measure.drawer import Limits
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.worker import Worker
-
-_log = logging.getLogger("shadowbench")
-
-
-class _LogReporter:
-    """Reporter that logs progress."""
-
-    def note(self, line: str) -> None:
-        _log.info(line)
-
-    def stage(self, name: str, total: int | None) -> None:
-        _log.debug("%s: %s", name, total)
-
-    def step(self, what: str) -> None:
-        _log.debug(what)
 
 
 class _Shared:
@@ -66,10 +50,31 @@ def shared_worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> It
 
 
 @contextmanager
-def campaign(folder: Path | None, worker: Worker, **options: Any) -> Iterator[Campaign]:
-    """A campaign that logs its progress, in a folder, a temporary one for None; options: see `Campaign`."""
+def campaign_in(
+    folder: Path | None,
+    reporter: Reporter | None = None,
+    plugins: Sequence[Path] = (),
+    limits: Limits | None = None,
+    *,
+    worker: Worker | None = None,
+    dask: str | None = None,
+    renderer: str | None = None,
+    **options: Any,
+) -> Iterator[Campaign]:
+    """A campaign in a folder, a temporary one for None; without a reporter it logs its progress.
+
+    worker: the one that draws, else one of its own, with these plug-ins and limits; dask, renderer: a cluster that
+    measures instead, and the renderer of its workers; options: see `Campaign`.
+    """
     with ExitStack() as stack:
         if folder is None:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="shadowbench-")))
-        drawer = stack.enter_context(EngineDrawer(GLDrawer(worker)))
-        yield Campaign(folder, drawer, _LogReporter(), **options)
+        reporter = reporter or LogReporter()
+        if dask is not None:
+            from shadowbench.measure.dask_blocks import dask_campaign
+
+            setup = tuple(plugin.resolve() for plugin in plugins), limits or Limits()
+            yield stack.enter_context(dask_campaign(folder, dask, renderer, setup, reporter, **options))
+            return
+        here = worker or stack.enter_context(Worker(plugins, limits))
+        yield Campaign(folder, stack.enter_context(EngineDrawer(GLDrawer(here))), reporter, **options)
