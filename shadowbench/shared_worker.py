@@ -9,10 +9,9 @@ from tempfile import TemporaryDirectory
 from threading import RLock
 from typing import Any
 
-from shadowbench.engines.drawer import EngineDrawer
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.drawer import Limits
-from shadowbench.measure.gl_drawer import GLDrawer
+from shadowbench.measure.gl_drawer import drawer_of
 from shadowbench.measure.worker import Worker
 
 _log = logging.getLogger("shadowbench")
@@ -71,5 +70,5 @@ def campaign(folder: Path | None, worker: Worker, **options: Any) -> Iterator[Ca
     with ExitStack() as stack:
         if folder is None:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="shadowbench-")))
-        drawer = stack.enter_context(EngineDrawer(GLDrawer(worker)))
+        drawer = stack.enter_context(drawer_of(worker))
         yield Campaign(folder, drawer, _LogReporter(), **options)

@@ -19,10 +19,10 @@ import numpy as np
 from PIL import Image
 from publish import digests
 
-from shadowbench.engines.export import export_view
-from shadowbench.engines.stored_truth import write_stored_truth
 from shadowbench.errors import InputError, counted
 from shadowbench.files import check_folder
+from shadowbench.masks.export import export_view
+from shadowbench.masks.inputs import write_stored_truth
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.reports.site_data import write_data

@@ -30,15 +30,14 @@ def campaigns(
 
     With --dask one for each renderer, and one where times are taken. options: of the campaigns.
     """
-    from shadowbench.engines.drawer import EngineDrawer
     from shadowbench.measure.campaign import Campaign
-    from shadowbench.measure.gl_drawer import GLDrawer
+    from shadowbench.measure.gl_drawer import GLDrawer, drawer_of
     from shadowbench.measure.worker import Worker
 
     with ExitStack() as stack:
         if machines.dask is None:
             here = worker or stack.enter_context(Worker(plugins, limits))
-            drawer = stack.enter_context(EngineDrawer(GLDrawer(here)))
+            drawer = stack.enter_context(drawer_of(here))
             yield [Campaign(folder, drawer, reporter, **options)]
             return
         from shadowbench.measure.dask_campaign import ClusterCampaign

@@ -177,7 +177,7 @@ def recommend(
 
 def _engines() -> "Sequence[Spec]":
     """The presets of all engines that can draw here. Raises InputError if none can."""
-    from shadowbench.engines.environment import what_lacks
+    from shadowbench.engines.programs import what_lacks
     from shadowbench.plugin.registry import engines
     from shadowbench.plugin.spec import spec_of
 

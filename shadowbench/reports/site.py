@@ -9,15 +9,12 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from markdown_it import MarkdownIt
 from PIL import Image
 
 from shadowbench.advice.law import law_on_record
 from shadowbench.files import make_folder
-from shadowbench.plugin.registry import engines
 from shadowbench.reports import verdict, words
 from shadowbench.reports.charts import front_chart
-from shadowbench.reports.engines_page import write_engines_page
 from shadowbench.reports.gallery import difference, read_facets, read_view
 from shadowbench.reports.html import PAGE, environment
 from shadowbench.reports.report import write_report
@@ -44,16 +41,15 @@ _TEXT = {"color": "currentColor", "labelColor": "currentColor", "titleColor": "c
 def write_site(folders: Sequence[Path], target: Path) -> int:
     """Write the site of run folders into a folder, and return its number of rows. Raises InputError.
 
-    Its pages: the first, a report of each folder without engines, that of engines and of each defect of one, one of
-    each scene, and how a reader's own results compare. Links to the documentation lead into `docs/` there.
+    Its pages: the first, a report of each folder, one of each scene, and how a reader's own results compare. Links to
+    the documentation lead into `docs/` there.
     """
     runs = read_runs(folders)
     found = sections(runs, law_on_record())
     every = [section for parts in found.values() for section in parts]
     rows = site_rows(every)
     drawn = [run for run in runs if any(row.is_engine for row in rows if row.run is run)]
-    pages = {f"{run.label}.html": TITLES.get(run.label, run.label) for run in runs if run not in drawn}
-    pages |= {"engines.html": TITLES["engines"]} if drawn else {}
+    pages = {f"{run.label}.html": TITLES.get(run.label, run.label) for run in runs}
     site = _Site(target, {"index.html": "Results", **pages, "yours.html": "How wrong is yours?", **DOCS})
     for name in ("data", "scenes", "pictures"):
         shutil.rmtree(target / name, ignore_errors=True)
@@ -61,15 +57,12 @@ def write_site(folders: Sequence[Path], target: Path) -> int:
     with ThreadPoolExecutor() as threads:
         pictures = {row for row in threads.map(partial(_picture, target / "pictures"), rows) if row is not None}
     for run in runs:
-        if run not in drawn:
-            parts = {title: of for title, all in found.items() if (of := [part for part in all if part.run is run])}
-            file = f"{run.label}.html"
-            write_report([run], parts, [], target / file, "html", split=True, nav=site.nav("", file))
+        parts = {title: of for title, all in found.items() if (of := [part for part in all if part.run is run])}
+        file = f"{run.label}.html"
+        write_report([run], parts, [], target / file, "html", split=True, nav=site.nav("", file))
     by_scene: dict[str, list[SiteRow]] = {}
     for row in rows:
         by_scene.setdefault(row.score["scene"], []).append(row)
-    if drawn:
-        _write_engines(drawn, by_scene, site)
     suns = [part for part in every if part.run not in drawn and _light(part.scene) == "directional" and part.scored]
     hard = {scene: of for scene, of in sorted(by_scene.items()) if not any(row.ranked_by.name == "rmse" for row in of)}
     site.write(
@@ -125,42 +118,6 @@ def _picture(folder: Path, row: SiteRow) -> SiteRow | None:
     image = Image.fromarray(difference(mask, right, undecided > 0, row.ranked_by.name == "rmse", facets))
     image.resize((_SIDE, _SIDE), Image.Resampling.BOX).save(folder / f"{score['key']}.webp", quality=70)
     return row
-
-
-def _write_engines(runs: Sequence[Run], scenes: Mapping[str, Sequence[SiteRow]], site: _Site) -> None:
-    """Write the page of engines, with a place of each, and one of each defect; their pictures are written beside."""
-    file = site.target / "engines.md"
-    shutil.rmtree(file.with_suffix(""), ignore_errors=True)
-    names = [one.engine.name for one in write_engines_page(runs, dict.fromkeys(engines(), "not measured"), file)]
-    text = re.sub(rf"(<th[^>]*>)({'|'.join(map(re.escape, scenes))})(?=</th>)", _scene_link, _text(file))
-    file.unlink()
-    text = re.sub(r"<h3>(.*?)</h3>", r'<h3 id="\1">\1</h3>', text)
-    text = re.sub(rf"(<tr>\s*<td>)({'|'.join(names)})(?=</td>)", r'\1<a href="#\2">\2</a>', text)
-    text = re.sub(r'"(engines/\w+-defect)(\.md|/README\.md)"', r'"\1.html"', text)
-    page = partial(site.write, template="site_text.html.j2", runs=runs)
-    page("engines.html", text=text, title=TITLES["engines"], engines=names, files=())
-    places = {row.score["key"]: row.address for rows in scenes.values() for row in rows}
-    for defect in sorted(file.with_suffix("").glob("*-defect.md")):
-        text = re.sub(r"row <code>(\w+)</code>", lambda row: _row_link(row, places), _text(defect))
-        files = [defect.name, *sorted(f"{defect.stem}/{one.name}" for one in defect.with_suffix("").iterdir())]
-        title = defect.read_text(encoding="utf-8").splitlines()[0].lstrip("# ")
-        page(f"engines/{defect.stem}.html", text=text, title=title, engines=(), files=files)
-
-
-def _text(file: Path) -> str:
-    """A file of Markdown as HTML, its tables as wide as they need."""
-    text = str(MarkdownIt().enable("table").render(file.read_text(encoding="utf-8")))
-    table = '<div class="wide" tabindex="0" role="region" aria-label="Table"><table class="plain">'
-    text = re.sub(r"<code>[^<]*", lambda found: re.sub(r"([,:(])", r"\1<wbr>", found[0]), text)
-    return text.replace("<table>", table).replace("</table>", "</table></div>")
-
-
-def _row_link(row: re.Match[str], places: Mapping[str, str]) -> str:
-    return f'row <a href="../{places[row[1]]}"><code>{row[1]}</code></a>'
-
-
-def _scene_link(heading: re.Match[str]) -> str:
-    return f'{heading[1]}<a href="{scene_file(heading[2])}">{heading[2]}</a>'
 
 
 def _matrix(scenes: Mapping[str, Sequence[SiteRow]]) -> list[tuple[str, dict[str, SiteRow]]]:

@@ -12,7 +12,6 @@ from shadowbench.measure.rows import Record, Result
 from shadowbench.plugin.registry import engines, preset_names
 from shadowbench.reports.words import COLUMNS, optional
 from shadowbench.results.configurations import Section
-from shadowbench.results.engine_settings import label_of, names_of
 from shadowbench.results.folder import Run
 from shadowbench.scores.metric import Metric
 from shadowbench.scores.metrics import is_soft, ranking
@@ -35,8 +34,6 @@ class SiteRow:
     def name(self) -> str:
         """Setting, a preset by its name, and map size."""
         spec, size = self.score["spec"], self.score["map_size"]
-        if self.is_engine:
-            return label_of(self.score["technique"], spec, size).replace("`", "")
         return preset_names().get(spec, spec) + (f" at {size}" if size else "")
 
     @property
@@ -53,7 +50,7 @@ class SiteRow:
     @property
     def compared(self) -> bool:
         """Whether the first page compares it: at MAP_SIZE or without a map; of an engine, as shipped."""
-        shipped = not self.is_engine or self.score["spec"] == next(iter(names_of(engines()[self.score["technique"]])))
+        shipped = not self.is_engine or self.score["spec"] == self.score["technique"]
         return shipped and self.score["map_size"] in (None, MAP_SIZE)
 
     @property

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from imgui_bundle import imgui
 
-from shadowbench.engines.external_mask import decode_srgb
 from shadowbench.gl.picture import Shading
+from shadowbench.masks.inputs import decode_srgb
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.assumed import sun_direction
 from shadowbench.scenes.geometry import LARGEST

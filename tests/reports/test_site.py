@@ -16,8 +16,8 @@ from PIL import Image
 
 from shadowbench.measure.columns import described
 from shadowbench.reports.site import write_site
+from tests.engine_rows import ROWS
 from tests.reports.conftest import CELLS, Cell, run_file, write_folder
-from tests.reports.test_engines_page import ROWS
 from tests.test_docs import anchors
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -100,15 +100,6 @@ def test_every_link_leads_to_a_file_and_a_place_in_it_and_none_outside(site: Pat
         assert not re.search(r"url\((?!#)|@import", page.partition("<script")[0])
 
 
-def test_an_engine_has_a_place_and_its_defect_a_page_with_the_files_to_attach(pages: Mapping[str, str]) -> None:
-    page, defect = pages["engines.html"], pages["engines/three-defect.html"]
-    assert page.count('<a href="#three">three</a>') == 2 and '<h3 id="three">three</h3>' in page
-    assert '<a href="engines/three-defect.html">A text for its issue tracker</a>' in page
-    assert f'row <a href="../scenes/stairs.html#{ROWS[0]["key"]}">' in defect and "What cures it" in defect
-    links = LINK.findall(defect.partition('id="files"')[2])
-    assert {"three-defect.md", "three-defect/README.md", "three-defect/study.toml"} <= set(links)
-
-
 def test_every_page_names_command_commit_renderer_and_machine_of_its_figures(pages: Mapping[str, str]) -> None:
     for name in ("index.html", "techniques.html", "yours.html", "scenes/stairs.html", "scenes/post.html"):
         for text in ("shadowbench run stairs -t", COMMIT, "renderer of A processor", "A processor, 2 cores"):
@@ -175,7 +166,6 @@ def test_a_folder_without_truth_has_no_pictures(folders: list[Path], tmp_path: P
     shutil.rmtree(bare / "truth")
     write_site([bare], tmp_path / "site")
     assert list((tmp_path / "site" / "pictures").iterdir()) == []
-    assert "No picture" in (tmp_path / "site" / "engines.html").read_text(encoding="utf-8")
 
 
 def test_the_first_page_names_a_cheapest_setting_by_times_of_a_gpu_alone(
