@@ -26,8 +26,8 @@ from shadowbench.measure.rendering import Rendering
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Mesh, Scene, View
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.masks import quantise
-from shadowbench.survey.views import chosen_view
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 

@@ -13,7 +13,7 @@ from shadowbench.engines.programs import environment
 from shadowbench.plugin import registry
 from shadowbench.plugin.engine import Engine
 from shadowbench.scenes.model import View
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths.cache import cached_truth
 
 SIZE = 64  # of the fake engine's pictures

@@ -31,7 +31,7 @@ from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.registry import engines
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import View
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths.cache import cached_truth
 from tests.conftest import Answer
 from tests.engines.conftest import SIZE

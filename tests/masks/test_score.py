@@ -16,9 +16,9 @@ from shadowbench import api
 from shadowbench.errors import number
 from shadowbench.masks.accuracy import accuracy_of
 from shadowbench.masks.inputs import mask_from_array
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.masks import read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, score
-from shadowbench.survey.views import chosen_view
 from shadowbench.truths.cache import cached_truth
 from tests.masks.conftest import srgb
 

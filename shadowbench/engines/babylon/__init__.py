@@ -49,7 +49,7 @@ class Babylon(Engine):
     sources = {
         "shipped": "packages/dev/core/src/Lights/Shadows/shadowGenerator.ts, 9.28.0",
         "documented": "https://doc.babylonjs.com/features/featuresDeepDive/lights/shadows#bias",
-        "tuned": "a search under suns, map size 1024, on cube-on-plane, stairs, statue and colonnade",
+        "tuned": "found by a search under suns, map size 1024, on cube-on-plane, stairs, statue and colonnade",
     }
 
     @classmethod

@@ -35,5 +35,5 @@ class Panda3D(Engine):
     presets = {"shipped": "", "tuned": "cast=both,offset=-2"}
     sources = {
         "shipped": "panda/src/pgraphnodes/lightLensNode.cxx, 1.10.16",
-        "tuned": "a search under suns, map size 1024, on cube-on-plane, stairs, statue and colonnade",
+        "tuned": "found by a search under suns, map size 1024, on cube-on-plane, stairs, statue and colonnade",
     }

@@ -37,5 +37,5 @@ class Three(Engine):
     sources = {
         "shipped": "src/lights/LightShadow.js and src/renderers/webgl/WebGLShadowMap.js, r187",
         "documented": "https://threejs.org/docs/#api/en/lights/shadows/LightShadow.bias, in the order of 0.0001",
-        "tuned": "a search under suns, map size 1024, on cube-on-plane, stairs, statue and colonnade",
+        "tuned": "found by a search under suns, map size 1024, on cube-on-plane, stairs, statue and colonnade",
     }
