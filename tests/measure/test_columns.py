@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.reports.test_engines_page import ROWS
 
 from shadowbench.measure.columns import described
 from shadowbench.results.frame import read_runs
 from shadowbench.scores.metrics import METRICS
+from tests.engine_rows import ROWS
 from tests.reports.conftest import run_file, write_folder
 
 BASELINE = Path(__file__).resolve().parents[2] / "results" / "baseline"

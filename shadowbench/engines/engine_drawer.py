@@ -4,11 +4,10 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from functools import cache
-from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, cast
 
-from shadowbench.engines.environment import browser_version, environment, what_lacks
+from shadowbench.engines.programs import HERE, browser_version, environment, what_lacks
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.geometry.topology import is_closed, surrounds
 from shadowbench.measure.cells import Block, Cell
@@ -24,7 +23,7 @@ from shadowbench.scenes.model import View
 from shadowbench.versions import ENGINES
 
 if TYPE_CHECKING:
-    from shadowbench.engines.session import EngineSession
+    from shadowbench.engines.engine_session import EngineSession
 
 _MOST_OPEN = 2  # programs, of hundreds of MB each; a page of an engine that is drawn with others is opened again
 _MOST_BYTES = 1 << 30  # memory of an engine that is started anew: some keep what each picture took, and grow slow
@@ -97,7 +96,7 @@ class EngineDrawer:
         if session is None:
             while len(self._sessions) >= _MOST_OPEN:
                 self._close(next(iter(self._sessions)))
-            from shadowbench.engines.session import EngineSession  # imports trimesh, 0.8 s
+            from shadowbench.engines.engine_session import EngineSession  # imports trimesh, 0.8 s
 
             session = EngineSession(engine, view.size)
         self._sessions[engine] = session  # behind those that were used before
@@ -135,7 +134,7 @@ def _adapter(engine: type[Engine]) -> str:
     """Digest of what draws: the engine's file and that of its host, what it declares of them, and the browser."""
     declared = engine.host, engine.imports, engine.scripts, engine.box, engine.encoding, engine.phased, ENGINES
     browser = browser_version() if engine.host == "web" else ""
-    files = sorted(file for file in engine.folder().iterdir() if file.stem == "draw")
-    hosts = sorted(file for file in Path(__file__).parent.iterdir() if file.name in ("web_host.js", "python_host.py"))
-    parts = repr((declared, browser)).encode(), *(file.read_bytes() for file in (*files, *hosts))
+    drawing = sorted(file for file in engine.folder().iterdir() if file.stem == "draw")
+    files = [*drawing, HERE / "python_host.py", HERE / "web_host.js"]
+    parts = repr((declared, browser)).encode(), *(file.read_bytes() for file in files)
     return hashlib.sha256(b"".join(parts)).hexdigest()[:12]
