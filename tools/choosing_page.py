@@ -11,12 +11,11 @@ from statistics import fmean, median
 
 from pages import compare
 
-from shadowbench.advice.law import Law, law_on_record
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import own_techniques, preset_names
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.frame import read_runs
-from shadowbench.results.submission import SHORTEST_MS
+from shadowbench.results.law import SHORTEST_MS, Law, law_on_record
 from shadowbench.results.summary import Target
 from shadowbench.scenes.library import builtin_light
 from shadowbench.scores.metrics import METRICS, is_soft

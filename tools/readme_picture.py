@@ -15,9 +15,9 @@ from pages import png
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from shadowbench.advice.law import law_on_record
 from shadowbench.reports.report import write_report
 from shadowbench.results.frame import read_folders
+from shadowbench.results.law import law_on_record
 from shadowbench.results.summary import summaries
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -134,7 +134,7 @@ def run(
         why = "of cells with these names, but of another file, setting or version; another -o keeps both"
         console.print_error(f"note: {asked.output}: table.csv and reports leave out {rows}: {why}")
     if printed.json:
-        from shadowbench.advice.law import law_on_record
+        from shadowbench.results.law import law_on_record
         from shadowbench.results.summary import summaries
 
         shown = summaries(found.run.last, law_on_record())

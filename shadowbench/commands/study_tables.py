@@ -33,7 +33,7 @@ _OPTIONAL = ("terminator", "bleed", "false_dark", "width", "hardening", "flips",
 
 def print_study(study: "StudyResult", folder: Path, quiet: bool) -> None:
     """One table per scene, one over all scenes, and the path of table.csv."""
-    from shadowbench.advice.law import law_on_record
+    from shadowbench.results.law import law_on_record
     from shadowbench.results.summary import by_kind, over_scenes, summaries
 
     run = study.run.last

@@ -6,11 +6,11 @@ from typing import Any
 
 import pandas as pd
 
-from shadowbench.advice.law import law_on_record
 from shadowbench.errors import InputError, alternatives
 from shadowbench.reports.charts import Chart, front_chart, size_chart, styles_of, titled, write_chart
 from shadowbench.reports.words import cost_source
 from shadowbench.results.frame import Run, over_phases
+from shadowbench.results.law import law_on_record
 from shadowbench.results.summary import Summary, specs_of, summaries
 
 

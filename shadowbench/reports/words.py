@@ -11,7 +11,7 @@ from shadowbench.maps.presets import ENGINES
 from shadowbench.measure.columns import TRUTH_ERRORS
 from shadowbench.plugin.registry import engines, preset_names
 from shadowbench.results.frame import Run
-from shadowbench.results.submission import SHORTEST_MS
+from shadowbench.results.law import SHORTEST_MS
 from shadowbench.results.summary import (
     Answer,
     CostName,
