@@ -22,10 +22,11 @@ from shadowbench.scenes.assumed import GROUND_SIDE, content_of
 from shadowbench.scenes.files import read_document
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
+from shadowbench.scenes.opening import named, opened
 from shadowbench.scenes.tables import LIGHT_TABLES, camera_from_table, light_from_table
 from shadowbench.strict import Strict, validated
 from shadowbench.studies.crossing import Techniques
-from shadowbench.survey.views import named, opened
+from shadowbench.truths.embree import tracer_of
 
 Layout = Literal["wipe", "side by side"]
 Source = Literal["A", "B", "truth"]
@@ -47,7 +48,7 @@ class Origin:
 
     def load(self) -> Scene:
         """The scene, as it is on disk now. Raises InputError, as `opened` does."""
-        return opened(self.source, self.options)
+        return opened(self.source, self.options, tracer_of)
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ def _mesh_tables(scene: Scene, origin: Origin, file: Path) -> list[dict[str, Any
     if own.suffix.lower() == ".toml":
         tables = read_document(own).mesh
     else:
-        chosen = {"time": options.time, "clip": options.clip, "variant": options.variant}
+        chosen = {"time": options.time, "clip": options.clip}
         turned = {"rotate": [-90.0, 0.0, 0.0]} if options.up == "z" else {}
         tables = [{"file": own.name, **{name: value for name, value in chosen.items() if value is not None}, **turned}]
     tables = [_moved(table, own.parent, file) for table in tables]
