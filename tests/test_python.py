@@ -195,8 +195,8 @@ for delay in (0.005, 0.05, 0.2):
 FORKED = """
 import os, sys
 import shadowbench as sb
-from shadowbench.results.tables import over_phases
-from shadowbench.shared_worker import _Shared
+from shadowbench.results.frame import over_phases
+from shadowbench.campaigns import _Shared
 
 first = sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility
 process = _Shared.worker._process.pid

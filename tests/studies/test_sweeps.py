@@ -7,13 +7,13 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from shadowbench.results.configurations import Configuration, Interval
 
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import Bias
 from shadowbench.plugin.registry import techniques
-from shadowbench.results.configurations import Configuration, Interval
 from shadowbench.results.curves import curves
-from shadowbench.results.tables import SweepPositions, add_factor_columns, read_sweep_positions
+from shadowbench.results.frame import SweepPositions, add_factor_columns, read_sweep_positions
 from shadowbench.studies.study import Study, read_study
 
 KNOWN = techniques()
