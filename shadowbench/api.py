@@ -28,9 +28,11 @@ from shadowbench.advice.recommend import Recommendation, has_penumbra
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.space import technique_names
 from shadowbench.advice.target import target_of
-from shadowbench.engines.external_mask import visibility_of
+from shadowbench.campaigns import campaign_in, shared_worker
+from shadowbench.campaigns import close as close
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
+from shadowbench.masks.inputs import visibility_of
 from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import subjects_with, techniques_with
 from shadowbench.measure.rendering import Rendering
@@ -44,8 +46,6 @@ from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.opening import chosen_view, opened
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
-from shadowbench.shared_worker import campaign, shared_worker
-from shadowbench.shared_worker import close as close
 from shadowbench.studies.catalogue import entries
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.run import measure
@@ -55,7 +55,7 @@ from shadowbench.studies.study import study_from_options
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as survey_view
 from shadowbench.truths.cache import cached_truth
-from shadowbench.truths.instances import tracer_of
+from shadowbench.truths.embree import tracer_of
 from shadowbench.truths.trace import Truth
 
 SceneLike = Scene | str | Path
@@ -85,7 +85,6 @@ def load(
     no_ground: bool = False,
     time: float | None = None,
     clip: str | None = None,
-    variant: str | None = None,
     camera: Placed = None,
     target: Placed = None,
     lamp: Placed = None,
@@ -95,7 +94,7 @@ def load(
 
     assets: additional folder to search for a scene file's meshes; up: up axis, y or z, of mesh formats that do not
     specify it; sun: give directional lights without a size that of the sun; no_ground: assume no ground; time, clip:
-    seconds, and the name or number of a clip, that pose an animated glTF; variant: of its materials; camera: the name
+    seconds, and the name or number of a clip, that pose an animated glTF; camera: the name
     of one of its cameras, "front", "back", "left", "right", "top", "inside", or a point, from which it looks at target;
     lamp, sun_at: a point light at a point, or a sun at azimuth and elevation in degrees, in place of the scene's
     lights. Raises InputError.
@@ -104,7 +103,7 @@ def load(
     folder = None if assets is None else Path(options.instance_of(assets, "assets", "a folder", str, Path))
     placed = {"camera": camera, "target": target, "lamp": lamp, "sun_at": sun_at}
     texts = {name: options.place_text(place, name) for name, place in placed.items()}
-    chosen = options.SceneOptions(folder, up, sun, no_ground, time, clip, variant, **texts)
+    chosen = options.SceneOptions(folder, up, sun, no_ground, time, clip, **texts)
     return opened(value, chosen, tracer_of)
 
 
@@ -205,8 +204,8 @@ def run(
         measuring=options.Measuring(view_size, rounds, phases, step),
         view=options.ViewOptions(view=view, light=light),
     )
-    with shared_worker(files, chosen.limits) as worker, campaign(_kept_in(folder), worker) as made:
-        return Results.of(measure(chosen, [made]).run.last, each_phase)
+    with shared_worker(files, chosen.limits) as worker, campaign_in(_kept_in(folder), worker=worker) as made:
+        return Results.of(measure(chosen, made).run.last, each_phase)
 
 
 def catalogue(kind: str, plugins: Files = ()) -> pd.DataFrame:
@@ -256,7 +255,7 @@ def recommend(
     among = technique_names(options.as_list(techniques, "techniques", "names of techniques", str), known)
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
-    with shared_worker(files) as worker, campaign(_kept_in(folder), worker) as made:
+    with shared_worker(files) as worker, campaign_in(_kept_in(folder), worker=worker) as made:
         return measure_recommendation(chosen, target, known, made, by=by_of(by), among=among, device=device)[0]
 
 
@@ -277,7 +276,7 @@ def stress(
     chosen = select_axes(options.as_list(axes, "axes", "names of axes", str))
     known = subjects_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
-    with shared_worker(files, LIMITS) as worker, campaign(_kept_in(folder), worker, **SWEEPING) as made:
+    with shared_worker(files, LIMITS) as worker, campaign_in(_kept_in(folder), worker=worker, **SWEEPING) as made:
         found = sweep(specs, chosen, made, quick=quick)
     return ranges_frame(found.ranges)
 

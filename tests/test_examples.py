@@ -8,9 +8,6 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PLUGINS = {"exponential_shadow_map.py", "sphere_proxies.py", "variance_shadow_map.py"}
-OTHERS = {"vtk_shadows.py", "shadow_area.py", "tune.py"}
-"""An engine, in tests/engines/; a metric, in tests/promises/; a search, with Optuna, which is not installed here."""
 BALL = """
 name = "ball"
 camera = { position = [2.0, 3.0, 4.0], target = [0.3, 0.3, 0.0] }
@@ -35,10 +32,6 @@ def iou(shadowbench: Callable[..., Any], tmp_path: Path) -> Callable[..., dict[s
         return {row["spec"]: float(row["iou"]) for row in rows}
 
     return run
-
-
-def test_every_example_is_tested() -> None:
-    assert {file.name for file in (ROOT / "examples").glob("*.py")} == {*PLUGINS, *OTHERS}
 
 
 def test_the_variance_filter_is_the_built_in_one_with_another_reduction(iou: Callable[..., Any]) -> None:

@@ -109,7 +109,7 @@ def opened(scene: str | Path | Scene, options: SceneOptions, tracer_of: TracerOf
     if isinstance(scene, Scene):
         loaded = scene
     else:
-        loaded = load_scene(scene, options.assets, options.up, Chosen(options.time, options.clip, options.variant))
+        loaded = load_scene(scene, options.assets, options.up, Chosen(options.time, options.clip))
     loaded = without_ground(loaded) if options.no_ground else loaded
     if options.camera is not None:
         loaded = _seen_from(loaded, options.camera, options.target, tracer_of)

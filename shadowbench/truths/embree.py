@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.cutouts import CutoutFaces
-from shadowbench.scenes.geometry import in_slices
+from shadowbench.scenes.geometry import Geometry, in_slices
 from shadowbench.scenes.vectors import Floats
 
 if TYPE_CHECKING:
     from shadowbench.geometry.tree import Tree
-    from shadowbench.truths.packets import InstanceScene
 
 Mask = NDArray[np.bool_]
 Result = TypeVar("Result")
@@ -112,11 +111,9 @@ class Tracer:
             return self._built
 
 
-class InstanceTracer(Tracer):
-    """A tracer of a scene of instances, without cut-outs."""
-
-    def __init__(self, scene: "InstanceScene") -> None:
-        self._scene = scene
+def tracer_of(geometry: Geometry) -> Tracer:
+    """A tracer of all triangles."""
+    return Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
 
 
 def _rays(origins: Vectors, directions: Vectors, reach: Vectors | float) -> tuple[Singles, Singles, Singles]:

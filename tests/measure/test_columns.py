@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from shadowbench.measure.columns import described
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from shadowbench.scores.metrics import METRICS
+from tests.engine_rows import ROWS
 from tests.reports.conftest import run_file, write_folder
-from tests.reports.test_engines_page import ROWS
 
 BASELINE = Path(__file__).resolve().parents[2] / "results" / "baseline"
 

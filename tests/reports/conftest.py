@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 import vl_convert
 from PIL import Image
+from shadowbench.results.configurations import Section, sections
 
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import NAMES, Value, value_label
 from shadowbench.reports.stability import Stability, analyse
-from shadowbench.results.configurations import Section, sections
-from shadowbench.results.folder import read_folders, read_runs
+from shadowbench.results.frame import read_folders, read_runs
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
 from tests.conftest import key_of

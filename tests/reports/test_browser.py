@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Locator, Page
+from shadowbench.results.configurations import sections
 
 from shadowbench.reports.report import write_report
-from shadowbench.results.configurations import sections
-from shadowbench.results.folder import read_folders
+from shadowbench.results.frame import read_folders
 from shadowbench.scores.difference import FACETS, FALSE_LIGHT
 from tests.reports.browsing import visiting
 from tests.reports.conftest import CELLS, POINTS, Cell, run_file, write_folder, write_sweep

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import vl_convert
+from shadowbench.reports.vega import COLORS, MAX_SHOWN, SHAPES, styles_of
+from shadowbench.results.configurations import Section, sections, specs_of
 from skimage.color import deltaE_ciede2000, rgb2lab
 
 from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.report import figures
-from shadowbench.reports.vega import COLORS, MAX_SHOWN, SHAPES, styles_of
-from shadowbench.results.configurations import Section, sections, specs_of
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from tests.reports.conftest import TRUTH_ERROR, Cell, marks, texts, write_sweep
 
 Chart = dict[str, Any]

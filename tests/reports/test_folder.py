@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.results.folder import read_folders, read_runs
+from shadowbench.results.frame import read_folders, read_runs
 from tests.reports.conftest import POINTS, Cell
 
 Write = Callable[..., Path]

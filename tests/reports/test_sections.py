@@ -3,10 +3,11 @@
 import json
 
 import pytest
-
-from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.verdict import verdict
+from shadowbench.results.configurations import Interval, sections
+
+from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.words import (
     digits,
     fault_lines,
@@ -16,8 +17,7 @@ from shadowbench.reports.words import (
     time_source,
     unscored,
 )
-from shadowbench.results.configurations import Interval, sections
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from tests.reports.conftest import CELLS, Cell
 from tests.reports.test_verdict import SOFT, phases
 

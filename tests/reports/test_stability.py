@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from shadowbench.reports.vega import styles_of
 
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import NAMES
@@ -23,7 +24,6 @@ from shadowbench.reports.sweep_charts import (
     share_color,
     share_colors,
 )
-from shadowbench.reports.vega import styles_of
 from shadowbench.results.ranges import TOLERANCES, value_text
 from shadowbench.scores.masks import read_mask
 from tests.reports.conftest import CELLS, POINTS, Point, color_of, galleries, image_of, parts_of, swept, texts

@@ -7,18 +7,18 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from shadowbench.reports.html import html_report
+from shadowbench.reports.markdown import markdown_report
+from shadowbench.reports.panels import panel_data, panels_of
+from shadowbench.reports.verdict import cell_texts, cost_note, device_note, verdict
+from shadowbench.results.configurations import Configuration, Section, by_kind
+from shadowbench.results.ranking import Target, candidates, cheapest, cost_matrix, mean_section, targets_of, ties
 
 from shadowbench.maps import presets
 from shadowbench.plugin.registry import engines, own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.reports.gallery import scored_cells
-from shadowbench.reports.html import html_report
-from shadowbench.reports.markdown import markdown_report
-from shadowbench.reports.panels import panel_data, panels_of
-from shadowbench.reports.verdict import cell_texts, cost_note, device_note, verdict
 from shadowbench.reports.words import preset_note
-from shadowbench.results.configurations import Configuration, Section, by_kind
-from shadowbench.results.ranking import Target, candidates, cheapest, cost_matrix, mean_section, targets_of, ties
 from shadowbench.scores.metrics import METRICS
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell
 

@@ -4,14 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shadowbench.results.configurations import Configuration, Interval, interval
+from shadowbench.results.ranking import mean
 
 from shadowbench.measure.rows import Result
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.results.configurations import Configuration, Interval, interval
 from shadowbench.results.curves import Slope, slopes
-from shadowbench.results.ranking import mean
-from shadowbench.results.tables import cells_frame
+from shadowbench.results.frame import cells_frame
 from shadowbench.scores.metrics import METRICS
 from tests.results.cells import cell
 from tests.runs import sections_of

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.measure.rows import Result
-from shadowbench.results.tables import cells_frame
+from shadowbench.results.frame import cells_frame
 from shadowbench.results.times import DRIFT, ReferenceTime, normalise_times, pareto_front, time_notes
 from shadowbench.scores.metrics import METRICS
 from tests.results.cells import cell

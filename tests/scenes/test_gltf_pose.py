@@ -267,7 +267,7 @@ def test_a_scene_file_poses_each_of_its_meshes(tmp_path: Path) -> None:
         (tmp_path / "b.toml").write_text(table + line)
         refused(tmp_path / "b.toml", "[[mesh]] 1", line.split()[0])
     (tmp_path / "c.toml").write_text('[[mesh]]\nshape = "box"\ntime = 1')
-    refused(tmp_path / "c.toml", "time, clip and variant are for a file")
+    refused(tmp_path / "c.toml", "time and clip are for a file")
 
 
 def test_options_choose_the_pose_everywhere(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from shadowbench.scenes.model import view_digest
 from shadowbench.scenes.opening import SIDES, chosen_view
 from shadowbench.scenes.vectors import unit
 from shadowbench.studies.study import Study, read_study, study_from_options
-from shadowbench.truths.instances import tracer_of
+from shadowbench.truths.embree import tracer_of
 
 opened = partial(opening.opened, tracer_of=tracer_of)
 

@@ -15,7 +15,6 @@ from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths import packets
 from shadowbench.truths.embree import EmbreexScene, answers_digest
 from shadowbench.truths.trace import Truth, trace
-from tests.crowds import CROWD
 
 VIEWS = {"hard": ("colonnade", 64), "soft": ("post", 64)}
 
@@ -163,19 +162,3 @@ def test_truths_and_scores_are_the_same_without_compiled_code(tmp_path) -> None:
     assert compiled["cube-on-plane visibility"].any() and compiled["leaves iou"] < 1
     for name in compiled:
         assert np.array_equal(compiled[name], python[name], equal_nan=compiled[name].dtype.kind == "f"), name
-
-
-def test_instances_without_compiled_code_are_refused_by_the_variables_name(tmp_path) -> None:
-    (tmp_path / "crowd.toml").write_text(CROWD, encoding="utf-8")
-    limit = "from shadowbench.scenes import placed; placed.MOST_TRIANGLES = 2000; "
-    command = "from shadowbench.__main__ import main; main()"
-    arguments = ["truth", tmp_path / "crowd.toml", "-o", tmp_path / "t.npz"]
-    process = subprocess.run(
-        [sys.executable, "-c", limit + command, *arguments],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert process.returncode == 2
-    assert "scenes of instances need packets of rays, and NUMBA_DISABLE_JIT is set" in process.stderr
