@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from shadowbench.errors import counted
-from shadowbench.maps.presets import ENGINES
 from shadowbench.plugin.registry import engines, preset_names
 from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, CostName, Section
 from shadowbench.results.folder import Folder, Run
@@ -13,6 +12,7 @@ from shadowbench.results.law import SHORTEST_MS
 from shadowbench.results.times import time_notes
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
+from shadowbench.techniques.shadow_map import ENGINES
 
 SOFTWARE = "times of a software renderer: for trends only, not representative of a GPU"
 NO_HARDENING = (

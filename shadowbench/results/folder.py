@@ -14,7 +14,6 @@ import pandas as pd
 from shadowbench.errors import InputError, printable
 from shadowbench.measure.row_store import read_run_file, stream_rows
 from shadowbench.measure.rows import Record, Result, RunFile
-from shadowbench.plugin.spec import without_retired
 from shadowbench.results.tables import (
     SweepPositions,
     add_factor_columns,
@@ -48,7 +47,7 @@ def view_name(record: Record) -> str:
 
 @lru_cache(1 << 12)
 def _parts_of(full_spec: str) -> tuple[str, ...]:
-    name, _, parameters = without_retired(full_spec).partition(":")
+    name, _, parameters = full_spec.partition(":")
     return name, *sorted(_COMMA.split(parameters))
 
 

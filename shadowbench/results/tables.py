@@ -11,7 +11,7 @@ from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure.columns import COSTS, IDENTITY, MORE, MORE_TIMES, SOMETIMES, TIMES
 from shadowbench.measure.rows import Record, Result
-from shadowbench.plugin.grammar import parameters_of
+from shadowbench.plugin.params import parameters_of
 from shadowbench.scores.metrics import METRICS
 from shadowbench.strict import short
 

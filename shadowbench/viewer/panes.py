@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.program import Drawable, Sampling, link
-from shadowbench.gl.shaders import SHADERS, compose
+from shadowbench.gl.program import SHADERS, Drawable, Sampling, compose, link
 from shadowbench.plugin.base import Technique
 from shadowbench.scores.difference import FACETS, FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.viewer.drawing import Drawn

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from shadowbench.maps import presets
 from shadowbench.plugin.registry import engines, own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.reports.gallery import scored_cells
@@ -20,6 +19,7 @@ from shadowbench.reports.words import preset_note
 from shadowbench.results.configurations import Configuration, Section, by_kind
 from shadowbench.results.ranking import Target, candidates, cheapest, cost_matrix, mean_section, targets_of, ties
 from shadowbench.scores.metrics import METRICS
+from shadowbench.techniques import shadow_map as presets
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell
 
 UNSUPPORTED = "unsupported: a lamp shines all round"
