@@ -15,10 +15,9 @@ from numba.core.caching import NullCache
 _log = logging.getLogger(__name__)
 _own: list[Any] = []  # what `compiled` has returned
 
-COMPILING = "compiling loops: 10 s in all, a minute with cut-outs, once on a machine"
+COMPILING = "compiling loops: 10 s in all, once on a machine"
 UNCACHED = (
-    "compiling loops: 10 s in all, a minute with cut-outs, in every process, since Numba finds no folder to cache in: "
-    "set NUMBA_CACHE_DIR"
+    "compiling loops: 10 s in all, in every process, since Numba finds no folder to cache in: set NUMBA_CACHE_DIR"
 )
 
 DISABLED = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]  # by NUMBA_DISABLE_JIT

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
-from shadowbench.engines.export_cutouts import add_masks, corner_attributes, name_attributes
+from shadowbench.engines.export_cutouts import add_masks, corner_attributes
 from shadowbench.engines.light_box import light_box
 from shadowbench.files import make_folder, replace_file
 from shadowbench.geometry.convex import caster_and_receiver_vertices
@@ -236,7 +236,6 @@ def glb_of(view: View, *, sides: "Sides" = "double", colours: bool = False) -> b
         for mesh, material, written in zip(scene.meshes, materials, tree["meshes"], strict=True):
             written["name"] = mesh.name
             written["primitives"][0]["material"] = distinct.index(material)
-            name_attributes(written["primitives"][0]["attributes"])
         near, far = view.near_far
         lens = {"yfov": camera.fov_y, "aspectRatio": 1.0, "znear": near, "zfar": far}
         tree["cameras"] = [{"name": camera.name, "type": "perspective", "perspective": lens}]

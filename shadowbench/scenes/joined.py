@@ -27,7 +27,7 @@ def joined(meshes: "Sequence[Mesh]") -> Geometry:
         receives=np.repeat([mesh.receives for mesh in meshes], counts),
         planar=np.repeat([mesh.planar for mesh in meshes], counts),
         colors=triangle_colors(meshes, [mesh.color for mesh in meshes]),
-        cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.coordinates, mesh.alpha) for mesh in meshes]),
+        cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.places) for mesh in meshes]),
         corner_normals=_normals(meshes),
         textured=tuple(
             TexturedFaces(int(first), mesh.texture, mesh.coordinates)

@@ -16,7 +16,7 @@ from shadowbench.scenes.vectors import Floats, Vec3
 
 GREY: Vec3 = (0.8, 0.8, 0.8)
 WHITE: Vec3 = (1.0, 1.0, 1.0)
-CORNERS = ("coordinates", "alpha", "normals")
+CORNERS = ("coordinates", "places", "normals")
 """What a mesh has by corner of a triangle, as vertices at one place are one."""
 
 
@@ -24,14 +24,15 @@ CORNERS = ("coordinates", "alpha", "normals")
 class Mesh:
     """Triangles of one surface, in world space.
 
-    points: (V, 3) float64, the vertices before they are moved; faces: (F, 3) int32 indices into them, counter-clockwise
-    seen from outside; both are read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts,
-    receives: whether it casts and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque,
-    None for everywhere; coordinates: (F, 3, 2) float32 texture coordinates of the triangles' corners, alpha: (F, 3)
-    float32 vertex alphas, None for 0 and for 1. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by,
-    before they are moved; None if it is flat, and zero at corners without one. texture, and tints, (F, 3) float32
-    linear RGB that color is multiplied by, are of pictures only. moves: affine (4, 4) matrices of an instance, which
-    move its points in turn, and then placement, to local coordinates; all others have none and are where they are.
+    points: (V, 3) float64, the vertices before they are moved; faces: (F, 3) int32 indices into them,
+    counter-clockwise seen from outside; both are read-only, as results computed from them are cached. color: linear
+    RGB in [0, 1]; casts, receives: whether it casts and receives shadows; planar: flagged as a planar receiver.
+    cutout: where it is opaque, None for everywhere; places: (F, 3, 2) float32 of the triangles' corners in it, in
+    sub-texels, None for 0. coordinates: (F, 3, 2) float32 texture coordinates of the corners, None for 0. normals:
+    (F, 3, 3) float32 of a smooth surface, which it is shaded by, before they are moved; None if it is flat, and
+    zero at corners without one. texture, and tints, (F, 3) float32 linear RGB that color is multiplied by, are of
+    pictures only. moves: affine (4, 4) matrices of an instance, which move its points in turn, and then placement,
+    to local coordinates; all others have none and are where they are.
     """
 
     name: str
@@ -43,7 +44,7 @@ class Mesh:
     planar: bool = False
     cutout: Cutout | None = None
     coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
-    alpha: NDArray[np.float32] | None = field(default=None, repr=False)
+    places: NDArray[np.float32] | None = field(default=None, repr=False)
     normals: NDArray[np.float32] | None = field(default=None, repr=False)
     texture: Texture | None = None
     tints: NDArray[np.float32] | None = field(default=None, repr=False)

@@ -127,7 +127,7 @@ def _places(scene: Scene, places: int) -> _Places:
     def traced(part: slice) -> tuple[Floats, Floats, Floats]:
         shape = part.stop - part.start, len(directions)
         origins, rays = np.repeat(eye[part], shape[1], axis=0), np.tile(directions, (shape[0], 1))
-        triangle, reach, _ = tracer.hits(origins, rays, _FAR)
+        triangle, reach = tracer.hits(origins, rays, _FAR)
         normals = facet_normals(geometry.corners(np.maximum(triangle, 0)))
         facing = (triangle >= 0) & (np.einsum("ij,ij->i", normals, rays) < 0.0)
         distance = reach.astype(np.float64).reshape(shape)

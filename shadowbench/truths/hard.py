@@ -41,7 +41,7 @@ def _decide(
     directions = rays.directions(rows)
     centres = rays.receivers(directions, triangle)
     shadow_rays = rays.shadow_rays(centres, delta)
-    blocked, left_open = rays.occlusion(shadow_rays)
+    blocked = rays.occluded(shadow_rays)
 
     steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
     samples = [
@@ -51,7 +51,7 @@ def _decide(
     blocker = np.full(len(triangle), np.inf)
     blocker[centres.rays[blocked]] = rays.blockers(centres.select(blocked), delta)
     undecided = np.zeros(len(triangle), dtype=bool)
-    undecided[centres.rays] = left_open | _depends_on_offset(rays, centres, shadow_rays, blocked, delta)
+    undecided[centres.rays] = _depends_on_offset(rays, centres, shadow_rays, blocked, delta)
 
     low = [centres.select(_in_low_light(centres)), *(receivers for _, receivers in samples)]
     sample = np.repeat(np.arange(len(low)), [len(receivers.rays) for receivers in low])

@@ -15,7 +15,7 @@ from shadowbench.geometry.tree import build_tree
 from shadowbench.scenes.geometry import Geometry, facet_normals
 from shadowbench.scenes.instanced import InstancedGeometry
 from shadowbench.scenes.vectors import Floats
-from shadowbench.truths.cutouts import NO_CUTOUTS, OPAQUE, CutoutArrays, cutout_arrays, decide_at
+from shadowbench.truths.cutouts import CutoutArrays, cutout_arrays, is_opaque_at
 from shadowbench.truths.instances import world_matrices
 from shadowbench.truths.rays import Mask, Receivers
 from shadowbench.truths.segments import cross, dot, hit, inverse_of, next_leaf, same_sign
@@ -103,8 +103,7 @@ class NearCasters:
             return distance, covered
         with self._building:  # by the first thread that needs it: few views have grazing light
             if self._search is None:
-                cut = geometry.cutouts and cutout_arrays(geometry.cutouts, geometry.vertices, geometry.faces)
-                self._search = _casters(geometry), cut or NO_CUTOUTS
+                self._search = _casters(geometry), cutout_arrays(geometry.cutouts, geometry.count)
         length = np.minimum(height / receivers.cosine, receivers.distance)
         vectors = (receivers.point, np.broadcast_to(receivers.to_light, (3, count)), eye[:, 0])
         points, to_light, start = map(np.ascontiguousarray, vectors)  # of one type, for which it is compiled
@@ -154,7 +153,7 @@ def _find_nearest(  # type: ignore[no-untyped-def]
                         t = hit(world, all_three, point, way, corners, through, sides)
                         if not AT_SURFACE < t < length[i]:
                             continue
-                        if decide_at(cut, caster, sides) != OPAQUE:
+                        if not is_opaque_at(cut, caster, sides):
                             continue
                         if _rises(world, own_normals[i], way, own_corners[i]):
                             cross(world[1] - world[0], world[2] - world[0], normal)

@@ -18,10 +18,10 @@ from llvmlite import binding
 from numba import types
 from numpy.typing import NDArray
 
-from shadowbench.compiled import DISABLED, compiled
+from shadowbench.compiled import compiled
 from shadowbench.errors import InputError
-from shadowbench.truths.cutout_filter import FLAGS, addresses_of, filter_address
-from shadowbench.truths.cutouts import NO_CUTOUTS, CutoutArrays
+from shadowbench.scenes.cutouts import CutoutFaces
+from shadowbench.truths.cutouts import addresses_of, cutout_arrays, filter_address
 
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
 INSTRUCTION_SETS = ("sse2", "sse4.2", "avx", "avx2", "avx512")
@@ -46,13 +46,12 @@ _occluded16, _occluded8, _occluded4, _intersect16, _intersect8, _intersect4 = (
 
 
 @cache
-def load_library() -> ctypes.CDLL | None:
-    """The Embree library of the installed embreex, its packet functions known to Numba; None if it cannot be loaded."""
-    found = importlib.util.find_spec("embreex")
-    if found is None or found.origin is None:
-        return None
+def load_library() -> ctypes.CDLL:
+    """The Embree library of the installed embreex, its packet functions known to Numba. Raises InputError without."""
+    package = importlib.util.find_spec("embreex")
+    origin = "" if package is None else package.origin or ""
     for folder in _LOCATIONS:
-        for file in sorted((Path(found.origin).parent / folder).glob("*embree4*")):
+        for file in sorted((Path(origin).parent / folder).glob("*embree4*")):
             try:
                 library = ctypes.CDLL(str(file))
                 functions = {name: getattr(library, name) for name in _SYMBOLS}
@@ -64,7 +63,7 @@ def load_library() -> ctypes.CDLL | None:
                 getattr(library, name).restype = ctypes.c_void_p
             library.rtcGetDeviceProperty.restype = ctypes.c_ssize_t
             return library
-    return None
+    raise InputError("embreex: its wheel holds no Embree 4 library that can be loaded here")
 
 
 class Device(NamedTuple):
@@ -91,26 +90,21 @@ def make_device(library: ctypes.CDLL, instructions: str = "") -> Device:
 
 
 @cache
-def default_device() -> Device | None:
-    """The device of this process, for the instruction set $SHADOWBENCH_ISA; None if the library cannot be loaded.
-
-    None too with NUMBA_DISABLE_JIT: only compiled code can call an `ExternalFunction`, which in Python does nothing.
-    """
-    library = None if DISABLED else load_library()
-    return None if library is None else make_device(library, os.environ.get("SHADOWBENCH_ISA", ""))
+def default_device() -> Device:
+    """The device of this process, for the instruction set $SHADOWBENCH_ISA."""
+    return make_device(load_library(), os.environ.get("SHADOWBENCH_ISA", ""))
 
 
 class PacketScene:
     """An Embree scene of one indexed triangle list, in robust mode.
 
-    vertices: (V, 3) float32; faces: (F, 3) int32; cut: which of them are cut out, and where. Rays, all float32 and
+    vertices: (V, 3) float32; faces: (F, 3) int32; cutouts: those that are cut out. Rays, all float32 and
     C-contiguous: origins (3, N), directions (3, N) or (3, 1), reach (N,) in multiples of the direction's length.
-    Flagged are rays that pass a cut-out so close to the edge of what is opaque that float32 cannot decide: of their
-    answers, only that a triangle lies within reach is certain. Raises MemoryError if Embree has not enough memory.
+    Raises MemoryError if Embree has not enough memory.
     """
 
     def __init__(
-        self, device: Device, vertices: Single, faces: NDArray[np.int32], cut: CutoutArrays = NO_CUTOUTS
+        self, device: Device, vertices: Single, faces: NDArray[np.int32], cutouts: CutoutFaces | None = None
     ) -> None:
         handle, library = ctypes.c_void_p, device.library
         scene = handle(library.rtcNewScene(device.handle))
@@ -121,11 +115,12 @@ class PacketScene:
         self._first = np.empty(0, dtype=np.int32)
         # Of the faces, which are those that are not cut out, then those that are.
         self._order, self._opaque = None, len(faces)
-        if len(cut.of):
-            self._order = np.argsort(cut.of >= 0, kind="stable").astype(np.int32)
-            self._opaque, faces = int(np.count_nonzero(cut.of < 0)), faces[self._order]
+        if cutouts is not None:
+            self._cut = cutout_arrays(cutouts, len(faces))
+            self._addresses = addresses_of(self._cut)
+            self._order = np.argsort(self._cut.of >= 0, kind="stable").astype(np.int32)
+            self._opaque, faces = len(faces) - len(cutouts.faces), faces[self._order]
         self._faces = np.ascontiguousarray(faces, dtype=np.int32)
-        self._kept = cut, addresses_of(cut)
         for number, part in enumerate((self._faces[: self._opaque], self._faces[self._opaque :])):
             if not len(part):
                 continue
@@ -137,7 +132,7 @@ class PacketScene:
                 shared = handle(array.ctypes.data), size(0), size(12), size(count)
                 library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, *shared)
             if number == _CUT_OUT:
-                library.rtcSetGeometryUserData(geometry, handle(self._kept[1].ctypes.data))
+                library.rtcSetGeometryUserData(geometry, handle(self._addresses.ctypes.data))
                 for query in ("Occluded", "Intersect"):
                     getattr(library, f"rtcSetGeometry{query}FilterFunction")(geometry, handle(filter_address()))
             library.rtcCommitGeometry(geometry)
@@ -152,26 +147,21 @@ class PacketScene:
             raise MemoryError(f"Embree cannot hold {what} (error {error})")
         self.handle, self._width = scene.value or 0, device.width
 
-    def occluded(self, origins: Single, directions: Single, reach: Single) -> tuple[Flags, Flags]:
-        """(N,) whether any triangle lies within reach; (N,) which rays are flagged."""
-        blocked, flagged = np.empty(len(reach), dtype=np.bool_), self._no_flags(len(reach))
-        rays = origins, directions, reach, flagged.view(np.uint8)
-        _occluded(self._width, *_buffers(self._width), self.handle, *rays, blocked)
-        return blocked, flagged
+    def occluded(self, origins: Single, directions: Single, reach: Single) -> Flags:
+        """(N,) whether any triangle lies within reach."""
+        blocked = np.empty(len(reach), dtype=np.bool_)
+        _occluded(self._width, *_buffers(self._width), self.handle, origins, directions, reach, blocked)
+        return blocked
 
-    def intersect(self, origins: Single, directions: Single, reach: Single) -> tuple[NDArray[np.int32], Single, Flags]:
-        """(N,) index of the nearest triangle, −1 if none; its distance, `reach` if none; which rays are flagged."""
+    def intersect(self, origins: Single, directions: Single, reach: Single) -> tuple[NDArray[np.int32], Single]:
+        """(N,) index of the nearest triangle, −1 if none; its distance, `reach` if none."""
         triangle, distance = np.empty(len(reach), dtype=np.int32), np.empty(len(reach), dtype=np.float32)
-        flagged = self._no_flags(len(reach))
-        rays = origins, directions, reach, flagged.view(np.uint8)
+        rays = origins, directions, reach
         parts = self._opaque, self._first
         _intersect(self._width, *_buffers(self._width), self.handle, *rays, *parts, triangle, distance)
         if self._order is not None:
             triangle[triangle >= 0] = self._order[triangle[triangle >= 0]]
-        return triangle, distance, flagged
-
-    def _no_flags(self, count: int) -> Flags:
-        return np.zeros(0 if self._order is None else count, dtype=np.bool_)
+        return triangle, distance
 
 
 class InstanceScene(PacketScene):
@@ -199,15 +189,9 @@ class InstanceScene(PacketScene):
         self._commit(device, scene, f"{len(parts)} instances")
 
 
-def _buffers(width: int) -> tuple[Words, Words, Words, Words]:
-    """Zeros for a packet: an RTCRayHit, lanes, arguments, and a context.
-
-    Embree writes an RTCRayHit back whole where it emulates the width. The context is an RTCRayQueryContext, in no
-    instance, then at FLAGS the address of the rays' flags.
-    """
-    context = _aligned(2 * FLAGS + 2)
-    context[: 2 * FLAGS] = 0xFFFFFFFF
-    return _aligned(LANE * width), _aligned(width), _aligned(16), context
+def _buffers(width: int) -> tuple[Words, Words, Words]:
+    """Zeros for a packet: an RTCRayHit, since Embree writes it back where it emulates the width; lanes; arguments."""
+    return _aligned(LANE * width), _aligned(width), _aligned(16)
 
 
 def _aligned(words: int) -> Words:
@@ -218,13 +202,10 @@ def _aligned(words: int) -> Words:
 
 
 @numba.njit(inline="always")
-def _prepare(width, packet, arguments, context, flagged):  # type: ignore[no-untyped-def]
+def _prepare(width, packet, arguments):  # type: ignore[no-untyped-def]
     """Write what all packets share, and return the rows of a packet as float32."""
     packet[9 * width : 10 * width] = 0xFFFFFFFF  # mask; tnear and time stay 0
     arguments[0], arguments[1] = COHERENT, 0xFFFFFFFF  # flags, feature mask
-    if len(flagged):
-        context.view(np.int64)[FLAGS] = flagged.ctypes.data
-        arguments.view(np.int64)[1] = context.ctypes.data
     return packet.view(np.float32)
 
 
@@ -247,9 +228,9 @@ def _fill(width, ray, number, valid, first, origins, directions, reach):  # type
 
 @compiled()
 def _occluded(  # type: ignore[no-untyped-def]
-    width, packet, valid, arguments, context, scene, origins, directions, reach, flagged, blocked
+    width, packet, valid, arguments, scene, origins, directions, reach, blocked
 ):
-    ray = _prepare(width, packet, arguments, context, flagged)
+    ray = _prepare(width, packet, arguments)
     pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
     for first in range(0, len(reach), width):
         count = _fill(width, ray, packet, valid, first, origins, directions, reach)
@@ -265,10 +246,9 @@ def _occluded(  # type: ignore[no-untyped-def]
 
 @compiled()
 def _intersect(  # type: ignore[no-untyped-def]
-    width, packet, valid, arguments, context, scene, origins, directions, reach, flagged, opaque, instances,
-    triangle, distance,
+    width, packet, valid, arguments, scene, origins, directions, reach, opaque, instances, triangle, distance,
 ):  # fmt: skip
-    ray, hits = _prepare(width, packet, arguments, context, flagged), packet.view(np.int32)[17 * width : 20 * width]
+    ray, hits = _prepare(width, packet, arguments), packet.view(np.int32)[17 * width : 20 * width]
     pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
     for first in range(0, len(reach), width):
         count = _fill(width, ray, packet, valid, first, origins, directions, reach)

@@ -124,23 +124,22 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
 
 
 def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float]:
-    """(size²,) triangle at each pixel's centre, −1 for a miss, and whether that is uncertain.
+    """(size²,) triangle at each pixel's centre, −1 for a miss, and whether it is seen edge-on.
 
-    It is if the triangle is seen edge-on, or a cut-out before it is left open. Also the diagonal of the bounding box of
-    all casters and visible receivers, or of the scene if there are neither.
+    Also the diagonal of the bounding box of all casters and visible receivers, or of the scene if there are neither.
     """
     geometry = view.scene.geometry
 
     def trace_rows(rows: slice) -> tuple[Indices, Mask, Floats]:
         directions = rays.directions(rows)
-        triangle, left_open = rays.visible(directions)
+        triangle = rays.nearest(directions)
         seen = np.flatnonzero(triangle >= 0)
         seen = seen[geometry.receives_at(triangle[seen])]
         points = rays.points(directions.take(seen, axis=1), triangle[seen])
         ends = np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
-        return triangle, left_open | rays.edge_on(directions, triangle), ends
+        return triangle, rays.edge_on(directions, triangle), ends
 
-    triangles, uncertain, ends = zip(*over_slices(trace_rows, view.size, rows_a_slice(view.size)), strict=True)
+    triangles, edge_on, ends = zip(*over_slices(trace_rows, view.size, rows_a_slice(view.size)), strict=True)
     triangle = np.concatenate(triangles)
     if not (triangle >= 0).any():
         raise InputError(f"camera {view.camera.name!r} of {view.scene.name} shows nothing: no pixel shows a triangle")
@@ -150,4 +149,4 @@ def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float
         low, high = np.minimum(low, casters[0]), np.maximum(high, casters[1])
     if not np.isfinite(low).all():
         low, high = geometry.bounds
-    return triangle, np.concatenate(uncertain), float(np.linalg.norm(high - low))
+    return triangle, np.concatenate(edge_on), float(np.linalg.norm(high - low))

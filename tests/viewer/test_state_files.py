@@ -106,7 +106,7 @@ def test_masks_of_a_scenes_file_are_found_from_the_state(tmp_path: Path) -> None
     save_state(shown(str(tmp_path / "scenes" / "mine.toml")), tmp_path / "state.toml")
     assert read_toml(tmp_path / "state.toml", "")["mesh"] == [{**table, "mask": "scenes/leaf.png"}]
     cutout = load_scene(tmp_path / "state.toml").meshes[0].cutout
-    assert cutout is not None and cutout.cutoff == 0.25
+    assert cutout is not None and cutout.bits.tolist() == [[False, True]]
 
 
 def test_a_mesh_file_that_is_cut_out_or_textured_is_named_by_the_state(tmp_path: Path) -> None:
