@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from shadowbench import options
 from shadowbench.advice.costs import by_of
-from shadowbench.advice.law import find_law
 from shadowbench.advice.recommend import Recommendation, has_penumbra
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.space import technique_names
@@ -42,6 +41,7 @@ from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.reports.notebook import Results
 from shadowbench.results.ranges import ranges_frame
 from shadowbench.scenes.model import Scene, View
+from shadowbench.scenes.opening import chosen_view, opened
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
 from shadowbench.shared_worker import campaign, shared_worker
@@ -54,8 +54,8 @@ from shadowbench.studies.stress import stress as sweep
 from shadowbench.studies.study import study_from_options
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as survey_view
-from shadowbench.survey.views import chosen_view, opened
 from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.embree import tracer_of
 from shadowbench.truths.trace import Truth
 
 SceneLike = Scene | str | Path
@@ -85,7 +85,6 @@ def load(
     no_ground: bool = False,
     time: float | None = None,
     clip: str | None = None,
-    variant: str | None = None,
     camera: Placed = None,
     target: Placed = None,
     lamp: Placed = None,
@@ -95,7 +94,7 @@ def load(
 
     assets: additional folder to search for a scene file's meshes; up: up axis, y or z, of mesh formats that do not
     specify it; sun: give directional lights without a size that of the sun; no_ground: assume no ground; time, clip:
-    seconds, and the name or number of a clip, that pose an animated glTF; variant: of its materials; camera: the name
+    seconds, and the name or number of a clip, that pose an animated glTF; camera: the name
     of one of its cameras, "front", "back", "left", "right", "top", "inside", or a point, from which it looks at target;
     lamp, sun_at: a point light at a point, or a sun at azimuth and elevation in degrees, in place of the scene's
     lights. Raises InputError.
@@ -104,7 +103,8 @@ def load(
     folder = None if assets is None else Path(options.instance_of(assets, "assets", "a folder", str, Path))
     placed = {"camera": camera, "target": target, "lamp": lamp, "sun_at": sun_at}
     texts = {name: options.place_text(place, name) for name, place in placed.items()}
-    return opened(value, options.SceneOptions(folder, up, sun, no_ground, time, clip, variant, **texts))
+    chosen = options.SceneOptions(folder, up, sun, no_ground, time, clip, **texts)
+    return opened(value, chosen, tracer_of)
 
 
 def truth(
@@ -256,7 +256,7 @@ def recommend(
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
     with shared_worker(files) as worker, campaign(_kept_in(folder), worker) as made:
-        return measure_recommendation(chosen, target, known, made, by=by_of(by), among=among, law=find_law(device))[0]
+        return measure_recommendation(chosen, target, known, made, by=by_of(by), among=among, device=device)[0]
 
 
 def stress(

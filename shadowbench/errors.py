@@ -3,13 +3,9 @@
 import difflib
 from collections.abc import Iterable
 
-LONGEST_QUOTE = 500
-"""Most characters quoted from messages of foreign code, such as plug-ins."""
 NOT_INSTALLED = "{} is not installed; docs/how-to/install.md lists the platforms that have it"
 NOT_EVERYWHERE = ("embreex", "moderngl", "numba", "vl_convert")
 """Modules that some platforms lack; what can do without them imports them where it calls them."""
-
-NO_PROCESS = "no further process or thread is allowed here (ulimit -u, or a limit of the container)"
 
 
 class ShadowbenchError(Exception):
@@ -28,7 +24,7 @@ class InputError(ShadowbenchError):
 
 
 class NotInFile(InputError):
-    """A clip or variant that a scene does not have; others may have it."""
+    """A clip that a scene does not have; others may have it."""
 
 
 class MetricError(ShadowbenchError):
@@ -44,10 +40,6 @@ class Unsupported(Exception):
 
     def __init__(self, reason: str) -> None:
         super().__init__(quoted(reason))
-
-
-class TooLarge(Unsupported, InputError):
-    """A scene of more triangles than something can hold at once."""
 
 
 def how_to_install(extra: str) -> str:
@@ -90,9 +82,8 @@ def message(error: BaseException) -> str:
 
 
 def quoted(text: str) -> str:
-    """Foreign text as one printable line of at most LONGEST_QUOTE characters, ending in … if truncated."""
-    line = printable(" ".join(text[: 10 * LONGEST_QUOTE].split()))
-    return line if len(line) <= LONGEST_QUOTE else line[: LONGEST_QUOTE - 1] + "…"
+    """Foreign text as one printable line."""
+    return printable(" ".join(text.split()))
 
 
 def printable(line: str) -> str:

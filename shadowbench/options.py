@@ -125,7 +125,6 @@ class SceneOptions:
         "Clip of an animated glTF, by name or by number from 1, or none for its nodes as they stand  [the first].",
         "NAME",
     )
-    variant: str | None = option("Variant of a glTF's materials, by name  [the file's own materials].", "NAME")
     camera: str | None = option(
         "Where the camera stands: a side of what the scene holds, inside for an interior, or a point in the scene's "
         "units. A camera of the scene with such a name is meant first  [the scene's own cameras].",

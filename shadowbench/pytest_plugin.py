@@ -100,7 +100,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
     """Score your engine's shadows against ray tracing.
 
     `assert shadow_accuracy("mask.png", scene="stairs").iou > 0.98`; also `view`, `light`, `assets`, `up`, `sun`,
-    `no_ground`, `time`, `clip`, `variant`, `camera`, `target`, `lamp` and `sun_at`, and `lit`, `shadowed`, `ambient`
+    `no_ground`, `time`, `clip`, `camera`, `target`, `lamp` and `sun_at`, and `lit`, `shadowed`, `ambient`
     and `linear` in place of a mask, all as `shadowbench score` takes them. mask: a PNG, or an (N, N) array, bool or
     float in [0, 1], uint8 or uint16, row 0 at the top, white is lit; N is taken for the view's size. A mask that is
     flipped, inverted or not square fails the test. A metric that is undefined in the view is None: comparing it with a
@@ -116,14 +116,15 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         from shadowbench.engines.accuracy import accuracy_of
         from shadowbench.engines.stored_truth import stored_truth_of
         from shadowbench.errors import InputError
-        from shadowbench.survey.views import chosen_view
+        from shadowbench.scenes.opening import chosen_view
+        from shadowbench.truths.embree import tracer_of
 
         number = next(numbers)
         file = folder / f"{name}{f'-{number}' if number > 1 else ''}.diff.png"
         try:
             chosen = ViewOptions(**{name: others.pop(name) for name in _OPTIONS if name in others})
             handed = _handed(mask, others)
-            against = stored_truth_of(scene, chosen) or chosen_view(scene, handed.size, chosen)
+            against = stored_truth_of(scene, chosen) or chosen_view(scene, handed.size, chosen, tracer_of=tracer_of)
             return ShadowAccuracy(accuracy_of(handed, against), file)
         except InputError as error:
             pytest.fail(str(error), pytrace=False)

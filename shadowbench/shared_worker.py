@@ -24,7 +24,7 @@ class _LogReporter:
     def note(self, line: str) -> None:
         _log.info(line)
 
-    def stage(self, name: str, total: int | None, *, timed: int = 0) -> None:
+    def stage(self, name: str, total: int | None) -> None:
         _log.debug("%s: %s", name, total)
 
     def step(self, what: str) -> None:

@@ -1,31 +1,11 @@
 """Standard output and error in any encoding, closed, full or without a reader: printing never stops the work."""
 
-import codecs
 import io
 import os
 import sys
-import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
-
-_ASCII = dict(zip("−–━╸╺×✕·≈", "-----xx.~", strict=True))
-_ASCII |= {"…": "...", "→": "->", "≥": ">=", "≤": "<=", "±": "+-", "√": "sqrt", "°": " deg"}
-_ASCII |= {"²": "^2", "³": "^3", "½": "1/2", "¼": "1/4", "⅙": "1/6"}
-_ASCII |= {"δ": "delta", "θ": "theta", "λ": "lambda", "π": "pi", "σ": "sigma", "τ": "tau", "ω": "omega"}
-
-
-def _in_ascii(error: UnicodeError) -> tuple[str, int]:
-    """Error handler of codecs: what the encoding lacks in ASCII, without accents, ? if there is nothing like it."""
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    lacking = error.object[error.start : error.end]
-    plain = (unicodedata.normalize("NFD", letter).encode("ascii", "ignore").decode() for letter in lacking)
-    return "".join(_ASCII.get(letter) or like or "?" for letter, like in zip(lacking, plain, strict=True)), error.end
-
-
-ASCII = "shadowbench.ascii"
-codecs.register_error(ASCII, _in_ascii)
 
 
 class SafeStream(io.RawIOBase):
@@ -87,4 +67,4 @@ def _raw(stream: TextIO | None, descriptor: int) -> SafeStream:
 
 def _text(binary: SafeStream, like: TextIO | None, lines: bool) -> TextIO:
     encoding = like.encoding if like else None
-    return io.TextIOWrapper(io.BufferedWriter(binary), encoding, ASCII, line_buffering=lines)
+    return io.TextIOWrapper(io.BufferedWriter(binary), encoding, "replace", line_buffering=lines)

@@ -11,10 +11,6 @@ from shadowbench.errors import InputError, alternatives
 
 Model = TypeVar("Model", bound=BaseModel)
 
-LONGEST = 2_000_000
-"""Most bytes of a TOML file, which is written by hand, or by a script for some thousand meshes."""
-MOST_DOTS = 200
-"""Most dots in a line: tomllib's memory grows with the square of the number of parts of a dotted key."""
 DEEPEST = 20
 """Deepest nesting of tables and lists."""
 
@@ -22,19 +18,14 @@ DEEPEST = 20
 def read_toml(path: Path, where: str, missing: str = "no such file") -> dict[str, Any]:
     """Read a TOML file whose integers fit in 64 bits and whose nesting is at most DEEPEST.
 
-    Raises InputError, its message beginning with `where` or the path, for other files and for too large ones.
+    Raises InputError, its message beginning with `where` or the path, for other files.
     """
     try:
         if not path.is_file():  # reading a named pipe would block
             raise InputError(f"{path}: {'is not a file' if path.exists() else missing}")
-        if path.stat().st_size > LONGEST:
-            raise InputError(f"{path}: {path.stat().st_size} bytes; allowed are at most {LONGEST}")
         text = path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a null byte in the path
         raise InputError(f"{path}: cannot be read: {short(error)}") from error
-    for number, line in enumerate(text.splitlines(), 1):
-        if line.count(".") > MOST_DOTS:
-            raise InputError(f"{where}: line {number}: {line.count('.')} dots; allowed are {MOST_DOTS}, or more lines")
     try:
         # tomllib also raises plain ValueError (integers of thousands of digits) and RecursionError (deep nesting).
         document = tomllib.loads(text)

@@ -21,19 +21,17 @@ from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order
 from shadowbench.gl.device import Device, Releasable, open_device
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
-from shadowbench.gl.instances import device_geometry
 from shadowbench.measure import doctor, worker
 from shadowbench.measure.drawer import Limits
 from shadowbench.measure.worker import Worker
 from shadowbench.plugin.registry import forget_components
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Scene, View, view_of
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.scenes.placement import Placement
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.survey.views import chosen_view
 from shadowbench.truths import packets
 from shadowbench.truths.trace import Truth, trace
-from tests.crowds import CROWD, expanded_and_instanced
 
 pytest_plugins = ["tests.runs", "tests.drawing"]
 
@@ -184,7 +182,7 @@ class Studio:
         placement = filed.scene.placement
         if filed.scene not in self._scenes:
             scene = placement.scene(filed.scene)
-            geometry = device_geometry(self.device, scene.geometry)
+            geometry = DeviceGeometry(self.device, scene.geometry)
             self._scenes[filed.scene] = scene, geometry, GBufferPass(self.device, geometry)
             self._held[:0] = [self._scenes[filed.scene][2], geometry]
         scene, geometry, surface_pass = self._scenes[filed.scene]
@@ -299,11 +297,3 @@ def shadowbench(
         return Answer(stop.value.code, *capfd.readouterr())
 
     return call
-
-
-@pytest.fixture
-def crowd_scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Scene, Scene]:
-    """A crowd, expanded and with instances."""
-    path = tmp_path / "crowd.toml"
-    path.write_text(CROWD)
-    return expanded_and_instanced(path, monkeypatch)

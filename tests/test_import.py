@@ -3,8 +3,6 @@
 import subprocess
 import sys
 
-import shadowbench
-
 OF_THE_COMMAND_LINE = {"typer", "click", "shellingham", "annotated_doc", "typing_extensions"}
 
 
@@ -22,10 +20,6 @@ def imported_by(code: str, *arguments: str, after: str = "pass") -> set[str]:
 
 def test_importing_the_package_imports_no_other() -> None:
     assert imported_by("import shadowbench") == {"shadowbench"}
-
-
-def test_the_package_lists_its_public_names_alone() -> None:
-    assert dir(shadowbench) == sorted([*shadowbench.__all__, "__version__"])
 
 
 def test_help_imports_only_the_command_line_parser() -> None:

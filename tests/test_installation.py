@@ -3,7 +3,6 @@
 import os
 import re
 import subprocess
-import tomllib
 from importlib.metadata import distributions
 from pathlib import Path
 
@@ -21,15 +20,6 @@ FILES = [
         if file.suffix in {".md", ".py", ".sh", ".yml", ".toml", ".html", ".js"}
     ),
 ]
-
-
-def test_the_distribution_has_a_name_of_its_own() -> None:
-    """Another project's is `shadowbench`; the index compares names without their hyphens."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert re.sub(r"[-_.]", "", project["name"].casefold()) != "shadowbench"
-    assert set(project["scripts"]) == {"shadowbench"}
-    of_its_own = [each for each in project["optional-dependencies"]["test"] if each.startswith("shadow")]
-    assert [each.partition("[")[0] for each in of_its_own] == [project["name"]]
 
 
 def test_nobody_is_told_to_install_another_project_of_the_same_name() -> None:
@@ -57,18 +47,3 @@ def test_make_tests_another_python_in_an_environment_of_its_own(words: tuple[str
     told = "/opt/bin/python3.13" if words else ""
     assert f"VENV={folder} PYTHON={told} sh tools/setup.sh" in done.stdout
     assert f"\n{folder}/bin/pytest " in done.stdout
-
-
-def test_setup_prefers_a_python_for_which_all_has_wheels(tmp_path: Path) -> None:
-    """Python 3.14, which may be the system's python3, has none of the window's."""
-    tools, found = tmp_path / "tools", tmp_path / "bin"
-    for folder in (tools, found):
-        folder.mkdir()
-    (tools / "setup.sh").write_bytes((ROOT / "tools" / "setup.sh").read_bytes())
-    for name in ("python3", "python3.14", "python3.13"):  # all but the creation of an environment succeeds
-        program = found / name
-        program.write_text(f'#!/bin/sh\ncase $1 in -V) echo "{name}" ;; -m) exit 7 ;; esac\n')
-        program.chmod(0o755)
-    environment = {"PATH": f"{found}{os.pathsep}{os.environ['PATH']}"}
-    done = subprocess.run(["sh", tools / "setup.sh"], env=environment, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (7, "Making .venv with python3.13\n"), done.stderr

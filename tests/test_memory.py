@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 
 TRUTHS = """
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths import packets
 from shadowbench.truths.trace import trace
 
@@ -29,7 +29,7 @@ from shadowbench.api import score
 from shadowbench.geometry.facing import cap_weights
 from shadowbench.geometry.tree import build_tree
 from shadowbench.geometry.vertex_order import in_reuse_order
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths.trace import trace
 
 for scene in ("cube-on-plane", "post"):

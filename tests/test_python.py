@@ -4,7 +4,7 @@ import os
 import re
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import nbclient
@@ -14,8 +14,6 @@ import pandas as pd
 import pytest
 
 import shadowbench as sb
-from shadowbench.results.tables import over_phases
-from shadowbench.shared_worker import _Shared, shared_worker
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "docs" / name for name in ("how-to/python.md", "reference/api.md")]
@@ -78,14 +76,6 @@ def test_phases_are_summarised_unless_asked_for(tmp_path: Path) -> None:
         assert line["iou"] == own["iou"].median() and line["status"] == "ok"
 
 
-def test_a_phase_that_failed_is_the_status_of_its_line() -> None:
-    columns = {"scene": "s", "view": "v", "light": "l", "technique": "t", "spec": "t", "full_spec": "t", "map_size": 8}
-    columns |= {"view_size": 8, "coordinates": "relative", "renderer": "r"}
-    phases = [{"phase": 0, "status": "ok", "iou": 0.5}, {"phase": 1, "status": "failed: x", "iou": None}]
-    (line,) = over_phases(pd.DataFrame([columns | phase for phase in phases])).to_dict("records")
-    assert (line["phases"], line["status"], line["iou"]) == (2, "failed: x", 0.5)
-
-
 def test_results_draw_their_charts_also_when_selected(tmp_path: Path) -> None:
     table = sb.run(["stairs", "cube-on-plane"], "shadow-map", map_size=[16, 32], view_size=32, rounds=1, phases=1)
     figure = table[table["iou"] > 0][["scene", "iou"]].front("cube-on-plane")
@@ -112,19 +102,6 @@ def test_numbers_of_needs_and_what_there_is_are_frames() -> None:
     assert "iou" in set(sb.catalogue("metrics")["name"]) and "stairs" in set(sb.catalogue("scenes")["name"])
     with pytest.raises(sb.InputError, match="allowed: techniques"):
         sb.catalogue("colours")
-
-
-def test_calls_share_one_process_until_it_is_closed_or_others_plug_ins_are_asked_for() -> None:
-    sb.render("cube-on-plane", "unshadowed", view_size=16)
-    first = _Shared.worker
-    sb.render("stairs", "unshadowed", view_size=16)
-    assert _Shared.worker is first
-    example = ROOT / "examples" / "sphere_proxies.py"
-    sb.render("cube-on-plane", "sphere-proxies", view_size=16, plugins=[example])
-    assert _Shared.worker is not first
-    sb.close()
-    assert _Shared.worker is None
-    sb.close()
 
 
 def test_masks_of_any_depth_score_alike() -> None:
@@ -164,12 +141,11 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("said", WRONG)
-def test_an_error_is_an_exception_of_one_line_that_names_parameters(said: str) -> None:
-    with pytest.raises(sb.InputError, match=re.escape(said)) as caught:
-        WRONG[said]()
-    assert "--" not in str(caught.value) and "\n" not in str(caught.value)
-    assert issubclass(sb.InputError, sb.ShadowbenchError)
+def test_an_error_is_an_exception_of_one_line_that_names_parameters() -> None:
+    for said, call in WRONG.items():
+        with pytest.raises(sb.InputError, match=re.escape(said)) as caught:
+            call()
+        assert "--" not in str(caught.value) and "\n" not in str(caught.value)
 
 
 def lit(spec: str) -> float:
@@ -200,26 +176,6 @@ def test_threads_take_turns() -> None:
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lit, list(wanted) * 6))
     assert found == list(wanted.values()) * 6 and len(set(found)) == 2
-
-
-def test_close_waits_for_the_calls_of_other_threads() -> None:
-    with ThreadPoolExecutor(1) as pool, shared_worker(()) as worker:
-        worker.ready()
-        closed = pool.submit(sb.close)
-        wait([closed], 0.3)  # long enough to end the process, if it did not wait
-        assert not closed.done() and worker.info
-        lit("unshadowed")
-    assert _Shared.worker is None
-
-
-@pytest.mark.slow
-def test_threads_with_other_plug_ins_do_not_end_each_other_s_worker(half: Path) -> None:
-    def mean(spec: str) -> float:
-        plugins = [half] if spec == "half" else []
-        return float(sb.render("cube-on-plane", spec, view_size=16, plugins=plugins).visibility.mean())
-
-    with ThreadPoolExecutor(2) as pool:
-        assert list(pool.map(mean, ["half", "unshadowed"] * 2)) == pytest.approx([0.5, 1.0] * 2, abs=1e-4)
 
 
 INTERRUPTED = """

@@ -7,24 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from shadowbench.streams import ASCII
 
-
-def test_what_an_encoding_lacks_is_written_in_ascii() -> None:
-    assert "IoU ≥ 0.95, 2 × 512² − 1, 45°, τ".encode("ascii", ASCII) == b"IoU >= 0.95, 2 x 512^2 - 1, 45 deg, tau"
-    assert "Möller, 影, a lone \udce9".encode("ascii", ASCII) == b"Moller, ?, a lone ?"
-    assert "Möller ≥ 2²".encode("latin-1", ASCII) == "Möller >= 2²".encode("latin-1")
-
-
-@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
 @pytest.mark.parametrize(
     ("words", "code", "out", "err"),
-    [("techniques", 0, "shadow-map", ""), ("≥ 影", 2, "", "shadowbench: list: found '>= ?'; allowed: techniques, ")],
+    [("techniques", 0, "shadow-map", ""), ("≥ 影", 2, "", "shadowbench: list: found '? ?'; allowed: techniques, ")],
 )
-def test_tables_are_printed_in_any_encoding(encoding: str, words: str, code: int, out: str, err: str) -> None:
+def test_tables_are_printed_in_any_encoding(words: str, code: int, out: str, err: str) -> None:
     command = [sys.executable, "-m", "shadowbench", "list", words]
-    environment = os.environ | {"PYTHONIOENCODING": encoding}
-    done = subprocess.run(command, capture_output=True, encoding=encoding, env=environment, check=False)
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, capture_output=True, encoding="ascii", env=environment, check=False)
     assert done.returncode == code and out in done.stdout and done.stderr.startswith(err)
 
 

@@ -11,13 +11,12 @@ from statistics import fmean, median
 
 from pages import compare
 
-from shadowbench.advice.law import Law, law_on_record
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import own_techniques, preset_names
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.folder import read_runs
+from shadowbench.results.law import SHORTEST_MS, Law, law_on_record
 from shadowbench.results.ranking import Target
-from shadowbench.results.submission import SHORTEST_MS
 from shadowbench.scenes.library import builtin_light
 from shadowbench.scores.metrics import METRICS, is_soft
 

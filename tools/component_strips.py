@@ -10,7 +10,7 @@ from PIL import Image
 
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 
 SIZE, TILE, COLUMNS = 512, 180, 5  # pixels along a side of the picture and of a tile; tiles in a row
 

@@ -11,24 +11,26 @@ that is tuned too closely. In brackets are 95% bootstrap intervals over scenes.
 
 import argparse
 import sys
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from shadowbench.advice.tune_search import log_error, scene_scores
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import preset_names
 from shadowbench.results.folder import read_runs
 from shadowbench.scenes.library import builtin_names
+from shadowbench.scores.metrics import is_soft, ranking
 
 FIRST_PHASE = 8
 """Phases from here on are held out."""
 CHOSEN, PHASES, SCENES = "chosen on", "other phases", "held-out scenes"
 HEADINGS = ("setting", CHOSEN, PHASES, SCENES, "phases: ratio", "to reference", "held out", "scenes: ratio")
 _DRAWS = 10_000
+_LEAST = 1e-4  # of errors, whose logarithms are averaged
 
 Errors = dict[str, pd.Series]
 """Of a setting: by part, the logarithm of its error by scene."""
@@ -73,7 +75,19 @@ def _part(row: Record, chosen: Sequence[str]) -> str:
 
 def _errors(rows: Sequence[Record], chosen: Sequence[str]) -> Errors:
     parts = {name: [row for row in rows if _part(row, chosen) == name] for name in (CHOSEN, PHASES, SCENES)}
-    return {name: log_error(scene_scores(own)).dropna() for name, own in parts.items() if own}
+    return {name: _log_error(own) for name, own in parts.items() if own}
+
+
+def _log_error(rows: Sequence[Record]) -> pd.Series:
+    """Mean of log √((1 − IoU) · (1 − SSIM)) by scene, of soft shadows with RMSE in place of 1 − IoU."""
+    errors = defaultdict(list)
+    for row in rows:
+        metrics = row["metrics"]
+        ranked_by = ranking(is_soft(metrics))
+        if metrics[ranked_by.name] is not None and metrics["ssim"] is not None:
+            error = max(ranked_by.error(metrics[ranked_by.name]), _LEAST, row.get("truth_error", 0.0))
+            errors[row["scene"]].append(np.log(error * max(1 - metrics["ssim"], _LEAST)) / 2)
+    return pd.Series({scene: np.mean(values) for scene, values in errors.items()}, dtype=float)
 
 
 def _line(name: str, errors: Errors, reference: Errors) -> list[str]:

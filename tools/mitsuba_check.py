@@ -21,8 +21,8 @@ import numpy as np
 from scipy.stats import norm
 
 from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.scenes.vectors import perpendicular_basis, unit
-from shadowbench.survey.views import chosen_view
 from shadowbench.truths.trace import trace
 
 mi.set_variant("llvm_ad_rgb")

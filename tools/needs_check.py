@@ -18,10 +18,10 @@ from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import View
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.survey.depth import TOLERATED
 from shadowbench.survey.maps import REFERENCE_SIZE
 from shadowbench.survey.survey import Needs, needs
-from shadowbench.survey.views import chosen_view
 from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")

@@ -16,10 +16,10 @@ from pages import png
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from shadowbench.advice.law import law_on_record
 from shadowbench.reports.report import write_report
 from shadowbench.results.configurations import sections
 from shadowbench.results.folder import read_folders
+from shadowbench.results.law import law_on_record
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = f"make demo site; python tools/{Path(__file__).name}"

@@ -15,7 +15,6 @@ from pathlib import Path
 import ages
 
 from shadowbench.advice.costs import Cost
-from shadowbench.advice.law import law_on_record
 from shadowbench.advice.recommend import MARGINS, find_cheapest
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES, full_space, grid_of
@@ -28,8 +27,9 @@ from shadowbench.measure.worker import Worker
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import Spec
+from shadowbench.results.law import law_on_record
 from shadowbench.scenes.library import hard_names
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")

@@ -7,10 +7,5 @@ void cut_out() { if (!is_opaque(cutout.face.x, cutout.place)) discard; }
 int triangle_here() { return cutout.face.y; }
 #else
 void cut_out() {}
-#ifdef INSTANCED
-uniform int first_triangle;
-int triangle_here() { return first_triangle + gl_PrimitiveID; }
-#else
 int triangle_here() { return gl_PrimitiveID; }
-#endif
 #endif

@@ -11,9 +11,7 @@ void main() {
     cut_out();
     surface_position = vec4(world, 1.0);
     surface_triangle = triangle_here();
-#ifndef INSTANCED  // whose normals are looked up once it is known which triangles are visible
     write_surface(surface_triangle, world);
-#endif
     // Linear, because hyperbolic depth cannot resolve distant surfaces of a deep scene.
     gl_FragDepth = view_depth / far;
 }

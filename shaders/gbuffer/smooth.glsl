@@ -1,12 +1,8 @@
 // The smooth surface that a triangle stands for.
 #ifdef SMOOTH
 uniform sampler2D corners;  // six texels for a triangle: position and normal of each corner
-#ifndef SMOOTH_AT
-#define SMOOTH_AT 3
-#define SHADING_AT 4
-#endif
-layout(location = SMOOTH_AT) out vec4 surface_smooth_position;
-layout(location = SHADING_AT) out vec4 surface_shading_normal;
+layout(location = 3) out vec4 surface_smooth_position;
+layout(location = 4) out vec4 surface_shading_normal;
 
 // The normal is that of Phong shading, on the side of the geometric one. The point is P' = Σ wᵢ (P − min(0, (P − Vᵢ)·Nᵢ) Nᵢ)
 // with barycentric weights w: above the tangent planes at the corners (Hanika 2021, "Hacking the shadow terminator").

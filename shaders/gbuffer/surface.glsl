@@ -2,10 +2,7 @@
 #include "gbuffer/smooth.glsl"
 uniform sampler2D normals;  // by triangle; w = 1 for triangles that receive shadows
 uniform vec3 eye;
-#ifndef NORMAL_AT
-#define NORMAL_AT 1
-#endif
-layout(location = NORMAL_AT) out vec4 surface_normal;
+layout(location = 1) out vec4 surface_normal;
 
 void write_surface(int triangle, vec3 world) {
     // Read per triangle: screen derivatives of the position are wrong at silhouettes.

@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
-from shadowbench.advice.law import Law, counts_of, law_on_record
 from shadowbench.advice.search import Trial, reads_of
 from shadowbench.advice.target import Target
 from shadowbench.errors import InputError
 from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rows import Result
 from shadowbench.plugin.spec import Spec
-from shadowbench.results.submission import SHORTEST_MS, kind_of
+from shadowbench.results.law import SHORTEST_MS, Law, counts_of, find_law, kind_of, law_on_record
 from shadowbench.results.tables import cells_frame
 from shadowbench.results.times import ReferenceTime, normalise_times
 from shadowbench.scenes.model import View
@@ -43,7 +42,7 @@ class Cost:
         if self.law is not None:
             counts = {
                 "reads": pixels * reads,
-                "triangles": len(view.scene.geometry.faces),
+                "triangles": view.scene.geometry.count,
                 "gpu_bytes": _bytes(spec, view),
             }
             return self.law.share(kind_of(spec.sizeless_text), counts)
@@ -56,7 +55,7 @@ class Cost:
         kind = kind_of(spec.sizeless_text)
         if self.law.holds(kind):
             return None
-        why = "its work does not tell its time" if kind in self.law.errors else "it was not timed"
+        why = "its work does not tell its time" if kind in self.law.kinds else "it was not timed"
         return f"{why} on {self.law.device}"
 
     def status(self, result: Result) -> str:
@@ -74,7 +73,7 @@ class Cost:
         row, work = result.score, result.score["work"]
         cost = fixed = float(work.get("vertices", 0) + work.get("geometry", 0))
         if self.law is not None:
-            counts = counts_of(row, len(view.scene.geometry.faces))
+            counts = counts_of(row, view.scene.geometry.count)
             kind, vertices = kind_of(spec.sizeless_text), {"frames": 0, "vertices": counts["vertices"]}
             cost, fixed = self.law.share(kind, counts), self.law.share(kind, vertices)
         elif self.unit == "work":
@@ -116,13 +115,14 @@ def by_of(name: str | None) -> By | None:
 
 
 def cost_of(
-    target: Target, view: View, info: DeviceInfo, by: By | None = None, timed: bool = True, law: Law | None = None
+    target: Target, view: View, info: DeviceInfo, by: By | None = None, timed: bool = True, device: str | None = None
 ) -> Cost:
     """What ranks specs on a device, by default times: of a GPU that draws, else those predicted for another.
 
-    by: what was asked for; timed: whether the device may be; law: of the device that was named. Raises InputError for
+    by: what was asked for; timed: whether the device may be; device: its name. Raises InputError for
     options that cannot be met.
     """
+    law = None if device is None else find_law(device)
     if law is not None and by not in (None, "device"):
         raise InputError(f"--device: found with --by {by}; allowed: --by device")
     if by == "time" and not timed:

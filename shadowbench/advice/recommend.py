@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Literal
 
 from shadowbench.advice.costs import By, Cost, Unit, cost_of
-from shadowbench.advice.law import Law
 from shadowbench.advice.search import Search, Trial, Untried
 from shadowbench.advice.space import (
     Exclusion,
@@ -27,6 +26,7 @@ from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.folder import write_cells
+from shadowbench.results.law import Law
 from shadowbench.results.times import ReferenceTime
 from shadowbench.scenes.model import View
 from shadowbench.studies.crossing import Techniques
@@ -54,7 +54,7 @@ class Recommendation:
     unranked: why specs have no cost, an infinite one in their trials; untried: those not tried by what is predicted of
     them, by technique; space_size: number of specs in the full space; needs: survey of the view, without penumbrae;
     reference: reference time of costs in milliseconds, None if costs are work, or predicted; cost: what ranks; among:
-    the techniques that were asked for, empty for all; engines: what other engines drew, without a cost.
+    the techniques that were asked for, empty for all.
     """
 
     view: View
@@ -70,7 +70,6 @@ class Recommendation:
     needs: Needs
     reference: ReferenceTime | None
     among: tuple[str, ...] = ()
-    engines: tuple[Result, ...] = ()
 
     @property
     def unit(self) -> Unit:
@@ -160,19 +159,18 @@ def recommend(
     by: By | None = None,
     timed: bool = True,
     among: Sequence[str] = (),
-    engines: Sequence[Spec] = (),
-    law: Law | None = None,
+    device: str | None = None,
 ) -> tuple[Recommendation, DeviceInfo]:
     """The cheapest measured of the `known` techniques that meets a target in a view, and the device.
 
-    Measures into a campaign's folder: rows, masks, pictures, `table.csv`, `run.json`. by, timed, law: as by `cost_of`;
-    among: names of the techniques to search, all if empty; engines: specs of other engines to measure. Raises
-    InputError for a folder with other files, a budget or a law where it cannot be, a device without pipeline
-    statistics, and names of techniques of which none supports the light.
+    Measures into a campaign's folder: rows, masks, pictures, `table.csv`, `run.json`. by, timed, device: as by
+    `cost_of`; among: names of the techniques to search, all if empty. Raises InputError for a folder with other files,
+    a budget or a law where it cannot be, a device without pipeline statistics, and names of techniques of which none
+    supports the light.
     """
     chosen_techniques(known, among, view.light.hard_kind, view.light.soft)  # before the truth is traced
     info = campaign.drawer.info
-    cost = cost_of(target, view, info, by, timed, law)
+    cost = cost_of(target, view, info, by, timed, device)
     campaign.reporter.stage("truth", 1)
     study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=cost.rounds)
     block = study.block(view)
@@ -187,10 +185,6 @@ def recommend(
             return results[-1]
 
         found = find_cheapest(view, truth, target, cost, known, info.max_map_size, measure, among)
-        if engines:
-            (drawn,) = campaign.measure([replace(block, cells=tuple(map(Cell, engines)))])
-            results += drawn
-            found = replace(found, engines=tuple(drawn))
         campaign.finish(study.facts, view.scene.notes, [result.score["key"] for result in results])
         if results:
             write_cells(campaign.folder, {})

@@ -13,9 +13,8 @@ from shadowbench.errors import number
 from shadowbench.files import replace_file
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Drawer
-from shadowbench.measure.rows import Result
 from shadowbench.plugin.params import Component
-from shadowbench.results.submission import SHORTEST_MS, kind_of
+from shadowbench.results.law import SHORTEST_MS, kind_of
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
 
@@ -64,9 +63,9 @@ def cost_notes(found: Recommendation) -> list[str]:
     """How far predicted times can be off; why work ranks where no time can; why specs have no cost."""
     notes = []
     if found.law is not None:
-        errors = found.law.errors
+        errors = found.law.kinds
         kinds = sorted({kind_of(trial.spec.sizeless_text) for trial in found.trials})
-        factors = ", ".join(f"{kind} ×{errors[kind].median:.2f}" for kind in kinds if kind in errors)
+        factors = ", ".join(f"{kind} ×{errors[kind]['median']:.2f}" for kind in kinds if kind in errors)
         notes = [
             f"ms: beyond a frame without shadows, predicted from work; of <{SHORTEST_MS:g}, not told apart, less work "
             f"is first" + (f"; median error in other scenes at 1024²: {factors}" if factors else "")
@@ -198,17 +197,6 @@ def _name(trial: Trial) -> str:
     return trial.spec.sizeless_text + size
 
 
-def _meets(found: Recommendation, one: Result) -> dict[str, Any]:
-    """An engine's value of the target's metric, and whether it meets the target; empty if it failed."""
-    if one.status != "ok":
-        return {}
-    metrics = one.score["metrics"]
-    return {
-        found.target.metric: metrics[found.target.metric],
-        "meets": found.target.meets(metrics),
-    }
-
-
 def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
     """JSON object of `recommend --json`."""
     view = found.view
@@ -233,7 +221,6 @@ def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "space": found.space_size,
         "evidence": [_values(trial) for trial in found.trials],
         "techniques": list(found.among) or None,
-        "engines": [{"spec": one.score["spec"], "status": one.status, **_meets(found, one)} for one in found.engines],
         "refused": dict(found.unsuccessful),
         "untried": [{"technique": name, **asdict(one)} for name, one in found.untried.items()],
         "excluded": [asdict(exclusion) for exclusion in found.excluded],

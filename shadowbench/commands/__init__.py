@@ -3,10 +3,8 @@
 Modules that compute are imported in function bodies, so that help and usage errors are fast.
 """
 
-import errno
 import os
 import sys
-import threading
 import traceback
 from typing import Annotated, Any
 
@@ -27,19 +25,16 @@ from shadowbench.commands import (
     run,
     score,
     stress,
-    submit,
     truth,
-    tune,
     view,
 )
 from shadowbench.commands.options import GroupedCommand, write_sections
-from shadowbench.errors import NO_PROCESS, NOT_EVERYWHERE, NOT_INSTALLED, ShadowbenchError
+from shadowbench.errors import NOT_EVERYWHERE, NOT_INSTALLED, ShadowbenchError
 from shadowbench.files import FULL
 from shadowbench.streams import safe_output
 from shadowbench.versions import VERSION
 
 _STOPPED = 130
-_NO_THREAD = "can't start new thread"  # Python's RuntimeError
 # Typer brought its own copy of click in 2025; either way this is what it raises for a wrong command line.
 _UsageError: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 
@@ -62,7 +57,7 @@ app = typer.Typer(
     cls=_Grouped,
     help="Real-time shadow techniques, scored against ray tracing.\n\n"
     "SCENE is a built-in name (see `shadowbench list scenes`), a scene file (.toml) or a mesh file "
-    "(.glb .gltf .obj .ply .stl .off .usd). If a file lacks a camera, a light or a ground, one is assumed, and a note "
+    "(.glb .gltf .obj .ply .stl .off). If a file lacks a camera, a light or a ground, one is assumed, and a note "
     "says which; --camera, --lamp and --sun-at place others.\n\n"
     "SPEC is a technique with its parameters (see `shadowbench list techniques`), written as "
     "shadow-map:size=2048,filter=pcf. A cell is one spec in one view of a scene, under one light, at one map size.",
@@ -72,8 +67,8 @@ app = typer.Typer(
 )
 _PANELS = {  # as --help lists them
     "Measure techniques": (run.run, stress.stress, score.score, truth.truth),
-    "Decide what a scene needs": (recommend.recommend, recommend.needs, tune.tune),
-    "Check results and the machine": (check.check, merge.merge, repro.repro, submit.submit, doctor.doctor),
+    "Decide what a scene needs": (recommend.recommend, recommend.needs),
+    "Check results and the machine": (check.check, merge.merge, repro.repro, doctor.doctor),
     "Look": (report.report, render.render, view.view, listing.list_things),
     "Extend with a technique or an engine": (engines.engines, extend.new_technique, extend.export),
 }
@@ -116,7 +111,7 @@ def _exit_code() -> int:
     except Exception as error:
         code, line = _answer(error)
     if code == _STOPPED:  # Typer answers Ctrl-C with this code, and prints nothing
-        code, line = (code, "stopped; repeat the command to resume") if _can_start_threads() else (3, NO_PROCESS)
+        line = "stopped; repeat the command to resume"
     if line:
         _complain(line)
     return code
@@ -131,43 +126,10 @@ def _answer(error: Exception) -> tuple[int, str]:
         return error.exit_code, str(error)
     if isinstance(error, OSError) and error.errno in FULL:
         return 2, f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})"
-    if isinstance(error, FileNotFoundError) and not _is_anywhere():
-        return 2, "the working folder is gone; allowed: one that exists"
-    if _lacks_process(error):
-        return 3, NO_PROCESS
     if isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
         return 3, NOT_INSTALLED.format(error.name)
     traceback.print_exc()
     return 3, "an internal error; please report it with the lines above"
-
-
-def _lacks_process(error: BaseException | None) -> bool:
-    """Whether an error, or what led to it, is that no process or thread could be started."""
-    if error is None:
-        return False
-    lacks = str(error) == _NO_THREAD or (isinstance(error, OSError) and error.errno == errno.EAGAIN)
-    return lacks or _lacks_process(error.__cause__ or error.__context__)
-
-
-def _is_anywhere() -> bool:
-    """Whether the working folder, in which relative paths are looked up, exists."""
-    try:
-        return bool(os.getcwd())
-    except FileNotFoundError:
-        return False
-
-
-def _can_start_threads() -> bool:
-    """Whether there is room for the threads of a worker; without, OpenBLAS interrupts the process that imports it."""
-    ended = threading.Event()
-    try:
-        for _ in range(16):
-            threading.Thread(target=ended.wait).start()
-    except RuntimeError:
-        return False
-    finally:
-        ended.set()
-    return True
 
 
 def _complain(text: str) -> None:

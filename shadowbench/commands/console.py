@@ -69,18 +69,18 @@ class Reporter(logging.Handler):
         self._noted: set[str] = set()
         self._task: TaskID | None = None
         self._printed = monotonic()
-        text = Column(ratio=2, no_wrap=True, overflow="ellipsis")
         self._progress = progress.Progress(
             progress.TextColumn("{task.description:<24.24}"),
             progress.BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what numbers leave
             progress.MofNCompleteColumn(table_column=Column(no_wrap=True)),
             progress.TimeElapsedColumn(table_column=Column(no_wrap=True)),
-            progress.TextColumn("{task.fields[left]}", table_column=Column(no_wrap=True)),
-            progress.TextColumn("{task.fields[what]}", table_column=text),
+            progress.TimeRemainingColumn(table_column=Column(no_wrap=True)),
+            progress.TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
             console=err(),
             disable=quiet or not err().is_terminal,
             transient=True,
             expand=True,
+            speed_estimate_period=300.0,  # cells take seconds, and their times are reported block by block
         )
 
     def __enter__(self) -> "Reporter":
@@ -102,68 +102,33 @@ class Reporter(logging.Handler):
             self._noted.add(line)
             print_error(f"note: {printable(line)}")
 
-    def stage(self, name: str, total: int | None, what: str = "", timed: int = 0) -> None:
-        """Replace the progress bar by one of `total` steps, None if unknown; what: text after it.
-
-        timed: how many of them time a cell, which takes longer than to draw it.
-        """
+    def stage(self, name: str, total: int | None) -> None:
+        """Replace the progress bar by one of `total` steps, None if unknown."""
         if self._task is not None:
             self._progress.remove_task(self._task)
-        self._task = self._progress.add_task(name, total=total, what=what, left=_clock_text(None))
-        self._remaining = None if total is None else {False: total - timed, True: timed}
-        self._spent, self._steps, self._means = {False: 0.0, True: 0.0}, {False: 0, True: 0}, dict[bool, float]()
-        self._last: float | None = None
+        self._task = self._progress.add_task(name, total=total, what="")
 
     def view(self, scene: str, size: int | None, options: "ViewOptions") -> "View":
         """The view that the options name, by default of 512² pixels; notes what is assumed about it."""
-        from shadowbench.survey.views import chosen_view
+        from shadowbench.scenes.opening import chosen_view
+        from shadowbench.truths.embree import tracer_of
 
-        return chosen_view(scene, size or 512, options, self.note)
+        return chosen_view(scene, size or 512, options, self.note, tracer_of)
 
     def step(self, what: str) -> None:
         """Advance the bar; what: text after it."""
         if self._task is None:
             return
-        (task,) = self._progress.tasks
-        left = self._left(what)
-        self._progress.update(self._task, advance=1, what=what, left=_clock_text(left))
+        self._progress.update(self._task, advance=1, what=what)
         if self._progress.disable and not self._quiet and monotonic() - self._printed >= _EVERY:
             self._printed = monotonic()
             from shadowbench.studies.run import duration
 
+            (task,) = self._progress.tasks
             of = "" if task.total is None else f" of {task.total:.0f}"
+            left = task.time_remaining
             about = "" if left is None else f"about {duration(left)} left, "
             print_error(f"{task.description}: {task.completed:.0f}{of}, {about}{printable(what)}")
-
-    def _left(self, what: str) -> float | None:
-        """Seconds that the other steps take as those of their kind took so far; None if unknown."""
-        now, before = err().get_time(), self._last
-        timed = what.endswith((": timed", ": nothing to time"))
-        known = what.endswith((": measured before", ": nothing to time"))
-        self._last = before if known else now
-        if self._remaining is None:
-            return None
-        self._remaining[timed] -= 1
-        # Steps that were done before say nothing of others, nor does the first, which waits for the worker.
-        if before is not None and not known:
-            self._spent[timed] += now - before
-            self._steps[timed] += 1
-        # All times of a block are reported together, so that their mean is known when the next block begins.
-        for kind in (False,) if timed else (False, True):
-            if self._steps[kind]:
-                self._means[kind] = self._spent[kind] / self._steps[kind]
-        if not self._means:
-            return None
-        drawn = self._means.get(False, 0.0)
-        return self._remaining[False] * drawn + self._remaining[True] * self._means.get(True, drawn)
-
-
-def _clock_text(seconds: float | None) -> str:
-    """Hours, minutes and seconds, `0:02:05`."""
-    if seconds is None:
-        return "-:--:--"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes // 60}:{minutes % 60:02}:{rest:02}"
 
 
 def exit_code_of(results: "Sequence[Result]", left_out: "Sequence[Failure]") -> int:

@@ -23,7 +23,7 @@ def list_things(
     """List techniques, scenes, metrics, studies and more.
 
     Techniques with their parameters and presets, built-in scenes, metrics (columns of result tables), built-in studies,
-    the axes of `stress`, along which it varies a scene, and the devices whose times were submitted.
+    the axes of `stress`, along which it varies a scene, and the devices whose times `recommend` predicts.
 
     \b
     Columns of metrics

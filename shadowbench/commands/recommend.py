@@ -1,20 +1,17 @@
 """`needs` and `recommend`: what a view requires, and the cheapest technique that meets a target in it."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
 from shadowbench.commands.executors import campaigns
-from shadowbench.errors import InputError
 from shadowbench.options import ViewOptions, option, view_size
 
 if TYPE_CHECKING:
     from shadowbench.advice.recommend import Recommendation
     from shadowbench.advice.search import Trial
     from shadowbench.measure.drawer import DeviceInfo
-    from shadowbench.plugin.spec import Spec
 
 
 @options.command("For example  shadowbench needs street --view-size 1024")
@@ -81,7 +78,6 @@ class RecommendOptions:
         metavar="TECHNIQUE",
         default=(),
     )
-    engines: bool = options.flag("Measure the presets of the other engines that are installed beside it.")
     view_size: int | None = view_size()
     plugin: list[Path] = options.plugins()
     output: Path = options.output(
@@ -131,7 +127,6 @@ def recommend(
       key         name of the cell's mask and picture in the output folder
     """
     from shadowbench.advice.costs import by_of
-    from shadowbench.advice.law import find_law
     from shadowbench.advice.recommend import has_penumbra
     from shadowbench.advice.recommend import recommend as measure_recommendation
     from shadowbench.advice.space import technique_names
@@ -144,8 +139,7 @@ def recommend(
     target_of(*wanted)  # invalid options, before the scene is read
     known = techniques_with(asked.plugin)
     among = technique_names(asked.techniques, known)
-    by, law = by_of(asked.by), find_law(asked.device)
-    engines = _engines() if asked.engines else ()
+    by = by_of(asked.by)
     if asked.export is not None:
         make_folder(asked.export, "--export ")
     with (
@@ -161,8 +155,7 @@ def recommend(
             by=by,
             timed=machines.dask is None or machines.time_on is not None,
             among=among,
-            engines=engines,
-            law=law,
+            device=asked.device,
         )
         if asked.export is not None:
             export_choice(found, asked.export, campaign.drawer)
@@ -173,37 +166,6 @@ def recommend(
         if asked.export is not None and found.choice is not None and not printed.quiet:
             console.print_line(f"{asked.export}: parameters.json and the GLSL of the choice")
     return 0 if found.choice is not None else 1
-
-
-def _engines() -> "Sequence[Spec]":
-    """The presets of all engines that can draw here. Raises InputError if none can."""
-    from shadowbench.engines.environment import what_lacks
-    from shadowbench.plugin.registry import engines
-    from shadowbench.plugin.spec import spec_of
-
-    ready = [one for one in engines().values() if what_lacks(one) is None]
-    if not ready:
-        raise InputError("--engines: none is installed; shadowbench engines lists them")
-    specs = [spec_of(one, (("preset", name),), f"preset {name}") for one in ready for name in one.presets]
-    return list(dict.fromkeys(specs))
-
-
-def _print_engines(found: "Recommendation") -> None:
-    from shadowbench.plugin.registry import preset_names
-    from shadowbench.scores.metrics import METRICS
-
-    metric, rows = METRICS[found.target.metric], []
-    for one in found.engines:
-        row = one.score
-        value = row["metrics"][metric.name] if one.status == "ok" else None
-        meets = one.status == "ok" and found.target.meets(row["metrics"])
-        shown = "" if value is None else metric.text(value, found.target.digits, row)
-        standing = one.status if one.status != "ok" else "meets" if meets else "misses"
-        rows.append(
-            (standing, preset_names().get(row["spec"], row["spec"]), str(row["map_size"] or ""), shown, str(row["key"]))
-        )
-    columns = ("", "other engine", "map", metric.name, "key")
-    console.print_table("", columns, rows, numbers=("map", metric.name), whole=columns[1:])
 
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
@@ -232,8 +194,6 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     title = f"{found.view.scene.name}, {found.target}{among}, by {by}{caveat}"
     rows = [(found.standing(one), *_cells(found, one)) for one in shown]
     console.print_table(title, columns, rows, numbers=numbers, whole=columns)
-    if found.engines:
-        _print_engines(found)
     lines = step_lines(found) if found.choice else obstacles(found)
     rough = [_is_rough(found, one) for one in shown]
     notes = [*target_notes(found), *facet_notes(found), *phase_notes(found), *cost_notes(found)]

@@ -65,19 +65,19 @@ def report(
     over all scenes; – if no setting reaches it wherever the technique is supported. Accuracy is an IoU, or for soft
     shadows (lights with a size) an RMSE.
     """
-    from shadowbench.advice.law import law_on_record
     from shadowbench.commands.study_tables import print_verdict
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.reports.report import FIGURES, report_target, write_report
     from shadowbench.results.configurations import sections
     from shadowbench.results.folder import read_folders
+    from shadowbench.results.law import law_on_record
 
     target = report_target(asked.output, asked.format, asked.split)
     techniques_with(asked.plugin)  # whose metrics are columns too
     with console.Reporter(quiet) as reporter:
-        reporter.stage("reading", 1, ", ".join(map(str, folders)))
+        reporter.stage("reading", 1)
         runs, sweeps = read_folders(folders)
-        reporter.stage("charts and pictures", 1, str(target))
+        reporter.stage("charts and pictures", 1)
         scenes = sections(runs, law_on_record())
         count = write_report(runs, scenes, sweeps, target, asked.format, asked.split, asked.picture)
     if quiet:

@@ -134,8 +134,8 @@ def run(
         why = "of cells with these names, but of another file, setting or version; another -o keeps both"
         console.print_error(f"note: {asked.output}: table.csv and reports leave out {rows}: {why}")
     if printed.json:
-        from shadowbench.advice.law import law_on_record
         from shadowbench.results.configurations import sections
+        from shadowbench.results.law import law_on_record
 
         made = [section for parts in sections([found.run.last], law_on_record()).values() for section in parts]
         console.print_json({section.scene: [asdict(one) for one in section.configurations] for section in made})

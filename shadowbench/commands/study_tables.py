@@ -34,8 +34,8 @@ _OPTIONAL = ("terminator", "bleed", "false_dark", "width", "hardening", "flips",
 
 def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     """One table per scene, one over all scenes, and the path of table.csv."""
-    from shadowbench.advice.law import law_on_record
     from shadowbench.results.configurations import by_kind, sections
+    from shadowbench.results.law import law_on_record
     from shadowbench.results.ranking import mean_section
 
     made = [section for parts in sections([found.run.last], law_on_record()).values() for section in parts]

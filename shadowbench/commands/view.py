@@ -51,7 +51,7 @@ def view(
     """
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.plugin.spec import parse_spec
-    from shadowbench.survey.views import named
+    from shadowbench.scenes.opening import named
     from shadowbench.viewer.state import Origin, ViewerState
     from shadowbench.viewer.state_files import holds_state, read_state
 

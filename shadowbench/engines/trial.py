@@ -6,7 +6,7 @@ from shadowbench.engines.session import EngineSession
 from shadowbench.measure.drawer import CellFailed
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import EngineParams
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths.cache import cached_truth
 
 _SCENES = {"directional": "cube-on-plane", "spot": "spot-lamp", "point": "room-with-lamp"}

@@ -92,7 +92,7 @@ def mesh(
     """A named shape, scaled, then rotated about y by `turn` degrees, then translated to `at`."""
     shape = build_shape(kind, dict(parameters), "axis")
     turned = shape.vertices * np.asarray(scale, dtype=np.float64) @ turn_about_y(math.radians(turn)).T
-    return shape.with_vertices(turned + np.asarray(at, dtype=np.float64))
+    return replace(shape, vertices=turned + np.asarray(at, dtype=np.float64))
 
 
 def turn_about_y(angle: float) -> Floats:

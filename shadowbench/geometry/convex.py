@@ -3,7 +3,7 @@
 A plane is (n, d) with a unit normal n; n·x + d ≥ 0 is inside.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.geometry import Faces, Geometry, bounds_of, in_slices, used_by
-from shadowbench.scenes.instanced import InstancedGeometry
 from shadowbench.scenes.model import Camera, Light, Scene, View
 from shadowbench.scenes.vectors import Floats
 
@@ -77,23 +76,8 @@ def caster_and_receiver_faces(geometry: Geometry) -> Faces:
 
 
 def caster_and_receiver_vertices(geometry: Geometry) -> Floats:
-    """(N, 3) vertices of these faces; of instances, which share them, those of their hulls."""
-    if isinstance(geometry, InstancedGeometry):
-        return _hull_vertices(geometry)
+    """(N, 3) vertices of these faces."""
     return used_by(caster_and_receiver_faces(geometry), geometry.vertices)
-
-
-def _hull_vertices(geometry: InstancedGeometry) -> Floats:
-    """(N, 3) vertices of the hulls of all casters and receivers, or of the whole scene if it has neither."""
-    hulls = [hull_points(used_by(mesh.faces, mesh.points)) for mesh in geometry.sources]
-    shadowing = [mesh.casts or mesh.receives for mesh in geometry.meshes]
-    return np.concatenate(
-        [
-            replace(mesh, points=hulls[number]).vertices
-            for mesh, number, chosen in zip(geometry.meshes, geometry.source, shadowing, strict=True)
-            if chosen or not any(shadowing)
-        ]
-    )
 
 
 def practical_depths(near: float, far: float, count: int, weight: float = PRACTICAL_WEIGHT) -> Floats:
@@ -175,14 +159,12 @@ class SceneHull:
             import trimesh  # the import takes 0.3 s
 
             position, nearest = np.array(light.position), np.inf
-            for vertices, faces in self._geometry.casters_near(position, np.inf):
-                low, high = bounds_of(vertices)
-                if len(faces) and np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0)) <= nearest:
-                    for part in in_slices(len(faces), _AT_ONCE):
-                        triangles = vertices[faces[part]]
-                        origins = np.broadcast_to(position, (len(triangles), 3))
-                        closest = trimesh.triangles.closest_point(triangles, origins)  # type: ignore[no-untyped-call]
-                        nearest = min(nearest, np.linalg.norm(closest - position, axis=1).min())
+            vertices, faces = self._geometry.vertices, self._geometry.caster_faces
+            for part in in_slices(len(faces), _AT_ONCE):
+                triangles = vertices[faces[part]]
+                origins = np.broadcast_to(position, (len(triangles), 3))
+                closest = trimesh.triangles.closest_point(triangles, origins)  # type: ignore[no-untyped-call]
+                nearest = min(nearest, np.linalg.norm(closest - position, axis=1).min())
             self._nearest = light, max(float(nearest), light.radius, 1e-6 * self.extent)
         return self._nearest[1]
 

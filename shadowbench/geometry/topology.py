@@ -119,7 +119,7 @@ def topology_of(scene: Scene) -> Topology:
 def is_closed(mesh: Mesh) -> bool:
     """Whether all parts of a mesh are closed and wound outwards, so that only its front faces are seen from outside."""
     center = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2  # for float32
-    alone = replace(mesh.with_vertices(mesh.vertices - center), casts=True)
+    alone = replace(mesh, vertices=mesh.vertices - center, casts=True)
     return bool(topology_of(Scene(mesh.name, (alone,), (), ())).closed.all())
 
 

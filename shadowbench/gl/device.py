@@ -24,8 +24,6 @@ SIGNATURES: Mapping[str, tuple[Any, ...]] = {
     "glActiveTexture": (_ENUM,),
     "glBeginQuery": (_ENUM, _UINT),
     "glBindFramebuffer": (_ENUM, _UINT),
-    "glBindVertexArray": (_UINT,),
-    "glDrawElementsBaseVertex": (_ENUM, _INT, _ENUM, ctypes.c_void_p, _INT),
     "glBindTexture": (_ENUM, _UINT),
     "glClear": (_UINT,),
     "glClearStencil": (_INT,),

@@ -1,6 +1,6 @@
 """The G-buffer: positions, normals and triangle indices of the visible surfaces, input of every resolve pass."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,16 +8,12 @@ from numpy.typing import NDArray
 from pyglm import glm
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_DEFINES, DeviceGeometry, TriangleTextures
-from shadowbench.gl.instances import INSTANCED
+from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Drawable, Program, Sampling, State, link
+from shadowbench.gl.program import Program, Sampling, State, link
 from shadowbench.gl.shaders import SHADERS, compose
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
-
-LOOKED_UP = {"NORMAL_AT": "0", "SMOOTH_AT": "1", "SHADING_AT": "2"}
-"""Places of the outputs of `gbuffer/surface.glsl` in a pass that draws nothing else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +21,9 @@ class GBuffer:
     """Textures of one view, size × size, row 0 at the bottom (OpenGL order).
 
     position: RGBA32F, local xyz, w = 1 where a surface is visible. normal: RGBA32F, geometric, towards the camera,
-    w = 1 for triangles that receive shadows. triangle: R32I, index of the triangle in the textures of `by_triangle`,
-    −1 for none. depth: view depth divided by that of the far plane. smooth: in place of position and normal, those of
-    the smooth surface that a triangle stands for (`gbuffer/smooth.glsl`); None if all are flat. shown: of a scene of
-    instances, the indices of the triangles in `by_triangle`, which are those that are visible; else None.
+    w = 1 for triangles that receive shadows. triangle: R32I, index of the triangle in the scene, −1 for none.
+    depth: view depth divided by that of the far plane. smooth: in place of position and normal, those of the smooth
+    surface that a triangle stands for (`gbuffer/smooth.glsl`); None if all are flat.
     """
 
     position: moderngl.Texture
@@ -37,9 +32,7 @@ class GBuffer:
     depth: moderngl.Texture
     target: moderngl.Framebuffer
     device: Device
-    by_triangle: TriangleTextures
     smooth: tuple[moderngl.Texture, moderngl.Texture] | None = None
-    shown: NDArray[np.intp] | None = None
 
     @property
     def lifted(self) -> "GBuffer":
@@ -56,15 +49,12 @@ class GBuffer:
 
     def triangles(self) -> NDArray[np.int32]:
         """(size, size) int32 indices of triangles in the scene, −1 for none, row 0 at the top."""
-        found = download(self.triangle, "i4")[..., 0].astype(np.int32)
-        return found if self.shown is None else np.append(self.shown, -1)[found].astype(np.int32)
+        return download(self.triangle, "i4")[..., 0].astype(np.int32)
 
     def release(self) -> None:
         """Free the textures."""
         textures = self.position, self.normal, self.triangle, self.depth, *(self.smooth or ())
         self.device.free((self.target, *textures))
-        if self.shown is not None:
-            self.by_triangle.release()
 
 
 def download(texture: moderngl.Texture, dtype: str = "f4") -> NDArray[np.generic]:
@@ -100,19 +90,13 @@ class GBufferPass:
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
         self.device, self.geometry = device, geometry
         defines = {**TRIANGLE_DEFINES, **geometry.smooth_defines}
-        self.lookup: Drawable | None = None
-        if geometry.triangles is None:
-            program = self._link(defines | LOOKED_UP, "fullscreen.vert", "gbuffer/lookup.frag")
-            self.lookup = Drawable(program, device.context.vertex_array(program.linked, []), count=3)
-            defines = defines | INSTANCED
         self.program = self._link(defines)
         if geometry.cutouts:
             self.program.cut = self._link(defines | CUTOUTS)
         self.drawable = geometry.all_faces(self.program)
 
-    def _link(self, defines: Mapping[str, str], *files: str) -> Program:
-        files = files or ("gbuffer/gbuffer.vert", "gbuffer/gbuffer.frag")
-        return link(self.device, *(compose(file, SHADERS, defines) for file in files))
+    def _link(self, defines: Mapping[str, str]) -> Program:
+        return link(self.device, *(compose(f"gbuffer/gbuffer.{stage}", SHADERS, defines) for stage in ("vert", "frag")))
 
     def draw(self, view: View) -> GBuffer:
         """The G-buffer of a view, which is in the same coordinates as the uploaded geometry."""
@@ -127,40 +111,13 @@ class GBufferPass:
         target.clear(depth=1.0)
         triangle.write(np.full(size, -1, dtype=np.int32).tobytes())  # moderngl's clear writes floats
         far = view.near_far[1]
-        self.program.set(world_to_clip=view_projection(view), far=far)
-        triangles, shown = self.geometry.triangles, None
-        if triangles is not None:
-            self.program.set(eye=view.camera.position)
-            textures = {"normals": (triangles.normals, Sampling()), **triangles.smooth}
-            self.drawable.draw(target, textures, State(depth_test="<"))
-        else:
-            self.drawable.draw(target, {}, State(depth_test="<"))
-            triangles, shown = self._looked_up(view, position, triangle, (normal, *(smooth or ())))
+        self.program.set(world_to_clip=view_projection(view), far=far, eye=view.camera.position)
+        textures = {"normals": (self.geometry.normals, Sampling()), **self.geometry.smooth}
+        self.drawable.draw(target, textures, State(depth_test="<"))
         self.device.check("the G-buffer")
-        return GBuffer(position, normal, triangle, depth, target, self.device, triangles, smooth, shown)
-
-    def _looked_up(
-        self, view: View, position: moderngl.Texture, triangle: moderngl.Texture, drawn: Sequence[moderngl.Texture]
-    ) -> tuple[TriangleTextures, NDArray[np.intp]]:
-        """Textures of the visible triangles alone, whose indices in these replace those in `triangle`; all of these.
-
-        drawn: what depends on them, drawn now.
-        """
-        assert self.lookup is not None
-        shown, places = np.unique(np.frombuffer(triangle.read(), dtype=np.int32), return_inverse=True)
-        missed = int(shown[0] < 0)
-        triangle.write((places - missed).astype(np.int32).tobytes())
-        shown = shown[missed:] if missed < len(shown) else np.zeros(1, dtype=np.int32)  # a texture cannot be empty
-        triangles = TriangleTextures(self.device, self.geometry.geometry.select(shown.astype(np.intp)))
-        target = self.device.context.framebuffer(list(drawn))
-        target.clear()
-        self.lookup.program.set(eye=view.camera.position)
-        textures = {"drawn_position": (position, Sampling()), "drawn_triangle": (triangle, Sampling())}
-        self.lookup.draw(target, {**textures, "normals": (triangles.normals, Sampling()), **triangles.smooth})
-        self.device.free((target,))
-        return triangles, shown.astype(np.intp)
+        return GBuffer(position, normal, triangle, depth, target, self.device, smooth)
 
     def release(self) -> None:
         """Free the programs and their vertex arrays."""
-        drawables = filter(None, (self.drawable, self.drawable.cut, self.lookup))
+        drawables = filter(None, (self.drawable, self.drawable.cut))
         self.device.free(part for one in drawables for part in (one.vertices, one.program.linked))

@@ -7,7 +7,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import TooLarge
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Program, Sampling, Textures
@@ -45,40 +44,14 @@ class _Triangles(NamedTuple):
     corners: moderngl.Buffer | None
 
 
-class TriangleTextures:
-    """Textures addressed by triangle (`texel_of` in `triangle.glsl`) of a list of triangles.
-
-    normals: w is 1 for triangles that receive shadows; colors; smooth: those of `gbuffer/smooth.glsl`, empty if all
-    surfaces are flat. geometry: the triangles.
-    """
-
-    def __init__(self, device: Device, geometry: Geometry) -> None:
-        self.geometry, self._device, create = geometry, device, device.context.texture
-        self.normals, self.colors = (
-            create((TRIANGLE_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
-            for texels in (_rgba(geometry.normals, geometry.receives), _rgba(geometry.colors, 1.0))
-        )
-        self._all = [self.normals, self.colors]
-        self.smooth: Textures = {}
-        if geometry.smooth:
-            texels = triangle_texels(_smooth_corners(geometry))
-            self._all.append(create((6 * TRIANGLE_ROW, len(texels)), 4, texels.tobytes(), dtype="f4"))
-            self.smooth = {"corners": (self._all[-1], Sampling())}
-
-    def release(self) -> None:
-        """Free the textures."""
-        self._device.free(self._all)
-
-
 class DeviceGeometry:
     """A scene's buffers and per-triangle textures, uploaded once.
 
     Techniques draw `casters`, the G-buffer draws `all_faces`: a program with `cut` draws the cut-out triangles by that,
-    any other draws them whole. triangles: textures by triangle; None if these are too many, as of instances. cutouts:
-    textures of `cutout.glsl`; empty if nothing is cut out. geometry: what was uploaded.
+    any other draws them whole. By triangle (`texel_of` in `triangle.glsl`): normals, w = 1 for triangles that receive
+    shadows; colors; smooth, textures of `gbuffer/smooth.glsl`, empty if all surfaces are flat. cutouts: textures of
+    `cutout.glsl`; empty if nothing is cut out. geometry: what was uploaded.
     """
-
-    triangles: TriangleTextures | None
 
     def __init__(self, device: Device, geometry: Geometry) -> None:
         self.geometry, self._device, context, faces = geometry, device, device.context, geometry.faces
@@ -93,8 +66,18 @@ class DeviceGeometry:
         if geometry.caster_faces is not faces or self.cutouts:
             opaque = faces[geometry.casts & ~geometry.is_cut_out]
             self._casters = self._upload(geometry, geometry.caster_faces, opaque, geometry.caster_cutouts)
-        self.triangles = TriangleTextures(device, geometry)
-        self._textures = list(textures.values())
+        self.normals = self._texels(_rgba(geometry.normals, geometry.receives))
+        self.colors = self._texels(_rgba(geometry.colors, 1.0))
+        self._textures = [*textures.values(), self.normals, self.colors]
+        self.smooth: Textures = {}
+        if geometry.smooth:
+            corners = triangle_texels(_smooth_corners(geometry))
+            self._textures.append(self._texels(corners.reshape(len(corners), -1, 4)))
+            self.smooth = {"corners": (self._textures[-1], Sampling())}
+
+    def _texels(self, texels: NDArray[np.float32]) -> moderngl.Texture:
+        height, width, _ = texels.shape
+        return self._device.context.texture((width, height), 4, texels.tobytes(), dtype="f4")
 
     @property
     def smooth_defines(self) -> Mapping[str, str]:
@@ -119,9 +102,7 @@ class DeviceGeometry:
 
     def recolor(self, colors: NDArray[np.float64]) -> None:
         """Give the triangles other colours, (F, 3) linear RGB."""
-        if self.triangles is None:
-            raise TooLarge("instances keep their colours: the scene has too many triangles for one list of colours")
-        self.triangles.colors.write(_rgba(colors, 1.0))
+        self.colors.write(_rgba(colors, 1.0))
 
     def all_faces(self, program: Program) -> Drawable:
         """All triangles; `gl_PrimitiveID` is the index of an opaque triangle."""
@@ -151,8 +132,6 @@ class DeviceGeometry:
     def release(self) -> None:
         """Free the buffers and textures."""
         self._device.free((*self._buffers, *self._textures))
-        if self.triangles is not None:
-            self.triangles.release()
 
 
 def _smooth_corners(geometry: Geometry) -> NDArray[np.float32]:

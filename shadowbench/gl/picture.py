@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,9 +60,8 @@ class PicturePass:
 
     @cached_property
     def _places(self) -> Textures:
-        """Where they lie on the triangles, unless these are looked up for each view."""
-        whole = self._textures and self._geometry.triangles is not None
-        return base_color_places(self._device, self._geometry.geometry, self._textures) if whole else {}
+        """Where they lie on the triangles."""
+        return base_color_places(self._device, self._geometry.geometry, self._textures) if self._textures else {}
 
     def draw(
         self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
@@ -100,23 +98,18 @@ class PicturePass:
             self._shade.program.set(forward=vec3(-back), pixel_right=vec3(right * pixel), pixel_up=vec3(up * pixel))
         shaded, smooth = (self._device.context.texture((view.size, view.size), 4, dtype="f1") for _ in range(2))
         targets = [self._device.context.framebuffer([texture]) for texture in (shaded, smooth)]
-        own: dict[str, Any] = {}
-        if self._textures and surface.shown is not None:
-            own |= base_color_places(self._device, surface.by_triangle.geometry, self._textures)
         inputs = {
             **surface.inputs,
             "surface_triangle": (surface.triangle, Sampling()),
-            "colors": (surface.by_triangle.colors, Sampling()),
+            "colors": (self._geometry.colors, Sampling()),
             "visibility": (visibility, Sampling()),
             "tint": (tint or self._white, Sampling()),
             **self._layers,
             **self._places,
-            **own,
         }
         self._shade.draw(targets[0], inputs)
         self._antialias.draw(targets[1], {**surface.inputs, "shaded": (shaded, Sampling(linear=True))})
         self._device.free((*targets, shaded))
-        self._device.free(texture for texture, _ in own.values())
         return smooth
 
     def extremes(self, surface: GBuffer, view: View) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:

@@ -195,19 +195,11 @@ def link(device: Device, vertex: str, fragment: str, geometry: str | None = None
 Ranges = Sequence[tuple[int, int]]  # (first, count) of vertices or indices
 
 
-class Instances(Protocol):
-    """Instances of lists of indices, each with vertices of its own."""
-
-    def draw(self, drawable: "Drawable", first: int, count: int) -> None:
-        """Draw a range of the indices of all of them in turn."""
-
-
 @dataclass(frozen=True, eq=False)
 class Drawable:
     """A vertex array and its program. All draw calls go through `draw`, which counts them.
 
-    textures: besides those that `draw` is given; cut: the cut-out triangles, which follow those of this one in ranges;
-    instances: whose indices, in turn, ranges are of, None if they are those of the vertex array.
+    textures: besides those that `draw` is given; cut: the cut-out triangles, which follow those of this one in ranges.
     """
 
     program: Program
@@ -216,7 +208,6 @@ class Drawable:
     count: int = -1
     textures: Textures = field(default_factory=dict)
     cut: "Drawable | None" = None
-    instances: "Instances | None" = None
 
     def draw(
         self,
@@ -233,11 +224,8 @@ class Drawable:
         own = ((0, self.count),) if own is None else own
         with _render_state(device, state):
             for first, count in own:
-                if self.instances is not None:
-                    self.instances.draw(self, first, count)
-                else:
-                    self.vertices.render(self.mode, vertices=count, first=first)
-                    device.draws += 1
+                self.vertices.render(self.mode, vertices=count, first=first)
+                device.draws += 1
         if self.cut is not None:
             self.cut.draw(target, textures, state, of_cut)
 

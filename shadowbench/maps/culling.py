@@ -6,13 +6,10 @@ from numpy.typing import NDArray
 from shadowbench.geometry.convex import box_planes, corners, view_planes
 from shadowbench.geometry.lights import LightView, light_space
 from shadowbench.gl.program import Ranges
-from shadowbench.scenes.geometry import Faces
-from shadowbench.scenes.instanced import InstancedGeometry
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.vectors import Floats
 
 _CHUNK = 256  # triangles that are drawn or culled together
-_MOST_CHUNKS = 40_000  # above which chunks of instances are larger, as each takes time in each frame
 _GAP = 1024  # a gap of fewer indices is drawn, as another draw call costs more
 _FEW = 4096  # triangles: any order is as fast
 _ROUNDING = 1e-6  # of the scene's extent: exceeds the float32 rounding of a corner's distance to a plane
@@ -29,9 +26,6 @@ class CasterChunks:
 
     def __init__(self, scene: Scene, cull: bool, reorder: bool = True, cut_last: bool = False) -> None:
         geometry, self.cull = scene.geometry, cull
-        if isinstance(geometry, InstancedGeometry):
-            self._of_instances(geometry)
-            return
         cut = geometry.is_cut_out[geometry.casts] & cut_last
         self.faces, self.vertices = geometry.caster_faces[~cut], geometry.vertices.astype(np.float32)
         self.count, cut_corners = len(cut), self.vertices[geometry.caster_faces[cut]]
@@ -49,21 +43,8 @@ class CasterChunks:
         self.boxes = np.zeros((0, 2, 3))
         if len(first):
             corners = np.concatenate([self.vertices[self.faces], cut_corners]).reshape(-1, 3)
-            self.boxes = _boxes(corners, 3 * first)
-
-    def _of_instances(self, geometry: InstancedGeometry) -> None:
-        """Chunks of more triangles, so that they are not too many; the arrays of all vertices and faces stay empty."""
-        self.vertices, self.faces = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
-        self.count, self.reordered, done = geometry.caster_count, False, 0
-        size, boxes, ends = max(_CHUNK, self.count // _MOST_CHUNKS), [np.zeros((0, 2, 3))], []
-        vertices, starts = zip(*(_by_chunk(mesh.faces, size) for mesh in geometry.sources), strict=True)
-        for mesh, number in zip(geometry.meshes, geometry.source, strict=True):
-            if mesh.casts:
-                used = mesh.vertices.astype(np.float32)[vertices[number]]
-                boxes.append(_boxes(used, starts[number]))
-                ends.append(done + np.append(np.arange(size, len(mesh.faces), size), len(mesh.faces)))
-                done += len(mesh.faces)
-        self.boxes, self.ends = np.concatenate(boxes), np.concatenate([np.zeros(0, dtype=np.int64), *ends])
+            low, high = (each.reduceat(corners, 3 * first) for each in (np.minimum, np.maximum))
+            self.boxes = np.stack([low, high], axis=1).astype(np.float64)
 
     def index_ranges(self, light: tuple[float, ...], *regions: Floats) -> Ranges | None:
         """(first, count) index ranges of the chunks that may shadow any region; None to draw all.
@@ -78,19 +59,6 @@ class CasterChunks:
     def count_culled(self, ranges: Ranges | None) -> int:
         """Number of caster triangles outside the ranges."""
         return 0 if ranges is None else self.count - sum(count for _, count in ranges) // 3
-
-
-def _by_chunk(faces: Faces, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(N,) the vertices of each chunk of `size` triangles, each once; (C,) the first of each chunk."""
-    chunk, count = np.arange(len(faces)) // size, int(faces.max(initial=0)) + 1
-    used = np.unique(chunk[:, np.newaxis] * count + faces)
-    return used % count, np.searchsorted(used, np.arange(chunk[-1] + 1) * count)
-
-
-def _boxes(points: NDArray[np.float32], first: NDArray[np.int64]) -> Floats:
-    """(C, 2, 3) bounding boxes of chunks of (N, 3) points that begin at `first`."""
-    low, high = (each.reduceat(points, first) for each in (np.minimum, np.maximum))
-    return np.stack([low, high], axis=1).astype(np.float64)
 
 
 def may_shadow(boxes: Floats, light: tuple[float, ...], planes: Floats) -> NDArray[np.bool_]:

@@ -38,7 +38,7 @@ class Reporter(Protocol):
     def note(self, line: str) -> None:
         """Show one line to the user."""
 
-    def stage(self, name: str, total: int | None, *, timed: int = 0) -> None:
+    def stage(self, name: str, total: int | None) -> None:
         """Begin a stage of `total` steps, None if unknown; timed: how many of them time a cell."""
 
     def step(self, what: str) -> None:

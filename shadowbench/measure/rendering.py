@@ -13,7 +13,7 @@ from shadowbench.files import png_of
 from shadowbench.gl.device import Device
 from shadowbench.gl.facets import FacetPass
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
-from shadowbench.gl.instances import device_geometry
+from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.library import moderngl
 from shadowbench.gl.picture import PicturePass
 from shadowbench.maps.filters import Filter
@@ -124,7 +124,7 @@ class LoadedScene:
         self.device, self.file_scene, self.coordinates = device, file_scene, coordinates
         self.placement = file_scene.placement if coordinates == "relative" else IDENTITY_PLACEMENT
         self.scene = self.placement.scene(file_scene)
-        self.geometry = device_geometry(device, self.scene.geometry)
+        self.geometry = DeviceGeometry(device, self.scene.geometry)
         self.surface_pass = GBufferPass(device, self.geometry)
         self.picture_pass = PicturePass(device, self.geometry)
         self.facet_pass = FacetPass(device) if self.scene.geometry.smooth else None

@@ -192,7 +192,6 @@ class StudyFacts(TypedDict, total=False):
     up: Text
     time: float
     clip: Text
-    variant: Text
     camera: Text
     target: Text
     lamp: Text

@@ -14,7 +14,7 @@ from typing import Any
 
 import psutil
 
-from shadowbench.errors import NO_PROCESS, ShadowbenchError, Unsupported, message, quoted
+from shadowbench.errors import ShadowbenchError, Unsupported, message, quoted
 from shadowbench.files import PACKAGE
 from shadowbench.gl.program import ShaderError
 from shadowbench.measure.drawer import CellFailed, MemoryExceeded
@@ -108,10 +108,7 @@ def die_with(parent: int) -> None:
     os.setpgid(0, 0)
     guard = [sys.executable, "-I", "-S", "-c", _GUARD, str(os.getpid()), *map(str, watched)]
     quiet = [(os.POSIX_SPAWN_OPEN, stream, os.devnull, os.O_RDWR, 0) for stream in range(3)]
-    try:
-        os.posix_spawn(sys.executable, guard, os.environ, file_actions=quiet)  # Popen would warn that nobody waits
-    except BlockingIOError:
-        raise ShadowbenchError(NO_PROCESS) from None
+    os.posix_spawn(sys.executable, guard, os.environ, file_actions=quiet)  # Popen would warn that nobody waits
     for file in watched:
         os.close(file)
 

@@ -20,8 +20,7 @@ import psutil
 
 from shadowbench.measure.drawer import CellFailed, DeviceInfo, Limits, MemoryExceeded
 from shadowbench.measure.plugin_output import forward_output
-from shadowbench.scenes.geometry import MOST_TRIANGLES
-from shadowbench.scenes.model import Scene, View
+from shadowbench.scenes.model import Scene
 
 if TYPE_CHECKING:
     from shadowbench.measure.session import Session
@@ -138,8 +137,7 @@ class Worker:
         """Result of `method(session, …)`. Raises Unsupported, CellFailed, or ShadowbenchError if it cannot start."""
         with self._turn:
             self.ready()
-            seconds = self.limits.seconds * max(map(_times_as_large, arguments), default=1.0)
-            answer: R = self._request(seconds, (method, arguments, options))
+            answer: R = self._request(self.limits.seconds, (method, arguments, options))
             return answer
 
     def ready(self) -> None:
@@ -225,11 +223,6 @@ class Worker:
             self._output_thread.join(1)  # forwards the last output
         self._pipe.connection.close()
         self._process = None
-
-
-def _times_as_large(argument: object) -> float:
-    """How often a view shows as many triangles as a scene without instances may have, at least 1."""
-    return max(1.0, argument.scene.geometry.count / MOST_TRIANGLES) if isinstance(argument, View) else 1.0
 
 
 def spawn(pipe: Connection, module: str) -> subprocess.Popen[bytes]:

@@ -38,7 +38,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import Unsupported
 from shadowbench.gl.clock import Changes, Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer
@@ -185,10 +184,7 @@ class Technique(Subject):
         """Why the technique cannot draw this view, by `unsupported` or `lights`; None if it can."""
         kind = view.light.hard_kind
         answers = f"a {kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
-        try:
-            return cls.unsupported(params, view, device) or (None if kind in cls.lights else answers)
-        except Unsupported as reason:
-            return str(reason)
+        return cls.unsupported(params, view, device) or (None if kind in cls.lights else answers)
 
     @abstractmethod
     def build(self, stage: Stage) -> None:

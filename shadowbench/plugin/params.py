@@ -24,15 +24,14 @@ def param(
     *,
     metres: bool = False,
     values: str = "",
-    search: tuple[float, float] | None = None,
     **limits: Any,
 ) -> Any:
     """A parameter: default, one line of help, and pydantic limits (ge, gt, le, lt).
 
     metres: the value is a length in file units, converted to a local length when its uniform is set; values: the
-    allowed ones in words, if the type does not say them; search: lowest and highest value that `tune` tries.
+    allowed ones in words, if the type does not say them.
     """
-    extra: dict[str, Any] = {"metres": metres, "values": values, "search": search and list(search)}
+    extra: dict[str, Any] = {"metres": metres, "values": values}
     return Field(default, description=help, json_schema_extra=extra, **limits)
 
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import pandas as pd
 
-from shadowbench.advice.law import law_on_record
 from shadowbench.errors import InputError, alternatives
 from shadowbench.reports.charts import front_chart, size_chart
 from shadowbench.reports.report import write_chart
@@ -15,6 +14,7 @@ from shadowbench.reports.vega import Chart, styles_of, titled
 from shadowbench.reports.words import cost_source
 from shadowbench.results.configurations import Section, sections, specs_of
 from shadowbench.results.folder import Run
+from shadowbench.results.law import law_on_record
 from shadowbench.results.tables import over_phases
 
 

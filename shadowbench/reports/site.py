@@ -12,7 +12,6 @@ from typing import Any
 from markdown_it import MarkdownIt
 from PIL import Image
 
-from shadowbench.advice.law import law_on_record
 from shadowbench.files import make_folder
 from shadowbench.plugin.registry import engines
 from shadowbench.reports import verdict, words
@@ -26,6 +25,7 @@ from shadowbench.reports.site_rows import MAP_SIZE, SiteRow, level, scene_file, 
 from shadowbench.reports.vega import Chart, styles_of
 from shadowbench.results.configurations import Section, sections
 from shadowbench.results.folder import Run, read_runs, view_name
+from shadowbench.results.law import law_on_record
 from shadowbench.results.ranking import mean_section
 from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
 

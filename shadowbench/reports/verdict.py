@@ -3,12 +3,10 @@
 from collections.abc import Mapping, Sequence
 
 from shadowbench.errors import counted
-from shadowbench.measure.clock_rates import device_name
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.reports.words import cost_source, digits, median_text, sentence
 from shadowbench.results.configurations import Section
 from shadowbench.results.ranking import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
-from shadowbench.results.submission import known_submissions
 from shadowbench.scores.metrics import METRICS
 
 _NONE = "No real-time technique here"
@@ -159,13 +157,10 @@ def cost_note(sections: Sequence[Section]) -> str:
 
 
 def device_note(section: Section) -> str:
-    """Where times of GPUs are to be had; nothing where no command gives any."""
-    if section.run.software:
-        why = "No device's times are predicted for lights with a size; a run on a GPU measures its own."
-        return why if section.soft else ""
-    if section.soft or device_name(section.run.renderer) in [one.device for one in known_submissions()]:
+    """That no device's times are predicted for lights with a size; nothing for other lights, and on a GPU."""
+    if not (section.run.software and section.soft):
         return ""
-    return "No times of this device are on record, to predict others from work: `shadowbench submit` would add them."
+    return "No device's times are predicted for lights with a size; a run on a GPU measures its own."
 
 
 def cost_text(one: Candidate) -> str:

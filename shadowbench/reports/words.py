@@ -9,7 +9,7 @@ from shadowbench.maps.presets import ENGINES
 from shadowbench.plugin.registry import engines, preset_names
 from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, CostName, Section
 from shadowbench.results.folder import Folder, Run
-from shadowbench.results.submission import SHORTEST_MS
+from shadowbench.results.law import SHORTEST_MS
 from shadowbench.results.times import time_notes
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults

@@ -17,7 +17,7 @@ from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import own_techniques, preset_names
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.folder import Run
-from shadowbench.results.submission import SHORTEST_MS
+from shadowbench.results.law import SHORTEST_MS
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
 from shadowbench.scores.metric import Metric
 from shadowbench.scores.metrics import METRICS, is_soft, ranking

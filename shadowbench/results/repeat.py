@@ -77,7 +77,7 @@ def _two_folders(first: Path, second: Path) -> tuple[Sequence[Result], Sequence[
     if one.renderer != other.renderer:
         raise InputError(f"{second}: found rows of {other.renderer}; allowed: of {one.renderer}, as in {first}")
     studies = [run.about.get("study", {}) for run in (one, other)]
-    for field in ("sun", "no_ground", "time", "clip", "variant"):
+    for field in ("sun", "no_ground", "time", "clip"):
         given = [study.get(field, False) for study in studies if study]
         if len(set(given)) > 1:
             option = f"--{field.replace('_', '-')}"

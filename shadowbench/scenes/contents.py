@@ -12,13 +12,12 @@ from shadowbench.scenes.vectors import Floats, Vec3, vec3
 class Chosen(NamedTuple):
     """What is read of a mesh file, all but coordinates of a glTF alone.
 
-    time: in seconds, None for 0; clip: by name or number from 1, or NO_CLIP, None for the first; variant: of the
-    materials, by name, None for the file's own. coordinates: texture coordinates too, even if no material needs them.
+    time: in seconds, None for 0; clip: by name or number from 1, or NO_CLIP, None for the first. coordinates: texture
+    coordinates too, even if no material needs them.
     """
 
     time: float | None = None
     clip: str | None = None
-    variant: str | None = None
     coordinates: bool = False
 
 

@@ -22,7 +22,7 @@ from shadowbench.scenes.looks import MOST_MASKED
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene
 from shadowbench.scenes.normals import mean_normals
-from shadowbench.scenes.placed import is_large, placed, shared
+from shadowbench.scenes.placed import check_count, placed
 from shadowbench.scenes.shapes import WITH_COORDINATES, build_shape, shape_table
 from shadowbench.scenes.tables import (
     MOST_COPIES,
@@ -117,10 +117,10 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
             raise InputError(f"{where}: {copies} meshes by now, each copy counted; allowed are at most {MOST_COPIES}")
         tables.append((list(_copies(table, sources)), where))
         dropped += lost
-    place = shared if is_large((mesh for instances, _ in tables for mesh, _ in instances), path.name) else placed
+    check_count((mesh for instances, _ in tables for mesh, _ in instances), path.name)
     meshes: list[Mesh] = []
     for instances, where in tables:
-        more, flat = place(instances, where)
+        more, flat = placed(instances, where)
         meshes += more
         dropped += flat
     if not meshes:
@@ -194,7 +194,7 @@ class _Files:
     def meshes(self, table: MeshTable, where: str) -> tuple[tuple[Mesh, ...], int]:
         """The meshes of a table's file in object space, and the zero-area triangles of the file."""
         file = self._resolved(str(table.file), f"{where}: file")
-        key = file, Chosen(table.time, table.clip, table.variant, table.mask is not None)
+        key = file, Chosen(table.time, table.clip, table.mask is not None)
         if key not in self.read:
             self.read[key] = read_meshes(file, f"{where}: {table.file}", key[1])
         return self.read[key].meshes, self.read[key].dropped

@@ -21,9 +21,7 @@ FLATTEST = 1e-10
 """Height of a triangle, as a share of its longest edge, below which float64 cannot distinguish its area from zero."""
 
 MOST_TRIANGLES = 10_000_000
-"""Limit on the triangles of a scene, those of instances once: half a minute to load, and within 4 GiB."""
-MOST_DRAWN = 200_000_000
-"""Limit on the triangles of a scene, each instance counted: within 6 GiB."""
+"""Limit on the triangles of a scene, each copy of a mesh counted: their truth takes 4 GiB."""
 
 
 class Triangles(NamedTuple):
@@ -137,31 +135,13 @@ class Geometry:
         return len(self.faces)
 
     @property
-    def caster_count(self) -> int:
-        """Number of casters."""
-        return len(self.caster_faces)
-
-    @property
     def smooth(self) -> bool:
         """Whether any surface is."""
         return self.corner_normals is not None
 
-    def triangle_of_caster(self, casters: NDArray[np.integer]) -> NDArray[np.intp]:
-        """(N,) index of triangles, given those that a tracer of the casters found, −1 for none."""
-        triangles: NDArray[np.intp] = np.append(np.flatnonzero(self.casts), -1)[casters]
-        return triangles
-
-    def casters_near(self, point: Floats, reach: float) -> Iterator[Triangles]:
-        """The casters, in parts; parts may be missing that are farther from a point along an axis than `reach`."""
-        yield Triangles(self.vertices, self.caster_faces)
-
     def corners(self, triangles: NDArray[np.intp]) -> Floats:
         """(N, 3, 3) corners of (N,) triangles."""
         return self.vertices[self.faces[triangles]]
-
-    def receives_at(self, triangles: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """(N,) whether triangles receive shadows; not −1, a miss."""
-        return self.receives[triangles] & (triangles >= 0)
 
     def select(self, triangles: NDArray[np.intp]) -> "Geometry":
         """Only these triangles, given in ascending order, opaque; each with vertices of its own."""
@@ -198,7 +178,7 @@ class Geometry:
 
     @property
     def caster_bounds(self) -> Floats:
-        """(2, 3) lowest and highest corner of all casters, of which there is one."""
+        """(2, 3) lowest and highest corner of all casters, of which there is at least one."""
         return bounds_of(used_by(self.caster_faces, self.vertices))
 
     @cached_property

@@ -22,7 +22,6 @@ from shadowbench.scenes.gltf_layout import Layout
 from shadowbench.scenes.gltf_materials import Materials
 from shadowbench.scenes.gltf_nodes import Node, scene_nodes
 from shadowbench.scenes.gltf_pose import Posed, Poser, corner_normals
-from shadowbench.scenes.gltf_variants import variant_notes, with_variant
 from shadowbench.scenes.looks import Look
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Mesh
 from shadowbench.scenes.normals import Singles
@@ -33,7 +32,7 @@ from shadowbench.strict import validated
 HONOURED = re.compile(
     r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_mesh_primitive_restart"
     r"|(EXT|KHR)_meshopt_compression|EXT_mesh_gpu_instancing|KHR_lights_punctual|KHR_node_visibility"
-    r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based|FB_ngon_encoding"
+    r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_(?!variants)\w+|KHR_xmp\w*|EXT_lights_image_based|FB_ngon_encoding"
 )
 """Extensions that are supported, or do not affect the geometry."""
 
@@ -62,7 +61,6 @@ def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
             raise InputError(
                 f"{where}: extensionsRequired: {extension!r:.60} is not supported; save the file without it"
             )
-    layout = with_variant(layout, chosen.variant, where)
     if layout.primitives and all(each.mode < TRIANGLES for each in layout.primitives):
         kind = "Gaussian splats" if "KHR_gaussian_splatting" in layout.extensionsUsed else "points or lines"
         found = f"holds {len(layout.primitives)} primitive(s) of {kind}, and no triangles"
@@ -80,7 +78,7 @@ def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
             sources[each.mesh].append(Source(still, normals, posed, look))
     instances = _instances(data, nodes, sources)
     cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
-    notes += variant_notes(layout, chosen.variant, where) + materials.notes + pose_notes + poser.notes
+    notes += materials.notes + pose_notes + poser.notes
     notes += cameras[1] + lights[1]
     return Contents(instances, cameras[0], lights[0], notes)
 

@@ -4,10 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, AliasPath, BaseModel, ConfigDict, Field, ValidationInfo
 
-LISTS = {
-    "lights": AliasPath("extensions", "KHR_lights_punctual", "lights"),
-    "variants": AliasPath("extensions", "KHR_materials_variants", "variants"),
-}
+LISTS = {"lights": AliasPath("extensions", "KHR_lights_punctual", "lights")}
 """Lists of extensions."""
 
 Count = Annotated[int, Field(ge=0, le=2**53, strict=True)]

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, AliasChoices, AliasPath, Field, model_validator
 
-from shadowbench.scenes.geometry import MOST_DRAWN, MOST_TRIANGLES
+from shadowbench.scenes.geometry import MOST_TRIANGLES
 from shadowbench.scenes.gltf_fields import (
     LISTS,
     AccessorIndex,
@@ -63,15 +63,6 @@ class NodeTable(JsonObject):
     extensions: dict[str, Any] = {}
 
 
-class _Variant(JsonObject):
-    name: str
-
-
-class _Mapping(JsonObject):
-    variants: list[Annotated[Count, index_into("variants")]]
-    material: Annotated[Count, index_into("materials")]
-
-
 class Primitive(JsonObject):
     """A primitive of a mesh. mode: points, lines, loop, strip of lines, triangles, strip and fan of triangles.
 
@@ -82,7 +73,6 @@ class Primitive(JsonObject):
     indices: AccessorIndex | None = None
     mode: Literal[0, 1, 2, 3, 4, 5, 6] = 4
     material: Annotated[Count, index_into("materials")] | None = None
-    variants: list[_Mapping] = Field([], validation_alias=AliasPath("extensions", "KHR_materials_variants", "mappings"))
     targets: list[dict[str, AccessorIndex]] = []
     draco: ViewIndex | None = Field(None, validation_alias=AliasPath(*DRACO, "bufferView"))
     draco_ids: dict[str, Annotated[Count, Field(lt=2**32)]] = Field(
@@ -208,7 +198,6 @@ class Layout(JsonObject):
     images: list[_Image] = []
     cameras: list[_Camera] = []
     lights: list[_Light] = Field([], validation_alias=LISTS["lights"])
-    variants: list[_Variant] = Field([], validation_alias=LISTS["variants"])
     animations: list[Animation] = []
     skins: list[Skin] = []
     extensionsUsed: list[str] = []
@@ -236,15 +225,14 @@ class Layout(JsonObject):
     def _not_too_many_triangles(self) -> Self:
         """Sharing of bufferViews and meshes allows many in a small file."""
         counts = [sum(self._corners(primitive) for primitive in mesh.primitives) for mesh in self.meshes]
-        drawn, copies, own = 0, 0, sum(counts)
+        corners = copies = 0
         for node in self.nodes:
             if node.mesh is not None:
-                drawn += counts[node.mesh] * self.instance_count(node)
+                corners += counts[node.mesh] * self.instance_count(node)
                 copies += max(len(self.meshes[node.mesh].primitives), 1) * self.instance_count(node)
-                own += counts[node.mesh] * (node.skin is not None)
-        for corners, most, what in ((own, MOST_TRIANGLES, "meshes"), (drawn, MOST_DRAWN, "instances")):
-            if corners > 3 * most:
-                raise ValueError(f"its {what} have {corners} vertices; allowed are at most {3 * most}")
+        corners = max(corners, sum(counts))
+        if corners > 3 * MOST_TRIANGLES:
+            raise ValueError(f"its nodes draw {corners} vertices; allowed are {3 * MOST_TRIANGLES}, three a triangle")
         if copies > MOST_COPIES:
             raise ValueError(f"its nodes draw {copies} primitives; allowed are at most {MOST_COPIES}")
         morphed = sum(self._morphed(node.mesh) for node in self.nodes if node.mesh is not None)

@@ -11,10 +11,9 @@ from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
 from shadowbench.scenes.contents import BY_DEFAULT, Chosen
 from shadowbench.scenes.files import SceneFile, read_document, read_scene_file
-from shadowbench.scenes.meshes import GLTF_SUFFIXES, MESH_SUFFIXES, read_meshes
+from shadowbench.scenes.meshes import GLTF_SUFFIXES, MESH_SUFFIXES, USD_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.tables import NAME, NAMES, name_from
-from shadowbench.scenes.usd import USD_SUFFIXES
 
 LONGEST_PATH = 4096
 WITHOUT_UP = (".obj", ".ply", ".stl", ".off")
@@ -37,8 +36,8 @@ def load_scene(
         _check_up(up, text)
     if chosen != BY_DEFAULT and Path(text).suffix.lower() not in GLTF_SUFFIXES:
         raise NotInFile(
-            f"--time, --clip, --variant: {text:.200} is no glTF file; allowed for {' and '.join(GLTF_SUFFIXES)}; a "
-            "scene file has time, clip and variant in its [[mesh]] tables"
+            f"--time, --clip: {text:.200} is no glTF file; allowed for {' and '.join(GLTF_SUFFIXES)}; a scene file has "
+            "time and clip in its [[mesh]] tables"
         )
     if text in builtin_names():
         return read_scene_file(data_folder("scenes") / f"{text}.toml", assets)
@@ -52,7 +51,7 @@ def load_scene(
         raise InputError(f"--assets {assets}: no such folder")
     if suffix == ".toml":
         return read_scene_file(path, assets)
-    if suffix in MESH_SUFFIXES:
+    if suffix in (*MESH_SUFFIXES, *USD_SUFFIXES):
         return _read_mesh_scene(path, up, chosen)
     if isinstance(source, Path) or path.name != text or os.path.lexists(path):
         kinds = " ".join((".toml", *MESH_SUFFIXES))
@@ -81,7 +80,7 @@ def _read_mesh_scene(path: Path, up: str | None, chosen: Chosen) -> Scene:
         )
     scene = read_meshes(path, chosen=chosen)
     meshes, notes = list(scene.meshes), list(scene.notes)
-    if scene.lights and path.suffix.lower() not in USD_SUFFIXES:
+    if scene.lights:
         notes.append(f"{path.name}: glTF gives lights no size: their shadows are hard")
     if up is None and path.suffix.lower() in WITHOUT_UP:
         notes.append(f"no up axis in {path.name}: assumed y; --up z takes z")

@@ -1,17 +1,16 @@
-"""A mesh of a scene, which may share its triangles with others that are moved elsewhere."""
+"""A mesh of a scene, and the triangles of all of them in one list."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.cutouts import Cutout
-from shadowbench.scenes.geometry import bounds_of, mirrors, moved, used_by
+from shadowbench.scenes.cutouts import Cutout, cutout_faces
+from shadowbench.scenes.geometry import Geometry, bounds_of, mirrors, used_by
 from shadowbench.scenes.normals import turned
-from shadowbench.scenes.placement import Placement
-from shadowbench.scenes.textures import Texture
+from shadowbench.scenes.textures import Texture, TexturedFaces
 from shadowbench.scenes.vectors import Floats, Vec3
 
 GREY: Vec3 = (0.8, 0.8, 0.8)
@@ -24,19 +23,17 @@ CORNERS = ("coordinates", "places", "normals")
 class Mesh:
     """Triangles of one surface, in world space.
 
-    points: (V, 3) float64, the vertices before they are moved; faces: (F, 3) int32 indices into them,
-    counter-clockwise seen from outside; both are read-only, as results computed from them are cached. color: linear
-    RGB in [0, 1]; casts, receives: whether it casts and receives shadows; planar: flagged as a planar receiver.
-    cutout: where it is opaque, None for everywhere; places: (F, 3, 2) float32 of the triangles' corners in it, in
-    sub-texels, None for 0. coordinates: (F, 3, 2) float32 texture coordinates of the corners, None for 0. normals:
-    (F, 3, 3) float32 of a smooth surface, which it is shaded by, before they are moved; None if it is flat, and
-    zero at corners without one. texture, and tints, (F, 3) float32 linear RGB that color is multiplied by, are of
-    pictures only. moves: affine (4, 4) matrices of an instance, which move its points in turn, and then placement,
-    to local coordinates; all others have none and are where they are.
+    vertices: (V, 3) float64; faces: (F, 3) int32 indices into them, counter-clockwise seen from outside; both are
+    read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
+    and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere; places:
+    (F, 3, 2) float32 of the triangles' corners in it, in sub-texels, None for 0. coordinates: (F, 3, 2) float32 texture
+    coordinates of the corners, None for 0. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None
+    if it is flat, and zero at corners without one. texture, and tints, (F, 3) float32 linear RGB that color is
+    multiplied by, are of pictures only.
     """
 
     name: str
-    points: Floats = field(repr=False)
+    vertices: Floats = field(repr=False)
     faces: NDArray[np.int32] = field(repr=False)
     color: Vec3 = GREY
     casts: bool = True
@@ -48,52 +45,19 @@ class Mesh:
     normals: NDArray[np.float32] | None = field(default=None, repr=False)
     texture: Texture | None = None
     tints: NDArray[np.float32] | None = field(default=None, repr=False)
-    moves: tuple[Floats, ...] = field(default=(), repr=False)
-    placement: Placement | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        for name in ("points", "faces", *CORNERS):
+        for name in ("vertices", "faces", *CORNERS):
             values = getattr(self, name)
-            if values is not None and values.flags.writeable:  # else it stays the array that instances share
+            if values is not None:
                 view = values.view()
                 view.flags.writeable = False
                 object.__setattr__(self, name, view)
 
-    @property
-    def vertices(self) -> Floats:
-        """(V, 3) float64; of an instance computed anew each time, as it may be large."""
-        vertices = self.points
-        for matrix in self.moves:
-            vertices = moved(vertices, matrix)
-        return vertices if self.placement is None else self.placement.points(vertices)
-
     @cached_property
-    def moved_bounds(self) -> Floats:
-        """(2, 3) lowest and highest vertex in use, before placement."""
-        return bounds_of(used_by(self.faces, replace(self, placement=None).vertices))
-
-    @property
     def bounds(self) -> Floats:
-        """(2, 3) lowest and highest vertex in use; as rounding keeps order, these are placed to the same bits."""
-        return self.moved_bounds if self.placement is None else self.placement.points(self.moved_bounds)
-
-    def with_bounds(self, bounds: Floats) -> "Mesh":
-        """The same mesh, which knows its `moved_bounds`: of many instances, these take seconds."""
-        self.__dict__["moved_bounds"] = bounds
-        return self
-
-    def with_vertices(self, vertices: Floats) -> "Mesh":
-        """The mesh with other vertices, in place of an instance's too."""
-        normals = self.normals
-        for matrix in self.moves:
-            normals = None if normals is None else turned(normals, matrix)
-        return replace(self, points=vertices, normals=normals, moves=(), placement=None)
-
-    def placed(self, placement: Placement) -> "Mesh":
-        """The mesh in local coordinates."""
-        if self.moves:
-            return replace(self, placement=placement).with_bounds(self.moved_bounds)
-        return replace(self, points=placement.points(self.points))
+        """(2, 3) lowest and highest vertex in use."""
+        return bounds_of(used_by(self.faces, self.vertices))
 
     def reshaped(
         self, vertices: Floats, faces: NDArray[np.int32], matrix: Floats, kept: NDArray[np.bool_] | None = None
@@ -102,20 +66,15 @@ class Mesh:
 
         kept: (F,) bool, which of its faces these are, by default all.
         """
-        mesh = self.picked(vertices, faces, mirrors(matrix), kept)
-        return mesh if mesh.normals is None else replace(mesh, normals=turned(mesh.normals, matrix))
-
-    def picked(
-        self, points: Floats, faces: NDArray[np.int32], mirrored: bool, kept: NDArray[np.bool_] | None = None
-    ) -> "Mesh":
-        """The mesh with other points and faces, those that are kept of its own, with corners reversed if `mirrored`."""
         corners, tints = {name: values for name in CORNERS if (values := getattr(self, name)) is not None}, self.tints
         if kept is not None:
             corners = {name: values[kept] for name, values in corners.items()}
             tints = None if tints is None else tints[kept]
-        if mirrored:
+        if mirrors(matrix):
             corners = {name: values[:, ::-1] for name, values in corners.items()}
-        return replace(self, points=points, faces=faces, tints=tints, **corners)
+        if self.normals is not None:
+            corners["normals"] = turned(corners["normals"], matrix)
+        return replace(self, vertices=vertices, faces=faces, tints=tints, **corners)
 
     @cached_property
     def closed(self) -> bool:
@@ -127,14 +86,41 @@ class Mesh:
         return bool(welded.is_watertight)
 
 
-def distinct(meshes: Iterable[Mesh]) -> list[Mesh]:
-    """The first mesh of each list of triangles, which several may share."""
-    found: dict[tuple[int, ...], Mesh] = {}
-    for mesh in meshes:
-        found.setdefault(shared_key(mesh), mesh)
-    return list(found.values())
+def joined(meshes: Sequence[Mesh]) -> Geometry:
+    """The triangles of meshes in turn."""
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    counts = [len(mesh.faces) for mesh in meshes]
+    faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=True)]
+    return Geometry(
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        faces=np.concatenate(faces, dtype=np.int32),
+        casts=np.repeat([mesh.casts for mesh in meshes], counts),
+        receives=np.repeat([mesh.receives for mesh in meshes], counts),
+        planar=np.repeat([mesh.planar for mesh in meshes], counts),
+        colors=triangle_colors(meshes, [mesh.color for mesh in meshes]),
+        cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.places) for mesh in meshes]),
+        corner_normals=_normals(meshes),
+        textured=tuple(
+            TexturedFaces(int(first), mesh.texture, mesh.coordinates)
+            for first, mesh in zip(np.cumsum([0, *counts[:-1]]), meshes, strict=True)
+            if mesh.texture is not None and mesh.coordinates is not None
+        ),
+    )
 
 
-def shared_key(mesh: Mesh) -> tuple[int, ...]:
-    """What meshes have in common that share their triangles, while they live."""
-    return mesh.points.ctypes.data, mesh.faces.ctypes.data, len(mesh.faces)
+def triangle_colors(meshes: Sequence[Mesh], colors: Sequence[Vec3]) -> Floats:
+    """(F, 3) linear RGB of the triangles of meshes, given a colour for each."""
+    counts = [len(mesh.faces) for mesh in meshes]
+    found = np.repeat(np.array(colors, dtype=np.float64), counts, axis=0)
+    for mesh, own in zip(meshes, np.split(found, np.cumsum(counts[:-1], dtype=np.int64)), strict=True):
+        if mesh.tints is not None:
+            own *= mesh.tints
+    return found
+
+
+def _normals(meshes: Sequence[Mesh]) -> NDArray[np.float32] | None:
+    """(F, 3, 3) normals at the corners, zero for flat meshes; None if all are."""
+    if all(mesh.normals is None for mesh in meshes):
+        return None
+    flat = [np.zeros((len(mesh.faces), 3, 3), np.float32) if mesh.normals is None else mesh.normals for mesh in meshes]
+    return np.concatenate(flat)

@@ -16,21 +16,21 @@ from shadowbench.scenes.looks import Look
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.obj import read_obj
 from shadowbench.scenes.off_stl import read_off, read_stl
-from shadowbench.scenes.placed import is_large, placed, shared
+from shadowbench.scenes.placed import check_count, placed
 from shadowbench.scenes.ply import read_ply
 from shadowbench.scenes.polygons import Polygons, triangulated
-from shadowbench.scenes.usd import USD_SUFFIXES, read_usd
 from shadowbench.strict import short
 
 READERS: dict[str, Callable[[bytes, str], Polygons]] = {
     ".ply": read_ply, ".stl": read_stl, ".off": read_off,
 }  # fmt: skip
 GLTF_SUFFIXES = (".glb", ".gltf")
-MESH_SUFFIXES = (*GLTF_SUFFIXES, ".obj", *READERS, *USD_SUFFIXES)
+MESH_SUFFIXES = (*GLTF_SUFFIXES, ".obj", *READERS)
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
 
 def read_meshes(path: Path, where: str | None = None, chosen: Chosen = BY_DEFAULT) -> Scene:
-    """The meshes of a glTF, OBJ, PLY, STL, OFF or USD file, with the cameras and lights of a glTF or USD file.
+    """The meshes of a glTF, OBJ, PLY, STL or OFF file, with the cameras and lights of a glTF.
 
     where: the beginning of each error message, by default the file's name; chosen: what is taken of it. Raises
     InputError for a file that is missing, unreadable, empty, truncated, of an unknown format, without triangles, or
@@ -38,6 +38,9 @@ def read_meshes(path: Path, where: str | None = None, chosen: Chosen = BY_DEFAUL
     """
     where = where or path.name
     suffix = path.suffix.lower()
+    if suffix in USD_SUFFIXES:
+        converters = "Blender, or usdcat with a plug-in that writes glTF"
+        raise InputError(f"{where}: USD is not read; convert it to .glb, with {converters}")
     if suffix not in MESH_SUFFIXES:
         raise InputError(f"{where}: unknown kind {path.suffix!r:.20}; allowed: {' '.join(MESH_SUFFIXES)}")
     try:
@@ -46,11 +49,9 @@ def read_meshes(path: Path, where: str | None = None, chosen: Chosen = BY_DEFAUL
         if path.stat().st_size == 0:
             raise InputError(f"{where}: the file is empty")
         if suffix not in GLTF_SUFFIXES and chosen._replace(coordinates=False) != BY_DEFAULT:
-            raise InputError(f"{where}: time, clip and variant are for glTF files, which may have them")
+            raise InputError(f"{where}: time and clip are for glTF files, which may have them")
         with np.errstate(all="ignore"):
-            if suffix in USD_SUFFIXES:
-                contents = read_usd(path, where)
-            elif suffix in GLTF_SUFFIXES:
+            if suffix in GLTF_SUFFIXES:
                 contents = read_gltf(path, where, chosen)
             else:
                 contents = _polygonal(path, where, chosen.coordinates)
@@ -94,8 +95,8 @@ def _assembled(contents: Contents, name: str, where: str) -> Scene:
     total = sum(len(mesh.faces) for mesh, _ in contents.instances)
     if total == 0:
         raise InputError(f"{where}: holds no triangles; at least one is needed")
-    place = shared if is_large((mesh for mesh, _ in contents.instances), where) else placed
-    meshes, dropped = place(contents.instances, where)
+    check_count((mesh for mesh, _ in contents.instances), where)
+    meshes, dropped = placed(contents.instances, where)
     if not meshes:
         raise InputError(f"{where}: all {total} triangles have zero area; at least one must have some")
     cameras, lights, notes = contents.cameras, contents.lights, contents.notes

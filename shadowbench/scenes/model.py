@@ -13,11 +13,10 @@ import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import Geometry
-from shadowbench.scenes.instanced import InstancedGeometry
-from shadowbench.scenes.joined import joined
 from shadowbench.scenes.mesh import GREY as GREY
 from shadowbench.scenes.mesh import WHITE as WHITE
 from shadowbench.scenes.mesh import Mesh as Mesh
+from shadowbench.scenes.mesh import joined
 from shadowbench.scenes.placement import Placement
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 
@@ -130,8 +129,8 @@ class Scene:
 
     @cached_property
     def geometry(self) -> Geometry:
-        """The triangles of all meshes: as one indexed list, unless meshes share theirs."""
-        return InstancedGeometry(self.meshes) if any(mesh.moves for mesh in self.meshes) else joined(self.meshes)
+        """The triangles of all meshes as one indexed list."""
+        return joined(self.meshes)
 
     @cached_property
     def placement(self) -> Placement:
@@ -215,7 +214,7 @@ def view_digest(view: View) -> str:
     camera, light = view.camera, view.light
     parts = (
         view.scene.geometry.digest(),
-        [(len(mesh.points), len(mesh.faces), mesh.normals is None) for mesh in view.scene.meshes],
+        [(len(mesh.vertices), len(mesh.faces), mesh.normals is None) for mesh in view.scene.meshes],
         (camera.position, camera.target, camera.up, camera.fov_y, camera.near, camera.far),
         (light.kind, light.direction, light.position, light.angle, light.radius, light.size, light.up),
         view.size,

@@ -25,13 +25,6 @@ class Placement:
         """(…, 3) points in local coordinates."""
         return (np.asarray(points, dtype=np.float64) - self.center) * self.scale
 
-    @property
-    def matrix(self) -> Floats:
-        """(4, 4) matrix of the same transform; to the bit, as the scale is a power of two."""
-        matrix = np.diag([self.scale, self.scale, self.scale, 1.0])
-        matrix[:3, 3] = -np.array(self.center) * self.scale
-        return matrix
-
     def length(self, metres: float) -> float:
         """A length in metres as a local length."""
         return metres * self.scale
@@ -54,7 +47,7 @@ class Placement:
         """The scene with all its meshes, cameras and lights in local coordinates."""
         return replace(
             scene,
-            meshes=tuple(mesh.placed(self) for mesh in scene.meshes),
+            meshes=tuple(replace(mesh, vertices=self.points(mesh.vertices)) for mesh in scene.meshes),
             cameras=tuple(self.camera(camera) for camera in scene.cameras),
             lights=tuple(self.light(light) for light in scene.lights),
         )

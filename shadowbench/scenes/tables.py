@@ -149,7 +149,7 @@ class _Repeat(Strict):
 class MeshTable(Strict):
     """A `[[mesh]]` table, without the parameters of its shape.
 
-    time, clip, variant: what is taken of a glTF, as of `Chosen`. smooth: whether a shape has smooth normals.
+    time, clip: what is taken of a glTF, as of `Chosen`. smooth: whether a shape has smooth normals.
     mask: an image in the scene's folder that cuts the mesh out where its alpha is below `cutoff`; mask_filter: whether
     texels are mixed or the nearest is taken.
     repeat: `count` copies including the original, each translated by `step` from the previous one, in one or two
@@ -167,7 +167,6 @@ class MeshTable(Strict):
     )
     time: Number | None = Field(None, ge=0.0, le=LATEST)
     clip: Text | None = None
-    variant: Text | None = None
     smooth: Flag = False
     mask: Text | None = None
     cutoff: Number = Field(0.5, gt=0.0, le=1.0)
@@ -181,8 +180,8 @@ class MeshTable(Strict):
     def _one_source(self) -> Self:
         if (self.file is None) == (self.shape is None):
             raise ValueError(f"needs file or shape, {'not both' if self.file is not None else 'found neither'}")
-        if self.file is None and (self.time, self.clip, self.variant) != (None, None, None):
-            raise ValueError("time, clip and variant are for a file, which may have them")
+        if self.file is None and (self.time, self.clip) != (None, None):
+            raise ValueError("time and clip are for a file, which may have them")
         if self.shape is None and self.smooth:
             raise ValueError("smooth is for a shape; a file has normals of its own, or is flat")
         if self.mask is None and self.model_fields_set & {"cutoff", "mask_filter"}:

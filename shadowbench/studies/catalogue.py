@@ -14,7 +14,7 @@ from shadowbench.plugin.base import Subject
 from shadowbench.plugin.params import Component, TechniqueParams, allowed
 from shadowbench.plugin.registry import engines
 from shadowbench.plugin.spec import format_value
-from shadowbench.results.submission import known_submissions
+from shadowbench.results.law import laws
 from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
 from shadowbench.studies.study import find_study, read_study, study_names
 
@@ -54,9 +54,7 @@ def entries(kind: str, plugins: Sequence[Path] = ()) -> list[Entry]:
     if kind == "axes":
         return [_axis(axis) for axis in AXES.values()]
     if kind == "devices":
-        return [
-            {"name": one.device, "cells": len(one.cells), "timed": one.finished[:10]} for one in known_submissions()
-        ]
+        return [{"name": law.device, "cells": law.cells, "timed": law.timed} for law in laws().values()]
     return [
         {"name": one.name, "better": one.better, "for": one.kind, "tolerance": one.tolerance, "help": one.help}
         for one in ROW_METRICS.values()

@@ -18,7 +18,7 @@ from shadowbench.plugin.params import Component
 from shadowbench.plugin.spec import Spec, format_value, parse_spec
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Light
-from shadowbench.scenes.tables import MOST_NAMED, camera_from_table, light_from_table
+from shadowbench.scenes.tables import camera_from_table, light_from_table
 from shadowbench.strict import explain
 
 Techniques = Mapping[str, type[Subject]]
@@ -198,8 +198,6 @@ def _replace(
     entries = table.get(name)
     if not isinstance(entries, list):
         return
-    if len(entries) > MOST_NAMED:
-        raise InputError(f"{where}: {name}: found {len(entries)} entries; allowed: at most {MOST_NAMED}")
     for number, entry in enumerate(entries, start=1):
         if not isinstance(entry, kinds):
             allowed = " or ".join("text" if kind is str else "a table" for kind in kinds)

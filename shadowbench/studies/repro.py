@@ -14,7 +14,7 @@ from shadowbench.measure.rows import Record
 from shadowbench.results.folder import Run, read_runs
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scores.metrics import METRICS, is_soft, ranking
-from shadowbench.studies.scene_fields import SceneFields
+from shadowbench.studies.study import SceneFields
 
 _SHORT = 8  # digits of a key that name it
 STUDY = "study.toml"

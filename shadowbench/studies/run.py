@@ -15,8 +15,8 @@ from shadowbench.measure.cells import UNSHADOWED, Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Failure
 from shadowbench.measure.flips import SIZE_AFTER
 from shadowbench.measure.rows import Result
+from shadowbench.scenes.opening import first_of
 from shadowbench.studies.study import Study, scenes_of
-from shadowbench.survey.views import first_of
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
     from shadowbench.results.folder import Run
@@ -170,7 +170,7 @@ def _announce(study: Study, blocks: Sequence[Block], campaign: Campaign) -> None
         rough = f"about {duration(seconds)} on two cores without a GPU"
         also = f" and {timed} to time" if timed else ""
         campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to draw{also}: {rough}")
-    campaign.reporter.stage("cells", len(cells) + timed, timed=timed)
+    campaign.reporter.stage("cells", len(cells) + timed)
 
 
 def _nothing(what: str, failures: Sequence[Failure]) -> ShadowbenchError:

@@ -2,11 +2,11 @@
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, cast
 
-from pydantic import BeforeValidator, Field, InstanceOf, ValidationError
+from pydantic import BeforeValidator, Field, InstanceOf, ValidationError, ValidationInfo, model_validator
 
 from shadowbench.errors import InputError, NotInFile, alternatives
 from shadowbench.files import data_folder
@@ -22,24 +22,67 @@ from shadowbench.options import (
     ROUNDS,
     VIEW_SIZE,
     Measuring,
+    SceneOptions,
     ViewOptions,
+    in_python,
+    place_text,
 )
 from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
-from shadowbench.strict import explain, read_toml
-from shadowbench.studies.crossing import MOST_SPECS, CrossedSpecs, Techniques, convert, to_list
-from shadowbench.studies.scene_fields import SceneFields
-from shadowbench.survey.views import Named, named, opened
+from shadowbench.scenes.opening import Named, named, opened
+from shadowbench.strict import Strict, explain, read_toml
+from shadowbench.studies.crossing import CrossedSpecs, Techniques, convert, to_list
+from shadowbench.truths.embree import tracer_of
 
 if TYPE_CHECKING:
     from shadowbench.results.tables import SweepPositions
 
-MOST_CELLS = 1_000_000
-"""Most cells of a study file in one view, counting each phase."""
-
 _Size = Annotated[int, Field(ge=MAP_SIZE.least, le=MAP_SIZE.most, strict=True)]
 _SOME = Field(min_length=1)
+
+
+def _place(value: object, info: ValidationInfo) -> str | None:
+    try:
+        return place_text(value, str(info.field_name))
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
+_Place = Annotated[str | None, BeforeValidator(_place)]
+
+
+class SceneFields(Strict):
+    """How all scenes of a study are read; each field is that of `SceneOptions`, places also as lists of numbers."""
+
+    sun: bool = Field(False, strict=True)
+    no_ground: bool = Field(False, strict=True)
+    time: float | None = Field(None, ge=0.0)
+    clip: str | None = None
+    camera: _Place = None
+    target: _Place = None
+    lamp: _Place = None
+    sun_at: _Place = None
+    assets: Path | None = None
+    up: str | None = None
+
+    @model_validator(mode="after")
+    def _valid_together(self) -> Self:
+        try:
+            self.scene_options()
+        except InputError as error:
+            raise ValueError(in_python(str(error))) from None
+        return self
+
+    def scene_options(self) -> SceneOptions:
+        """The fields as options. Raises InputError."""
+        return SceneOptions(**{field.name: getattr(self, field.name) for field in fields(SceneOptions)})
+
+    def scene_facts(self) -> StudyFacts:
+        """The fields that are set and `sun`, for `run.json`; not `assets`, which is a folder of one machine."""
+        names = [field.name for field in fields(SceneOptions) if field.name not in ("assets", "sun")]
+        given = {name: value for name in names if (value := getattr(self, name)) is not None and value is not False}
+        return cast(StudyFacts, {"sun": self.sun, **given})
 
 
 class Study(SceneFields):
@@ -160,21 +203,21 @@ class Study(SceneFields):
                 yield self.block(view_of(scene, camera, light, self.view_size))
 
     def _opened(self) -> Iterator[tuple[str | Scene, Scene]]:
-        """The scenes; time, clip and variant are of those that have them, and a note says which do not.
+        """The scenes; time and clip are of those that have them, and a note says which do not.
 
         Raises InputError, also if none has them.
         """
         sources, options = list(dict.fromkeys(self.scenes)), self.scene_options()
-        plain = replace(options, time=None, clip=None, variant=None)
+        plain = replace(options, time=None, clip=None)
         if plain == options or len(sources) < 2:
-            yield from ((source, opened(source, options)) for source in sources)
+            yield from ((source, opened(source, options, tracer_of)) for source in sources)
             return
         scenes, lacking = [], []
         for source in sources:
             try:
-                scenes.append(opened(source, options))
+                scenes.append(opened(source, options, tracer_of))
             except NotInFile as error:
-                scene = opened(source, plain)
+                scene = opened(source, plain, tracer_of)
                 scenes.append(replace(scene, notes=(*scene.notes, f"{error}; {scene.name} is taken without")))
                 lacking.append(error)
         if len(lacking) == len(sources):
@@ -232,23 +275,7 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
         raise InputError(f"{file}: found a scene file; allowed: a study file, or `shadowbench run` with it as a scene")
     notes: list[str] = []
     convert(table, str(file), folder or file.parent, techniques, notes)
-    study = _valid(table, str(file)).with_(notes=tuple(notes))
-    _check_size(study, str(file))
-    return study
-
-
-def _check_size(study: Study, where: str) -> None:
-    """Raises InputError for a study with too many specs or cells."""
-    sizes, phases = len(study.map_size or [None]), study.phases_of_specs()
-    counts = [sizes if _takes_a_size(spec) else 1 for spec in study.specs]
-    if sum(counts) > MOST_SPECS:
-        raise InputError(f"{where}: {sum(counts)} specs, each map size counted; allowed are at most {MOST_SPECS}")
-    cells = sum(count * phases[spec] for count, spec in zip(counts, study.specs, strict=True))
-    if cells > MOST_CELLS:
-        raise InputError(
-            f"{where}: {cells} cells, each map size and phase of {len(study.specs)} specs counted; "
-            f"allowed are at most {MOST_CELLS}"
-        )
+    return _valid(table, str(file)).with_(notes=tuple(notes))
 
 
 def _valid(values: dict[str, Any], where: str | None = None) -> Study:

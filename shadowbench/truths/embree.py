@@ -10,17 +10,14 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.cutouts import CutoutFaces
-from shadowbench.scenes.geometry import in_slices
+from shadowbench.scenes.geometry import Geometry, in_slices
 from shadowbench.scenes.vectors import Floats
-
-if TYPE_CHECKING:
-    from shadowbench.truths.packets import InstanceScene
 
 Mask = NDArray[np.bool_]
 Result = TypeVar("Result")
@@ -63,11 +60,9 @@ class Tracer:
         return self._scene.occluded(*_rays(origins, directions, reach))
 
 
-class InstanceTracer(Tracer):
-    """A tracer of a scene of instances, without cut-outs."""
-
-    def __init__(self, scene: "InstanceScene") -> None:
-        self._scene = scene
+def tracer_of(geometry: Geometry) -> Tracer:
+    """A tracer of all triangles."""
+    return Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
 
 
 def _rays(origins: Vectors, directions: Vectors, reach: Vectors | float) -> tuple[Singles, Singles, Singles]:

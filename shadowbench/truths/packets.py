@@ -7,7 +7,6 @@ import ctypes
 import importlib.util
 import os
 import weakref
-from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -26,8 +25,8 @@ from shadowbench.truths.cutouts import addresses_of, cutout_arrays, filter_addre
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
 INSTRUCTION_SETS = ("sse2", "sse4.2", "avx", "avx2", "avx512")
 _NATIVE = {16: 34, 8: 33, 4: 32}  # RTC_DEVICE_PROPERTY_NATIVE_RAY…_SUPPORTED of each width of a packet
-_TRIANGLES, _INSTANCE, _INDICES, _VERTICES = 0, 121, 0, 1  # RTCGeometryType, RTCBufferType
-_UINT3, _FLOAT3, _FLOAT3X4 = 0x5003, 0x9003, 0x9134  # RTCFormat; the matrix by rows
+_TRIANGLES, _INDICES, _VERTICES = 0, 0, 1  # RTCGeometryType, RTCBufferType
+_UINT3, _FLOAT3 = 0x5003, 0x9003  # RTCFormat
 _ROBUST = 4  # RTC_SCENE_FLAG_ROBUST
 _CUT_OUT = 1  # number of the geometry of cut-out triangles; that of the others is 0
 _LOCATIONS = ("../embreex.libs", ".dylibs", ".")  # from the package: auditwheel and delvewheel, delocate, none
@@ -112,7 +111,6 @@ class PacketScene:
         # Embree reads 16 bytes a vertex, so the last one needs four more; it does not copy what it shares.
         self._vertices = np.zeros((len(vertices) + 2, 3), dtype=np.float32)
         self._vertices[: len(vertices)] = vertices
-        self._first = np.empty(0, dtype=np.int32)
         # Of the faces, which are those that are not cut out, then those that are.
         self._order, self._opaque = None, len(faces)
         if cutouts is not None:
@@ -138,55 +136,26 @@ class PacketScene:
             library.rtcCommitGeometry(geometry)
             library.rtcAttachGeometryByID(scene, geometry, number)
             library.rtcReleaseGeometry(geometry)
-        self._commit(device, scene, f"{len(faces)} triangles")
-
-    def _commit(self, device: Device, scene: ctypes.c_void_p, what: str) -> None:
-        device.library.rtcCommitScene(scene)
-        weakref.finalize(self, device.library.rtcReleaseScene, scene)
-        if error := device.library.rtcGetDeviceError(device.handle):
-            raise MemoryError(f"Embree cannot hold {what} (error {error})")
-        self.handle, self._width = scene.value or 0, device.width
+        library.rtcCommitScene(scene)
+        weakref.finalize(self, library.rtcReleaseScene, scene)
+        if error := library.rtcGetDeviceError(device.handle):
+            raise MemoryError(f"Embree cannot hold {len(faces)} triangles (error {error})")
+        self._handle, self._width = scene.value or 0, device.width
 
     def occluded(self, origins: Single, directions: Single, reach: Single) -> Flags:
         """(N,) whether any triangle lies within reach."""
         blocked = np.empty(len(reach), dtype=np.bool_)
-        _occluded(self._width, *_buffers(self._width), self.handle, origins, directions, reach, blocked)
+        _occluded(self._width, *_buffers(self._width), self._handle, origins, directions, reach, blocked)
         return blocked
 
     def intersect(self, origins: Single, directions: Single, reach: Single) -> tuple[NDArray[np.int32], Single]:
         """(N,) index of the nearest triangle, −1 if none; its distance, `reach` if none."""
         triangle, distance = np.empty(len(reach), dtype=np.int32), np.empty(len(reach), dtype=np.float32)
         rays = origins, directions, reach
-        parts = self._opaque, self._first
-        _intersect(self._width, *_buffers(self._width), self.handle, *rays, *parts, triangle, distance)
+        _intersect(self._width, *_buffers(self._width), self._handle, *rays, self._opaque, triangle, distance)
         if self._order is not None:
             triangle[triangle >= 0] = self._order[triangle[triangle >= 0]]
         return triangle, distance
-
-
-class InstanceScene(PacketScene):
-    """A scene of instances of others, which have no cut-outs.
-
-    parts: the scene of each instance; matrices: (M, 3, 4) that move it; first: (M,) indices of their first triangles.
-    """
-
-    def __init__(
-        self, device: Device, parts: Sequence[PacketScene], matrices: Single, first: NDArray[np.int32]
-    ) -> None:
-        handle, library = ctypes.c_void_p, device.library
-        scene = handle(library.rtcNewScene(device.handle))
-        library.rtcSetSceneFlags(scene, _ROBUST)
-        self._parts, self._first = parts, first  # parts are kept, as their arrays are shared
-        self._order, self._opaque = None, 0
-        for part, matrix in zip(parts, np.ascontiguousarray(matrices, dtype=np.float32), strict=True):
-            geometry = handle(library.rtcNewGeometry(device.handle, _INSTANCE))
-            library.rtcSetGeometryInstancedScene(geometry, handle(part.handle))
-            library.rtcSetGeometryTimeStepCount(geometry, 1)
-            library.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4, handle(matrix.ctypes.data))
-            library.rtcCommitGeometry(geometry)
-            library.rtcAttachGeometry(scene, geometry)  # numbered in turn
-            library.rtcReleaseGeometry(geometry)
-        self._commit(device, scene, f"{len(parts)} instances")
 
 
 def _buffers(width: int) -> tuple[Words, Words, Words]:
@@ -246,13 +215,13 @@ def _occluded(  # type: ignore[no-untyped-def]
 
 @compiled()
 def _intersect(  # type: ignore[no-untyped-def]
-    width, packet, valid, arguments, scene, origins, directions, reach, opaque, instances, triangle, distance,
-):  # fmt: skip
-    ray, hits = _prepare(width, packet, arguments), packet.view(np.int32)[17 * width : 20 * width]
+    width, packet, valid, arguments, scene, origins, directions, reach, opaque, triangle, distance
+):
+    ray, hits = _prepare(width, packet, arguments), packet.view(np.int32)[17 * width : 19 * width]
     pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
     for first in range(0, len(reach), width):
         count = _fill(width, ray, packet, valid, first, origins, directions, reach)
-        packet[17 * width : 20 * width] = 0xFFFFFFFF  # primID, geomID and instID: none
+        packet[17 * width : 19 * width] = 0xFFFFFFFF  # primID and geomID: none
         if width == 16:
             _intersect16(*pointers)
         elif width == 8:
@@ -263,6 +232,4 @@ def _intersect(  # type: ignore[no-untyped-def]
             triangle[first + k] = hits[k]  # −1 unless written
             if hits[width + k] == _CUT_OUT:
                 triangle[first + k] += opaque
-            if hits[2 * width + k] >= 0:
-                triangle[first + k] += instances[hits[2 * width + k]]
             distance[first + k] = ray[8 * width + k]

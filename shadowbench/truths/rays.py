@@ -11,12 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.geometry import Geometry, facet_normals
-from shadowbench.scenes.instanced import InstancedGeometry
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats, unit
-from shadowbench.truths.embree import INFINITE, Singles
-from shadowbench.truths.instances import tracers_of
+from shadowbench.truths.embree import INFINITE, Singles, Tracer, tracer_of
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
@@ -73,20 +70,17 @@ class Receivers(NamedTuple):
         return first._replace(**{name: np.concatenate(values, axis=-1) for name, values in of_each.items()})
 
 
-class Planes(NamedTuple):
-    """Planes of N triangles as seen from the eye: (3, N) unit normals towards it; (N,) its distance, negative."""
-
-    normals: Floats
-    below: Floats
-
-
 class ViewRays:
     """Camera and shadow rays of a view in local coordinates."""
 
     def __init__(self, view: View) -> None:
         self.size = view.size
         self._near, self._far = view.near_far
-        self._geometry = geometry = view.scene.geometry
+        geometry = view.scene.geometry
+        casters = geometry.caster_faces, geometry.caster_cutouts
+        self._all = tracer_of(geometry)
+        self._casters = self._all if geometry.casts.all() else Tracer(geometry.vertices, *casters)
+        self._numbers = np.append(np.flatnonzero(geometry.casts), -1)  # the last entry is that of index −1, a miss
 
         camera = view.camera
         right, up, back = camera.basis()[:, :, None]
@@ -99,22 +93,24 @@ class ViewRays:
         light, w = view.light.homogeneous
         self.directional = w == 0
         self._light = np.array(light)[:, None]
-        lamp = None if self.directional or np.abs(light).max() >= FROM_LIGHT else self._light[:, 0]
-        self._all, self._casters, self._from_light = tracers_of(geometry, lamp)
-        self._beside_lamp = np.empty((0, 3)) if lamp is None else _of_unsure_side(geometry, lamp)
+        # In float32 relative to the light, casters keep their direction from the light, however close to it they are.
+        self._from_light: Tracer | None = None
+        self._beside_lamp = np.empty((0, 3))
+        if not self.directional and np.abs(light).max() < FROM_LIGHT:
+            from_light = geometry.vertices - self._light[:, 0]
+            self._from_light = Tracer(from_light, *casters)
+            self._beside_lamp = _of_unsure_side(from_light, geometry.caster_faces)
         self._axis = unit(view.light.direction)[:, None]
         self._cos_half_angle = view.light.cos_half_angle
 
-        # Of all triangles at once, as that is faster; of instances, which are too many, where they are asked for.
-        self._planes: Planes | None = None
-        self._receives: Mask | None = None
-        self._cosines: Floats | None = None
-        if isinstance(geometry, InstancedGeometry):
-            return
-        self._planes = facing(geometry.normals, geometry.vertices[geometry.faces[:, 0]], self.eye)
+        # The eye sees one side of each plane, so normals are flipped towards the camera here rather than for each hit.
+        normals, corners = geometry.normals.T, geometry.vertices[geometry.faces[:, 0]].T
+        below = dot(normals, corners) - dot(normals, self.eye)
+        self._below = -np.abs(below)  # signed distance from the eye to each plane along its normal
+        self._normals = np.ascontiguousarray(normals * -np.sign(below))
         self._receives = np.append(geometry.receives, False)  # the last entry is that of index −1, a miss
         if self.directional:
-            self._cosines = dot(self._planes.normals, self._light)
+            self._cosines = dot(self._normals, self._light)
             self._receives[:-1] &= self._cosines > 0
 
     def directions(self, rows: slice, across: float = 0.5, down: float = 0.5) -> Floats:
@@ -136,13 +132,7 @@ class ViewRays:
 
     def normals(self, triangle: Indices) -> Floats:
         """(3, N) unit normals of triangles, turned towards the camera."""
-        return self._planes_of(triangle).normals
-
-    def _planes_of(self, triangle: Indices) -> Planes:
-        if self._planes is None:
-            corners = self._geometry.corners(np.maximum(triangle, 0))  # of a miss, any
-            return facing(facet_normals(corners), corners[:, 0], self.eye)
-        return Planes(self._planes.normals.take(triangle, axis=1), self._planes.below.take(triangle))
+        return self._normals.take(triangle, axis=1)
 
     def edge_on(self, directions: Floats, triangle: Indices) -> Mask:
         """(N,) whether a ray hits its triangle at so grazing an angle that the hit cannot be refined."""
@@ -151,17 +141,15 @@ class ViewRays:
 
     def points(self, directions: Floats, triangle: Indices) -> Floats:
         """(3, N) float64 intersections of rays with the planes of their triangles."""
-        normals, below = self._planes_of(triangle)
-        depth = below / np.minimum(dot(normals, directions), -EDGE_ON)
+        depth = self._below.take(triangle) / np.minimum(dot(self.normals(triangle), directions), -EDGE_ON)
         return self.eye + directions * np.clip(depth, self._near, self._far)
 
     def receivers(self, directions: Floats, triangle: Indices) -> Receivers:
         """The receivers among ray hits; triangle: (N,) hit by each ray, −1 for a miss."""
-        known = self._receives
-        rays = np.flatnonzero(self._geometry.receives_at(triangle) if known is None else known.take(triangle))
+        rays = np.flatnonzero(self._receives.take(triangle))
         triangle = triangle.take(rays)
         point = self.points(directions.take(rays, axis=1), triangle)
-        if self._cosines is not None:
+        if self.directional:
             return Receivers(rays, triangle, point, self._light, INFINITE, self._cosines.take(triangle))
         to_light, distance = self.toward_light(point)
         cosine = dot(self.normals(triangle), to_light)
@@ -207,8 +195,7 @@ class ViewRays:
     def nearest_casters(self, receivers: Receivers, delta: float) -> Indices:
         """(R,) triangle of the nearest caster along L from each receiver, −1 if none."""
         rays = self.shadow_rays(receivers, delta)
-        found = self._casters.hits(rays.origins.T, rays.directions.T, rays.reach).triangle
-        return self._geometry.triangle_of_caster(found)
+        return self._numbers[self._casters.hits(rays.origins.T, rays.directions.T, rays.reach).triangle]
 
     def in_cone(self, to_light: Floats) -> Mask:
         """(N,) whether points in (3, N) directions towards the light are in its cone, before its panel."""
@@ -225,32 +212,22 @@ class ViewRays:
         return to_light, distance
 
 
-def facing(normals: Floats, corners: Floats, eye: Floats) -> Planes:
-    """The planes of triangles of (N, 3) normals and corners, seen from an eye (3, 1), which sees one side of each."""
-    normals, corners = normals.T, corners.T
-    below = dot(normals, corners) - dot(normals, eye)
-    return Planes(np.ascontiguousarray(normals * -np.sign(below)), -np.abs(below))
-
-
-def _of_unsure_side(geometry: Geometry, lamp: Floats) -> Floats:
-    """(K, 3) normals of planes at the lamp within float32's error, each divided by that error.
+def _of_unsure_side(vertices: Floats, faces: NDArray[np.int32]) -> Floats:
+    """(K, 3) normals of planes at the origin within float32's error, each divided by that error.
 
     Of a sum of products, float32 rounds away up to its epsilon times the sum of their magnitudes; 4 allows for the
     rounding of the corners and of the normal.
     """
-    found = [np.empty((0, 3))]
-    for vertices, faces in geometry.casters_near(lamp, BESIDE_LAMP):
-        near, away = np.ones(len(faces), dtype=bool), vertices - lamp
-        for along in away.T:
-            near &= (along[faces].min(axis=1) <= BESIDE_LAMP) & (along[faces].max(axis=1) >= -BESIDE_LAMP)
-        corners = away[faces[near]]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        products = corners * normals[:, None]
-        error = 4 * np.finfo(np.float32).eps * np.abs(products).sum(axis=2).max(axis=1)
-        unsure = np.abs(products[:, 0].sum(axis=1)) <= error
-        found.append(normals[unsure] / np.maximum(error[unsure, None], np.finfo(float).tiny))
-    return np.unique(np.concatenate(found), axis=0)
+    near = np.ones(len(faces), dtype=bool)
+    for along in vertices.T:
+        near &= (along[faces].min(axis=1) <= BESIDE_LAMP) & (along[faces].max(axis=1) >= -BESIDE_LAMP)
+    corners = vertices[faces[near]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    products = corners * normals[:, None]
+    error = 4 * np.finfo(np.float32).eps * np.abs(products).sum(axis=2).max(axis=1)
+    unsure = np.abs(products[:, 0].sum(axis=1)) <= error
+    return np.unique(normals[unsure] / np.maximum(error[unsure, None], np.finfo(float).tiny), axis=0)
 
 
 def dot(a: Floats, b: Floats) -> Floats:

@@ -134,7 +134,7 @@ def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float
         directions = rays.directions(rows)
         triangle = rays.nearest(directions)
         seen = np.flatnonzero(triangle >= 0)
-        seen = seen[geometry.receives_at(triangle[seen])]
+        seen = seen[geometry.receives[triangle[seen]]]
         points = rays.points(directions.take(seen, axis=1), triangle[seen])
         ends = np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
         return triangle, rays.edge_on(directions, triangle), ends
@@ -144,7 +144,7 @@ def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float
     if not (triangle >= 0).any():
         raise InputError(f"camera {view.camera.name!r} of {view.scene.name} shows nothing: no pixel shows a triangle")
     low, high = np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]
-    if geometry.caster_count:
+    if geometry.casts.any():
         casters = geometry.caster_bounds
         low, high = np.minimum(low, casters[0]), np.maximum(high, casters[1])
     if not np.isfinite(low).all():

@@ -10,11 +10,12 @@ from shadowbench.files import data_folder
 from shadowbench.gl.picture import Shading
 from shadowbench.options import FIRST, SceneOptions
 from shadowbench.plugin.spec import Spec
-from shadowbench.scenes.joined import triangle_colors
 from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.mesh import triangle_colors
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
+from shadowbench.scenes.opening import Named, opened
 from shadowbench.scenes.vectors import Floats, Vec3
-from shadowbench.survey.views import Named, opened
+from shadowbench.truths.embree import tracer_of
 
 Layout = Literal["one", "wipe", "side by side"]
 Source = Literal["A", "B", "truth"]
@@ -42,7 +43,7 @@ class Origin:
 
     def load(self) -> Scene:
         """The scene, as it is on disk now. Raises InputError, as `opened` does."""
-        return opened(self.source, self.options)
+        return opened(self.source, self.options, tracer_of)
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,10 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.files import read_document
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Mesh
+from shadowbench.scenes.opening import named
 from shadowbench.scenes.tables import LIGHT_TABLES, Color
 from shadowbench.strict import Strict, explain
 from shadowbench.studies.crossing import Techniques
-from shadowbench.survey.views import named
 from shadowbench.viewer.state import Layout, Origin, Overlay, Source, ViewerState
 
 _ATTRIBUTES = ("color", "casts", "receives", "planar")  # of a mesh, besides its shape
@@ -155,7 +155,7 @@ def _study_of_scene(state: ViewerState, file: Path) -> dict[str, Any]:
     if origin is None or origin.options.up:
         missing = "no file has" if origin is None else "no study file can turn (--up)"
         raise InputError(f"{file}: {missing} the scene {state.scene.name!r}; save the state, and open it")
-    names = ("sun", "no_ground", "time", "clip", "variant", *PLACES)
+    names = ("sun", "no_ground", "time", "clip", *PLACES)
     asked = {name: value for name in names if (value := getattr(origin.options, name)) not in (None, False)}
     is_builtin = origin.source in builtin_names()
     return {"scenes": [origin.source if is_builtin else os.path.relpath(origin.source, file.parent)], **asked}
@@ -177,7 +177,7 @@ def _mesh_tables(state: ViewerState, file: Path) -> list[dict[str, Any]]:
         return _written_meshes(meshes, file)
     assert state.origin is not None
     options = state.origin.options
-    chosen = {name: value for name in ("time", "clip", "variant") if (value := getattr(options, name)) is not None}
+    chosen = {name: value for name in ("time", "clip") if (value := getattr(options, name)) is not None}
     turned = {"rotate": [-90.0, 0.0, 0.0]} if options.up == "z" else {}
     ground = [] if state.scene.ground is None else _written_meshes([state.scene.ground[0]], file)
     return [_moved({"file": own.name, **chosen, **turned}, own.parent, file), *ground]
@@ -245,7 +245,7 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
         view = axis.at(row["axis_value"], row["light_kind"]).views[0]
         return ViewerState(view.scene, view.camera, view.light, (spec,), **shown)
     study: Mapping[str, Any] = read_run_file(folder / "run.json").get("study", {})
-    asked = ("up", "sun", "no_ground", "time", "clip", "variant", *PLACES)
+    asked = ("up", "sun", "no_ground", "time", "clip", *PLACES)
     options = SceneOptions(assets, **{name: study[name] for name in asked if name in study})
     own = [row["scene"]] if row["scene"] in builtin_names() else []
     for source in sorted({*study.get("scenes", ()), *own}, key=lambda source: Path(source).stem != row["scene"]):

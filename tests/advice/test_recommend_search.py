@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from shadowbench.advice.costs import Cost
-from shadowbench.advice.law import laws
 from shadowbench.advice.recommend import Recommendation, find_cheapest
 from shadowbench.advice.search import Search, Trial, extrapolate, point_of, reads_of
 from shadowbench.advice.space import full_space, prune, specs_of, start_size, unavailable, untried_filters
@@ -28,6 +27,7 @@ from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.results.law import laws
 from shadowbench.scenes.model import View
 from shadowbench.scores import score
 from shadowbench.survey.survey import Needs, needs

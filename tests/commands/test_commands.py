@@ -1,6 +1,5 @@
 """The commands: their output, files and exit codes."""
 
-import io
 import json
 import os
 import re
@@ -28,7 +27,6 @@ from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.run import duration
 from shadowbench.truths.embree import packet_width
 from shadowbench.truths.trace import trace
 
@@ -79,26 +77,6 @@ def test_a_command_that_drew_nothing_says_so_in_its_last_line(shadowbench: Shado
     assert two.err == f"{nothing} all 2 cells are {why}\n"
     some = shadowbench(*lamp, "-t", "unshadowed", "-o", tmp_path / "some")
     assert "nothing was drawn" not in some.err and "masks/" in some.out
-
-
-@pytest.mark.parametrize("width", [80, 30])
-def test_a_narrow_table_says_what_it_leaves_out_and_cuts_no_number(
-    shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: int
-) -> None:
-    words = [*CUBE, "-t", "shadow-map:bias=slope(max=0.05)", "-o", tmp_path]
-    wide = shadowbench(*words).out
-    assert "left out" not in wide
-    monkeypatch.setattr(console.out(), "width", width)
-    narrow = shadowbench(*words).out
-    (line,) = [line for line in narrow.splitlines() if "left out" in line]
-    assert line == (
-        f"columns left out at a width of {width} characters (see {tmp_path / 'table.csv'}, or widen the terminal to "
-        "110): IoU soft, edge px, acne, leak, contact, MiB"
-    )
-    table = pd.read_csv(tmp_path / "table.csv")
-    for value in table["ssim"]:
-        assert number(value) in wide and number(value) in narrow
-    assert [line for line in narrow.splitlines() if line.startswith("shadow-map")], "the column of specs"
 
 
 SOFT = """
@@ -361,36 +339,6 @@ def test_version_and_without_a_command_the_help(shadowbench: Shadowbench) -> Non
     assert shadowbench() == shadowbench("--help")
 
 
-def test_help_groups_every_command_and_cuts_no_summary(
-    shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
-    out = shadowbench("--help").out
-    commands = out.partition("message and exit.\n\n")[2]
-    panels = dict(re.findall(r"^(\w[^\n]*):\n((?:  \S.*\n)+)", commands, re.MULTILINE))
-    names = {title.split()[0]: re.findall(r"^  (\S+)", lines, re.MULTILINE) for title, lines in panels.items()}
-    assert names == {
-        "Measure": ["run", "stress", "score", "truth"],
-        "Decide": ["recommend", "needs", "tune"],
-        "Check": ["check", "merge", "repro", "submit", "doctor"],
-        "Look": ["report", "render", "view", "list"],
-        "Extend": ["engines", "new-technique", "export"],
-    }
-    assert "..." not in "".join(panels.values())
-
-
-def test_the_times_of_a_progress_bar_fit_a_terminal_of_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown = io.StringIO()
-    terminal = Console(file=shown, force_terminal=True, width=80, color_system=None)
-    monkeypatch.setattr(console, "err", lambda: terminal)
-    with console.Reporter(quiet=False) as reporter:
-        reporter.stage("measuring", 1234)
-        reporter.step("a-scene light-samples:of=shadow-volume,n=4096 of a name that is longer than the line")
-    bar = shown.getvalue().splitlines()[-3]
-    assert re.search(r"1/1234 \d:\d\d:\d\d [-\d]:[-\d]{2}:[-\d]{2} a-scene", bar), bar
-    assert bar.rstrip().endswith("…")
-
-
 @pytest.mark.parametrize(("total", "told"), [(7, "2 of 7, about 1 s left"), (None, "2")])
 def test_progress_is_a_line_now_and_then_where_it_is_piped(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], total: int | None, told: str
@@ -405,47 +353,6 @@ def test_progress_is_a_line_now_and_then_where_it_is_piped(
             reporter.step("another")
         last = f"measuring: {told}, another"
         assert (capsys.readouterr().err.splitlines()[-1:] == [last]) == (not quiet and not seconds)
-
-
-def test_what_is_left_takes_as_long_as_the_steps_so_far_but_those_measured_before(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    now = [0.0]
-    monkeypatch.setattr(console, "err", lambda: Console(stderr=True, width=80, get_time=lambda: now[0]))
-    monkeypatch.setattr(console, "_EVERY", 0.0)
-    with console.Reporter(quiet=False) as reporter:
-        reporter.stage("cells", 24)
-        for _ in range(10):
-            reporter.step("stairs: measured before")
-        for now[0] in (50.0, 80.0, 110.0, 140.0):
-            reporter.step("stairs unshadowed")
-    assert capsys.readouterr().err.splitlines()[-1] == "cells: 14 of 24, about 5 min left, stairs unshadowed"
-
-
-def test_what_is_left_to_time_takes_as_long_as_other_times(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Two scenes of ten cells, drawn in a second each and timed in twenty, which are reported together."""
-    now = [0.0]
-    monkeypatch.setattr(console, "err", lambda: Console(stderr=True, width=80, get_time=lambda: now[0]))
-    monkeypatch.setattr(console, "_EVERY", 0.0)
-    with console.Reporter(quiet=False) as reporter:
-        reporter.stage("cells", 40, timed=20)
-        for _ in range(2):
-            for now[0] in [now[0] + at for at in range(1, 11)]:
-                reporter.step("stairs shadow-map")
-            now[0] += 200
-            for _ in range(10):
-                reporter.step("stairs: timed")
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.partition(",")[0] for line in lines] == [f"cells: {at} of 40" for at in range(1, 41)]
-    second = [line.split(" left")[0].split("about ")[1] for line in lines[20:30]]
-    assert set(second) == {"3 min"}, "200 s of times, and up to ten of drawing"
-
-
-@pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (40, "40 s"), (100, "2 min"), (7200, "2.0 h")])
-def test_a_duration_is_rough(seconds: float, text: str) -> None:
-    assert duration(seconds) == text
 
 
 @pytest.mark.parametrize(("value", "shown"), [(0.99975, "0.9998"), (0.99998749, "0.99999"), (1.0, "1"), (1.0002, "1")])

@@ -14,7 +14,7 @@ from shadowbench.scenes.library import builtin_names
     [
         ("run ", builtin_names()),
         ("score sta", ["stairs", "statue"]),
-        ("tune -t shadow-", ["shadow-map", "shadow-volume"]),
+        ("render -t shadow-", ["shadow-map", "shadow-volume"]),
         ("render -t no-such", []),
         ("run -s pres", ["presets"]),
         ("stress --axis ", list(AXES)),

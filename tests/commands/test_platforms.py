@@ -5,11 +5,8 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-
-from shadowbench.measure import machine
 
 LIBRARIES = ("moderngl", "glcontext", "embreex", "numba", "llvmlite")
 Elsewhere = Callable[..., subprocess.CompletedProcess[str]]
@@ -77,18 +74,3 @@ def test_what_needs_an_absent_library_names_it_in_one_line(elsewhere: Elsewhere,
     assert done.returncode == 3
     assert done.stderr.startswith(f"shadowbench: {library} is not installed; docs/how-to/install.md ")
     assert len(done.stderr.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("embreex", "works"),
-    [("4.4.0", "`truth`, `needs` and `score`"), ("not installed", "`list`, `check`, `merge` and `report`")],
-)
-def test_doctor_says_what_works_without_gl(
-    shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, embreex: str, works: str
-) -> None:
-    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", str(tmp_path / "none.json"))
-    monkeypatch.setattr(machine, "installed", lambda library: embreex if library == "embreex" else "1.0")
-    answer = shadowbench("doctor")
-    assert answer.code == 3
-    assert f"  embreex: {embreex}" in answer.out.splitlines()
-    assert answer.out.splitlines()[-1] == f"no technique can be drawn here; {works} work"

@@ -16,9 +16,9 @@ from shadowbench.engines.probe import probe_view
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.plugin.engine import Engine
 from shadowbench.scenes.model import View
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.prepared import PreparedTruth
-from shadowbench.survey.views import chosen_view
 from shadowbench.truths.cache import cached_truth
 
 FINER = 4

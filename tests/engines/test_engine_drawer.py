@@ -30,7 +30,7 @@ from shadowbench.measure.rendering import Rendering
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths.cache import cached_truth
 from tests.engines.conftest import SIZE
 

@@ -49,7 +49,7 @@ def test_a_scene_that_is_read_back_has_the_same_shadows(builtin: Callable[..., V
 def test_a_scene_a_thousand_kilometres_away_keeps_its_shadows(builtin: Callable[..., View], tmp_path: Path) -> None:
     near = builtin("stairs", SIZE)
     far = np.array([1e6, 2e5, -3e5])
-    scene = replace(near.scene, meshes=tuple(replace(mesh, points=mesh.vertices + far) for mesh in near.scene.meshes))
+    scene = replace(near.scene, meshes=tuple(replace(mesh, vertices=mesh.vertices + far) for mesh in near.scene.meshes))
     camera = replace(
         near.camera,
         position=tuple(near.camera.position + far),
@@ -142,14 +142,14 @@ def test_only_closed_meshes_that_are_wound_outwards_get_single_sided_materials(b
         "inward": replace(cube, faces=turned),
         "open": replace(cube, faces=cube.faces[1:]),
         "one turned": replace(cube, faces=np.concatenate([turned[:1], cube.faces[1:]])),
-        "part inward": replace(cube, points=beside[0], faces=np.concatenate([cube.faces, turned + beside[1]])),
+        "part inward": replace(cube, vertices=beside[0], faces=np.concatenate([cube.faces, turned + beside[1]])),
         "unshared": replace(
             cube,
-            points=cube.vertices[cube.faces.ravel()],
+            vertices=cube.vertices[cube.faces.ravel()],
             faces=np.arange(3 * len(cube.faces), dtype=np.int32).reshape(-1, 3),
         ),
         "no caster": replace(cube, casts=False),
-        "far": replace(cube, points=cube.vertices + 1e6),
+        "far": replace(cube, vertices=cube.vertices + 1e6),
     }
     scene = replace(view.scene, meshes=tuple(replace(mesh, name=name) for name, mesh in meshes.items()))
     every = replace(view, scene=scene)

@@ -15,7 +15,7 @@ from shadowbench.engines.session import EngineSession
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import EngineParams
 from shadowbench.plugin.registry import engines
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths.cache import cached_truth
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("truth_cache")]

@@ -16,7 +16,7 @@ from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import Axis
 from shadowbench.measure.drawer import Limits
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.results.ranges import Failure, failure, operating_range, operating_ranges
+from shadowbench.results.ranges import Failure, failure, operating_range
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.stress import SWEEPING, spec_at, stress
@@ -110,17 +110,6 @@ def test_values_of_unordered_axes_are_judged_separately() -> None:
     rows = [row(MESH, value, iou=0.5 if value in ("slivers", "open") else 1.0) for value in MESH.values]
     assert operating_range(MESH, rows).text == "breaks at slivers, open: IoU 0.500"
     assert operating_range(MESH, [row(MESH, value) for value in MESH.values]).text == "all 7"
-
-
-def test_ranges_are_of_one_technique_light_and_axis() -> None:
-    rows = [row(axis, value) for axis in (MESH, ELEVATION) for value in axis.values]
-    rows += [{**one, "light_kind": "spot"} for one in rows] + [{**one, "home_spec": "u"} for one in rows]
-    found = operating_ranges([ELEVATION, MESH], rows)
-    assert [(one.axis.name, one.spec, one.light) for one in found] == [
-        (axis, spec, light)
-        for axis in ("elevation", "mesh")
-        for spec, light in (("t", "directional"), ("t", "spot"), ("u", "directional"))
-    ]
 
 
 def test_an_axis_of_parameters_is_swept_for_techniques_that_have_them(bench: Any) -> None:
@@ -286,15 +275,3 @@ def test_breaking_points_are_what_was_asked_for(shadowbench: Any, wild: Path, ha
     out = "out of tolerance already at the default value of every axis that it supports"
     assert plain.out.splitlines()[:2] == [f"does: {out}", f"half: {out}"]
     assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256
-
-
-def test_a_technique_that_supports_no_axis_is_told_so(shadowbench: Any, tmp_path: Path) -> None:
-    answer = shadowbench("stress", "--axis", "cards", "--quick", "-t", "shadow-volume", "-o", tmp_path / "out")
-    assert answer.out.splitlines()[0] == "shadow-volume: supports none of these axes"
-
-
-def test_an_unknown_axis_is_an_input_error(shadowbench: Any, tmp_path: Path) -> None:
-    answer = shadowbench("stress", "--axis", "time", "-o", tmp_path / "out")
-    assert answer.code == 2
-    assert "--axis: found 'time'; allowed: elevation, through-up" in answer.err
-    assert not (tmp_path / "out").exists()

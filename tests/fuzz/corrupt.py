@@ -4,9 +4,7 @@ import base64
 import json
 import random
 import struct
-import tempfile
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import meshopt
@@ -17,7 +15,7 @@ from trimesh.exchange.gltf import export_glb
 from .cases import OUTSIDE, Case
 from .values import NUMBERS, PATHS
 
-FORMATS = ("glb", "gltf", "obj", "ply", "stl", "off", "usda", "usdc", "usdz")
+FORMATS = ("glb", "gltf", "obj", "ply", "stl", "off")
 ABSURD = [*NUMBERS, None, True, "x", "", [], {}, [[]], [1] * 50, "../../etc/passwd", "\ud800"]
 TOKENS = [
     *b"nan inf -inf 1e999 1e19 -1 0 99999999 4294967296 x \0 \xff\xfe 1.5.2 0x10 1_000 -0 1e-320 // 1//1 /".split(b" "),
@@ -25,37 +23,6 @@ TOKENS = [
 ]
 DAMAGES = ["cut", "flip", "flip", "header", "header", "splice", "double", "token", "token", "token", "count", "count"]
 LIES = ["value", "value", "value", "value", "drop", "cycle", "deep", "many", "elsewhere"]
-
-
-USD = """#usda 1.0
-(
-    upAxis = "Z"
-    metersPerUnit = 0.1
-)
-def Xform "a" {
-    double3 xformOp:translate = (0, 0, 3)
-    uniform token[] xformOpOrder = ["xformOp:translate"]
-    def Mesh "m" {
-        point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1)]
-        int[] faceVertexCounts = [4, 3, 3]
-        int[] faceVertexIndices = [0, 1, 2, 3, 0, 1, 4, 1, 2, 4]
-    }
-    def Camera "c" {
-        float focalLength = 20
-    }
-    def SphereLight "l" {
-        float inputs:radius = 2
-    }
-}
-def PointInstancer "p" {
-    rel prototypes = [</p/box>]
-    int[] protoIndices = [0, 0]
-    point3f[] positions = [(5, 0, 0), (0, 5, 0)]
-    def Cube "box" {
-        double size = 3
-    }
-}
-"""
 
 
 @cache
@@ -75,8 +42,6 @@ def valid(kind: str) -> list[bytes]:
         return [*plain, draco, export_glb(two, extension_draco=True), *packed, *rigs]
     if kind == "gltf":
         return [_embedded(data) for data in valid("glb")]
-    if kind.startswith("usd"):
-        return [_stage(kind)]
     if kind == "ply":
         return [ball.export(file_type="ply", encoding=encoding) for encoding in ("ascii", "binary")]
     if kind == "stl":
@@ -86,20 +51,6 @@ def valid(kind: str) -> list[bytes]:
         objects = "mtllib part.mtl\no one\n" + _body(ball, 0) + "o two\nusemtl a\n" + _body(box, len(ball.vertices))
         return [ball.export(file_type="obj").encode(), objects.encode(), box.export(file_type="obj").encode()]
     return [ball.export(file_type="off").encode(), b"OFF\n5 1 0\n0 0 0\n1 0 0\n2 1 0\n1 2 0\n0 1 0\n5 0 1 2 3 4\n"]
-
-
-def _stage(kind: str) -> bytes:
-    """A USD file of all that is read of one."""
-    from pxr import Sdf, UsdUtils
-
-    layer = Sdf.Layer.CreateAnonymous(".usda")
-    layer.ImportFromString(USD)
-    with tempfile.TemporaryDirectory() as folder:
-        plain, file = f"{folder}/part.usda", f"{folder}/mesh.{kind}"
-        layer.Export(plain if kind == "usdz" else file)
-        if kind == "usdz":
-            UsdUtils.CreateNewUsdzPackage(plain, file)
-        return Path(file).read_bytes()
 
 
 def _body(mesh: trimesh.Trimesh, first: int) -> str:

@@ -114,20 +114,10 @@ def test_what_is_cut_away_leaves_no_dark_rim(painted) -> None:
 
 
 def test_triangles_without_a_texture_beside_one_keep_their_colour(painted) -> None:
-    small = replace(wall(None, color=(0.0, 0.0, 1.0)), points=wall(None).vertices * 0.5 + np.array([0, 0, 0.1]))
+    small = replace(wall(None, color=(0.0, 0.0, 1.0)), vertices=wall(None).vertices * 0.5 + np.array([0, 0, 0.1]))
     picture = painted(wall(Texture(encoded(np.full((2, 2, 3), 255, np.uint8)), "a")), small)
     assert picture[SIZE // 2, SIZE // 2].tolist() == [0, 0, 255]
     assert picture[4, 4].tolist() == [255, 255, 255]
-
-
-def test_instances_have_their_textures(painted) -> None:
-    turn = np.eye(4)
-    turn[:3] = [[0.8, 0.1, 0.0, -0.1], [-0.1, 0.8, 0.2, 0.1], [0.0, -0.2, 0.7, 0.2]]
-    whole = wall(Texture(encoded(RANDOM), "a"))
-    copies = [replace(whole, moves=(np.eye(4),)), replace(whole, moves=(turn,)), wall(None, 0.0, color=(0.0, 0.0, 1.0))]
-    picture = painted(*copies)
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 100
-    assert np.array_equal(picture, painted(*(copy.with_vertices(copy.vertices) for copy in copies)))
 
 
 def test_an_image_that_cannot_be_decoded_is_grey_and_told(painted, caplog) -> None:
@@ -146,7 +136,7 @@ def test_textures_are_decoded_for_pictures_only_and_within_limits(
     monkeypatch.setattr(textures, "read_square", lambda *given: (sides.append(given[2]), read(*given))[1])
     monkeypatch.setattr(textures, "MOST_TEXELS", 2 * 16 * 16)
     large = Texture(encoded(np.zeros((64, 64, 3), np.uint8)), "a")
-    meshes = wall(large), replace(wall(replace(large)), points=wall(None).vertices + np.array([2, 0, 0]))
+    meshes = wall(large), replace(wall(replace(large)), vertices=wall(None).vertices + np.array([2, 0, 0]))
     shot = studio.shot(looking(meshes, HEADLIGHT, SIZE))
     painter = PicturePass(device, shot.geometry)
     assert not sides, "not for the G-buffer"

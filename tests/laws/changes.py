@@ -54,7 +54,7 @@ def mapped(view: View, matrix: Floats, move: Floats | float = 0.0) -> View:
     light = replace(view.light, direction=vec3(turned(np.array(view.light.direction))))
     if light.kind != "directional":
         light = replace(light, position=vec3(points(np.array(light.position))))
-    meshes = [replace(mesh, points=points(mesh.vertices)) for mesh in view.scene.meshes]
+    meshes = [replace(mesh, vertices=points(mesh.vertices)) for mesh in view.scene.meshes]
     return replace(with_meshes(view, meshes), camera=camera, light=light)
 
 
@@ -65,7 +65,7 @@ def with_meshes(view: View, meshes: list[Mesh]) -> View:
 
 def with_faces(mesh: Mesh, faces: np.ndarray, vertices: Floats | None = None) -> Mesh:
     vertices = mesh.vertices if vertices is None else vertices
-    return replace(mesh, points=vertices, faces=np.ascontiguousarray(faces, dtype=np.int32))
+    return replace(mesh, vertices=vertices, faces=np.ascontiguousarray(faces, dtype=np.int32))
 
 
 def about_y(degrees: float) -> Floats:
@@ -205,7 +205,7 @@ def beside(view: View, random: Random) -> View:
     across = random.uniform(-1.0, 1.0, 3)
     across -= (across @ away) * away
     at = middle + (along.max() - middle @ away + reach) * away + across
-    more = replace(box, points=on_grid(box.vertices + at), receives=False)
+    more = replace(box, vertices=on_grid(box.vertices + at), receives=False)
     return with_meshes(view, [*view.scene.meshes, more])
 
 
@@ -217,7 +217,7 @@ def nested(view: View, random: Random) -> View:
     """
     convex = [mesh for mesh in view.scene.meshes if mesh.name in CONVEX]
     inner = [
-        replace(mesh, receives=False, points=on_grid(mesh.vertices / 2 + mesh.vertices.mean(axis=0) / 2))
+        replace(mesh, receives=False, vertices=on_grid(mesh.vertices / 2 + mesh.vertices.mean(axis=0) / 2))
         for mesh in convex
     ]
     return with_meshes(view, [*view.scene.meshes, *inner])

@@ -152,7 +152,7 @@ def bleeds(case: Case) -> None:
     *others, upper = changed.scene.meshes
     toward = -unit(changed.light.direction)
     down = 0.5 * toward * ((upper.vertices[0] - others[-1].vertices[0]) @ toward)
-    halfway = with_meshes(changed, [*others, replace(upper, points=upper.vertices - down)])
+    halfway = with_meshes(changed, [*others, replace(upper, vertices=upper.vertices - down)])
     fit = FixedFit(half=6.5, near=1.0, far=60.0, distance=50.0)
     low, high = (case.visibility(view, fit=fit, bias=NoBias(), filter=VSM(bleed=0.0)) for view in (halfway, changed))
     assert (high > low - 1e-3).all() and high.mean() > low.mean() + 1e-3, "no more light through casters farther apart"

@@ -145,10 +145,10 @@ def test_a_plug_in_s_metric_is_in_the_key_by_its_name_and_file(monkeypatch: pyte
 def test_a_view_differs_with_all_that_can_move_a_shadow(cube: View) -> None:
     camera, light, scene = cube.camera, cube.light, cube.scene
     plane = scene.meshes[0]
-    joint = replace(plane, points=scene.geometry.vertices, faces=scene.geometry.faces)
+    joint = replace(plane, vertices=scene.geometry.vertices, faces=scene.geometry.faces)
     zeros = replace(plane, normals=np.zeros((len(plane.faces), 3, 3), np.float32))
     smooth = [replace(mesh, normals=np.ones((len(mesh.faces), 3, 3), np.float32)) for mesh in scene.meshes[1:]]
-    lower = replace(scene, meshes=(replace(plane, points=plane.vertices - [0, 1e-12, 0]), *scene.meshes[1:]))
+    lower = replace(scene, meshes=(replace(plane, vertices=plane.vertices - [0, 1e-12, 0]), *scene.meshes[1:]))
     views = [
         cube,
         replace(cube, size=65),

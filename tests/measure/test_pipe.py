@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from shadowbench.measure.worker import Pipe
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 
 
 class Wire:

@@ -223,19 +223,6 @@ def test_a_folder_whose_name_is_not_utf_8_is_reported_and_compared(
     assert (worse / "check" / "summary.md").exists()
 
 
-@pytest.mark.parametrize(
-    "words", [("report", "out"), ("check", "out", "--baseline", "out"), ("merge", "out", "-o", "all")]
-)
-def test_a_working_folder_that_is_gone_is_one_line(
-    shadowbench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
-) -> None:
-    (tmp_path / "here").mkdir()
-    monkeypatch.chdir(tmp_path / "here")
-    (tmp_path / "here").rmdir()
-    answer = shadowbench(*words)
-    assert (answer.code, answer.err) == (2, "shadowbench: the working folder is gone; allowed: one that exists\n")
-
-
 class Killed(BaseException):
     """Ends a command as a kill does: nothing is written any more, whatever it tries."""
 

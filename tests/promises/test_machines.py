@@ -133,12 +133,6 @@ def test_a_sweep_has_the_same_rows(compare: Callable[..., None]) -> None:
 
 
 @pytest.mark.slow
-def test_a_search_has_the_same_trials(compare: Callable[..., None]) -> None:
-    scenes = ["--scenes", "cube-on-plane,spot-lamp", "--held-out", "spot-lamp"]
-    compare("tune", "-t", "shadow-map", *scenes, "--trials", "3", "--phases", "1", *SMALL)
-
-
-@pytest.mark.slow
 def test_times_are_taken_where_asked_and_nowhere_else(
     shadowbench: Command, records: Records, address: str, tmp_path: Path
 ) -> None:

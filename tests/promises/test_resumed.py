@@ -201,20 +201,3 @@ def test_a_sweep_goes_on_with_what_failed(
     assert [row["status"].partition(":")[0] for row in again] == ["failed", "ok"] * 3
     assert [row["key"] for row in again] == [row["key"] for row in before if row["spec"] != "half"]
     assert len(table(out)) == 9
-
-
-def test_a_stopped_search_goes_on_to_the_same_end(shadowbench: Any, records: Any, tmp_path: Path) -> None:
-    scenes = ("--scenes", "cube-on-plane,sphere-and-torus", "--held-out", "sphere-and-torus", "--params", "bias")
-    small = ("--trials", "8", "--map-size", "128", "--view-size", "48", "--phases", "1", "--json", "-q")
-    words = ("tune", "-t", "shadow-map:filter=hard", *scenes, *small)
-    whole = shadowbench(*words, "-o", tmp_path / "whole")
-    assert whole.code == 0, whole.err
-    rows = records(tmp_path / "whole")
-    assert len({row["key"] for row in rows}) == len(rows)
-    assert shadowbench(*words, "-o", tmp_path / "whole").out == whole.out
-    assert records(tmp_path / "whole") == rows, "nothing is drawn again"
-    (tmp_path / "part").mkdir()
-    (tmp_path / "part" / "rows.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows[:5]))
-    assert shadowbench(*words, "-o", tmp_path / "part").out == whole.out
-    assert records(tmp_path / "part")[:5] == rows[:5]
-    assert unsigned(records(tmp_path / "part")) == unsigned(rows)

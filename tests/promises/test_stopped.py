@@ -11,7 +11,7 @@ from typing import Any
 import psutil
 import pytest
 
-from tests.promises.conftest import Record, environment, finished, gone, marked, study_text, unsigned
+from tests.promises.conftest import Record, gone, marked, study_text, unsigned
 from tests.samples import sampled
 
 Records = Callable[..., list[Record]]
@@ -101,7 +101,6 @@ def test_while_a_run_goes_on_its_rows_are_on_disk_and_no_other_writes_into_its_f
     for command in (
         arguments(1, LATE_GATE),
         ["recommend", "stairs", "-o", out],
-        ["tune", "-t", "shadow-map", "-o", out],
     ):
         answer = shadowbench(*command)
         assert (answer.code, answer.err) == (
@@ -301,31 +300,3 @@ def test_a_full_disk_is_one_line_and_leaves_complete_rows(tmp_path: Path, shadow
     assert shadowbench("run", "-s", file, "-o", out, "-q").code == 0  # there is room again
     assert (out / "rows.jsonl").read_bytes().startswith(before)
     assert unsigned(records(out)) == unsigned(records(tmp_path / "whole"))
-
-
-# Python's own ways to start a process or a thread, refused as by a system at its limit, before the package is imported.
-LIMITS = {
-    "no process": "import _posixsubprocess\n_posixsubprocess.fork_exec = refuse(BlockingIOError(11, 'no process'))\n",
-    "no thread": 'import threading\nthreading._start_new_thread = refuse(RuntimeError("can\'t start new thread"))\n'
-    "threading._start_joinable_thread = threading._start_new_thread\n",
-    "OpenBLAS has no thread": "import _posixsubprocess, threading\n"  # it interrupts whoever imports it
-    "_posixsubprocess.fork_exec = refuse(KeyboardInterrupt())\n"
-    'threading._start_new_thread = refuse(RuntimeError("can\'t start new thread"))\n',
-    "the guard is no process": "import os\nos.posix_spawn = refuse(BlockingIOError(11, ''))\n",
-}
-REFUSE = """
-def refuse(error):
-    def call(*_, **__):
-        raise error
-    return call
-"""
-NO_PROCESS = "shadowbench: no further process or thread is allowed here (ulimit -u, or a limit of the container)\n"
-
-
-@pytest.mark.parametrize("what", [pytest.param(what, marks=pytest.mark.slow) for what in LIMITS])
-def test_a_system_that_allows_few_processes_is_one_line(tmp_path: Path, what: str) -> None:
-    (tmp_path / "sitecustomize.py").write_text(REFUSE + LIMITS[what])
-    path = os.pathsep.join([str(tmp_path), *sys.path])
-    words = ("run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-q", "-o", tmp_path / "out")
-    run = finished(*words, env=environment(PYTHONPATH=path))
-    assert (run.returncode, run.stderr) == (3, NO_PROCESS)

@@ -18,10 +18,10 @@ from shadowbench.scenes.assumed import without_ground
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_digest
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.studies.study import Study
 from shadowbench.survey.explanations import explanations_of
 from shadowbench.survey.survey import needs
-from shadowbench.survey.views import chosen_view
 from tests.scenes.conftest import refused
 
 

@@ -247,6 +247,8 @@ def test_an_extension_that_is_not_read_is_a_note(gltf_file: Gltf) -> None:
         {"extensionsUsed": ["CESIUM_RTC", "KHR_materials_ior", "FB_ngon_encoding"]},
     ):
         assert read_meshes(gltf_file(**parts)).notes == ("model.gltf: drawn as if the file did not use CESIUM_RTC",)
+    (note,) = read_meshes(gltf_file(extensionsUsed=["KHR_materials_variants"])).notes
+    assert note.endswith("did not use KHR_materials_variants")
 
 
 def test_quantised_positions_are_scaled_to_fractions(gltf_file: Gltf) -> None:

@@ -76,5 +76,5 @@ def test_invalid_instances_are_one_line(gltf_file: Gltf, attributes: dict[str, n
 
 
 def test_instances_count_as_triangles_before_they_are_made(gltf_file: Gltf, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shadowbench.scenes.gltf_layout.MOST_DRAWN", 2)
-    refused(instanced(gltf_file, {"SCALE": SIZES}), "9 vertices; allowed are at most 6")
+    monkeypatch.setattr("shadowbench.scenes.gltf_layout.MOST_TRIANGLES", 2)
+    refused(instanced(gltf_file, {"SCALE": SIZES}), "9 vertices; allowed are 6")

@@ -21,8 +21,8 @@ from shadowbench.scenes.gltf import read_gltf
 from shadowbench.scenes.gltf_animation import slerp
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.studies.study import Study, study_from_options
-from shadowbench.survey.views import chosen_view
 from tests.scenes.conftest import refused
 from tests.scenes.pose_reference import Reference
 from tests.scenes.rigs import HALF, RIGS, Rig, tube, turn
@@ -267,7 +267,7 @@ def test_a_scene_file_poses_each_of_its_meshes(tmp_path: Path) -> None:
         (tmp_path / "b.toml").write_text(table + line)
         refused(tmp_path / "b.toml", "[[mesh]] 1", line.split()[0])
     (tmp_path / "c.toml").write_text('[[mesh]]\nshape = "box"\ntime = 1')
-    refused(tmp_path / "c.toml", "time, clip and variant are for a file")
+    refused(tmp_path / "c.toml", "time and clip are for a file")
 
 
 def test_options_choose_the_pose_everywhere(tmp_path: Path) -> None:

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from shadowbench.scenes.mesh import Mesh
 from shadowbench.scenes.meshes import read_meshes
+from shadowbench.scenes.placed import placed
 from tests.scenes.conftest import refused
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
@@ -200,6 +202,7 @@ def test_a_missing_file_a_folder_and_an_unknown_kind_are_one_line(tmp_path: Path
     (tmp_path / "folder.obj").mkdir()
     refused(tmp_path / "folder.obj", "not a file")
     refused(tmp_path / "a.fbx", "unknown kind", ".glb .gltf .obj .ply .stl .off")
+    refused(tmp_path / "a.usdz", "a.usdz: USD is not read; convert it to .glb, with Blender", "usdcat")
 
 
 @pytest.mark.parametrize("kept", [0.1, 0.5, 0.9, 0.99])
@@ -323,3 +326,23 @@ def test_strips_of_a_ply_are_triangles_beside_its_faces(mesh_file: MeshFile, kin
     normals = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
     # (0 1 2) of the face, (0 1 2), (1 3 2), (2 1 3), and (1 0 3), as every other one of a strip turns the other way.
     assert sorted(normals[:, 2].tolist()) == [-1, 1, 1, 1, 1]
+
+
+def test_tiny_meshes_in_batches_are_what_they_are_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    quad = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [0.0, 0.0, 1.0], [2.0, 0.0, 0.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 4], [0, 3, 2]], dtype=np.int32)  # the second has no area
+    matrices = [np.diag([scale, 1.0, 0.3, 1.0]) for scale in (1.0, -0.7, 0.0, 3.0, 0.1)]  # a mirror, and all flat
+    instances = [(Mesh("quad", quad, faces), matrix) for matrix in matrices]
+    results = []
+    for size in (1, 4, 1 << 12):
+        monkeypatch.setattr("shadowbench.scenes.placed._BATCH", size)
+        meshes, dropped = placed(instances, "quads")
+        assert (len(meshes), dropped) == (4, 4 + 3)
+        results.append([(mesh.vertices.tobytes(), mesh.faces.tobytes()) for mesh in meshes])
+    assert results[0] == results[1] == results[2]
+
+
+def test_each_copy_counts_as_triangles_of_a_scene(scene_file, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = scene_file('[[mesh]]\nshape = "box"\nrepeat = [{ count = 9, step = [2, 0, 0] }]')
+    monkeypatch.setattr("shadowbench.scenes.placed.MOST_TRIANGLES", 100)
+    refused(path, "scene.toml: 108 triangles, each copy of a mesh counted; a scene may have 100")

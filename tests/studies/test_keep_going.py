@@ -72,32 +72,3 @@ def test_nothing_left_is_an_error(shadowbench: Shadowbench, scenes: dict[str, Pa
         answer = shadowbench("run", scenes[name], *SMALL, "--keep-going", "-o", tmp_path / "out")
         assert answer.code == code and answer.err.count("\n") == 1 and name in answer.err
         assert not (tmp_path / "out").exists()
-
-
-def test_stress_leaves_out_a_line_that_fails(
-    shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    score = Campaign._score
-
-    def fail(self: Campaign, block: Block) -> None:
-        if block.view.light.kind == "spot":
-            raise ZeroDivisionError("as planned")
-        score(self, block)
-
-    monkeypatch.setattr(Campaign, "_score", fail)
-    command = ("stress", "--quick", "-t", "unshadowed", "--axis", "gap", "-q", "--keep-going", "-o", tmp_path / "out")
-    answer = shadowbench(*command)
-    assert answer.code == 3 and "failed: 1 × axis: gap spot: as planned\n" in answer.err
-    assert "directional" in (tmp_path / "out" / "table.csv").read_text()
-
-
-def test_tune_leaves_out_a_scene_that_cannot_be_read(
-    shadowbench: Shadowbench, scenes: dict[str, Path], tmp_path: Path
-) -> None:
-    named = f"{scenes['good']},cube-on-plane,{scenes['broken']}"
-    options = ("--held-out", "good", "--trials", "1", "--map-size", "32", "--view-size", "32", "--phases", "1", "-q")
-    command = ("tune", "-t", "shadow-map", "--scenes", named, *options, "-o", tmp_path / "out")
-    assert shadowbench(*command).code == 2
-    answer = shadowbench(*command, "--keep-going")
-    assert answer.code == 3 and answer.err.startswith(f"failed: 1 × scene: {scenes['broken']}: not TOML")
-    assert set(measured(tmp_path / "out")) == {"good", "cube-on-plane"}

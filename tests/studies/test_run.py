@@ -11,7 +11,6 @@ import pytest
 from PIL import Image
 
 import shadowbench as sb
-from shadowbench.files import data_folder
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS
 from tests.runs import SMALL
@@ -119,32 +118,6 @@ def test_a_light_that_the_reference_does_not_answer_has_a_reference_of_its_own(r
     assert others == {"shadow-map:size=1024"}
 
 
-def test_numbers_are_in_their_range(run: Run) -> None:
-    held = [cell for cell in run.cells if cell["status"] == "ok"]
-    assert len(held) == 6
-    for cell in held:
-        assert 0 <= float(cell["iou"]) <= 1
-        assert cell["view_size"] == "96"
-        if cell["phase"] == "0":
-            assert float(cell["frame_ms"]) > 0 and cell["n"] == "2"
-        assert int(cell["receivers"]) <= 96 * 96
-        assert int(cell["surface_mismatch"]) <= 0.01 * int(cell["receivers"])
-    first = [cell for cell in held if (cell["scene"], cell["phase"]) == ("cube-on-plane", "0")]
-    cube = {(cell["spec"], cell["map_size"]): float(cell["iou"]) for cell in first}
-    assert cube["unshadowed", ""] == 0
-    assert 0.5 < cube["shadow-map", "64"] < cube["shadow-map", "128"] < 1
-
-
-def test_phases_move_the_grid(run: Run, records: Records) -> None:
-    masks = {
-        (record["full_spec"], record["phase"]): record["mask_sha256"]
-        for record in records(run.folder, "score")
-        if record["technique"] == "shadow-map" and record["status"] == "ok"
-    }
-    assert len(masks) == 4
-    assert len(set(masks.values())) == 4
-
-
 def test_pictures_masks_and_truths_lie_in_the_folder(run: Run, records: Records) -> None:
     keys = {record["key"] for record in records(run.folder, "score") if record["status"] == "ok"}
     assert {file.name for file in (run.folder / "masks").iterdir()} == {f"{key}.png" for key in keys}
@@ -226,21 +199,6 @@ def test_an_extreme_scene_gives_a_result(shadowbench: Any, tmp_path: Path, scene
     assert float(cells["shadow-map"]["iou"] or 1) >= least
 
 
-@pytest.mark.parametrize("metres", [1e6, 1e-4])
-def test_scenes_of_any_size_give_the_same_result(shadowbench: Any, tmp_path: Path, metres: float) -> None:
-    def at(scale: float, folder: Path) -> float:
-        folder.mkdir()
-        position, target = ([scale * part for part in point] for point in ((2.3, 2.2, 3.0), (0.4, 0.2, -0.2)))
-        plane = f'[[mesh]]\nshape = "plane"\nscale = {8 * scale}\n'
-        cube = f'[[mesh]]\nshape = "box"\nscale = {scale}\ntranslate = [0, {scale / 2}, 0]\n'
-        camera, mesh = f"position = {position}\ntarget = {target}", plane + cube
-        cell = extreme(shadowbench, folder, scene_text(SUN, camera, mesh), LARGE)["shadow-map"]
-        assert cell["status"] == "ok"
-        return float(cell["iou"])
-
-    assert at(metres, tmp_path / "there") == pytest.approx(at(1.0, tmp_path / "here"), abs=0.02)
-
-
 def test_a_view_of_one_pixel_and_a_map_of_one_texel_give_a_result(shadowbench: Any, tmp_path: Path) -> None:
     text = SMALL.replace("view_size = 64", "view_size = 1").replace("size=64", "size=1")
     cells = Run(shadowbench, tmp_path / "out", text).cells
@@ -255,14 +213,6 @@ def test_a_file_s_technique_is_measured_and_named(shadowbench: Any, half: Path, 
     assert (cell["iou"], cell["map_size"]) != ("", "64")
     assert "pass_fill_ms" in cell
     assert cell["work_draws"] == "1", "of one frame"
-
-
-def test_the_same_scene_under_another_name_has_rows_of_its_own(shadowbench: Any, tmp_path: Path) -> None:
-    scene = (data_folder("scenes") / "cube-on-plane.toml").read_text()
-    (tmp_path / "files").mkdir()
-    (tmp_path / "files" / "twin.toml").write_text(scene.replace('name = "cube-on-plane"', 'name = "twin"'))
-    run = Run(shadowbench, tmp_path / "out", SMALL.replace('"cube-on-plane"', '"cube-on-plane", "twin.toml"'))
-    assert [cell["scene"] for cell in run.cells] == ["cube-on-plane"] * 2 + ["twin"] * 2
 
 
 FILTERS = {"hard": 1, "hardware": 1, "pcf(taps=5)": 25, "dither-4": 4}

@@ -9,19 +9,16 @@ from typing import Any
 
 import pytest
 
-import shadowbench as sb
 from shadowbench.errors import InputError
 from shadowbench.measure.cells import Block
 from shadowbench.options import Measuring, ViewOptions
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.scenes.library import builtin_names, hard_names
 from shadowbench.studies.stress import default_specs
-from shadowbench.studies.study import Study, find_study, read_study, study_from_options, study_names
+from shadowbench.studies.study import Study, find_study, read_study, study_from_options
 from tests.scenes.rigs import morphing, sheared
 
 SCENE = 'scenes = ["cube-on-plane"]\n'
-HOME = "shadow-map"
 KNOWN = techniques()
 ReadStudy = Callable[[str], Study]
 
@@ -84,15 +81,6 @@ def test_fields_missing_in_a_study_have_the_promised_defaults(read: ReadStudy) -
     assert study.notes == ()
 
 
-@pytest.mark.parametrize("name", study_names())
-def test_built_in_studies_are_valid(name: str) -> None:
-    study = read_study(find_study(name), KNOWN)
-    assert study.about
-    assert study.cells()
-    assert study.notes == ()
-    assert all(block.cells for block in study.blocks())
-
-
 def test_lists_are_crossed(read: ReadStudy) -> None:
     study = read(
         SCENE + '[[technique]]\nspec = "shadow-map:size=64"\nbias = ["none", "slope(max=0.05,min=0.005)"]\n'
@@ -136,22 +124,6 @@ def test_a_map_size_goes_where_there_is_a_map_and_no_size_of_its_own(read: ReadS
     ]
 
 
-def test_one_map_size_needs_no_list_and_none_leaves_the_default(read: ReadStudy) -> None:
-    one = '[[technique]]\nspec = "shadow-map"\n'
-    assert specs(read(SCENE + "map_size = 64\n" + one)) == ["shadow-map:size=64"]
-    assert [cell.spec.map_size for cell in read(SCENE + one).cells()] == [1024]
-
-
-def test_only_techniques_with_a_grid_have_phases(read: ReadStudy) -> None:
-    study = read(SCENE + 'phases = 3\ntechnique = [{ spec = "unshadowed" }, { spec = "shadow-map" }]\n')
-    assert [(cell.spec.technique.name, cell.phase) for cell in study.cells()] == [
-        ("unshadowed", 0),
-        ("shadow-map", 0),
-        ("shadow-map", 1),
-        ("shadow-map", 2),
-    ]
-
-
 def test_phases_may_be_given_for_one_technique(read: ReadStudy) -> None:
     own = '[[technique]]\nspec = "shadow-map"\nphases = 3\n[[technique]]\nspec = "cascades"\n'
     none = '[[technique]]\nspec = "unshadowed"\nphases = 3\n'
@@ -174,15 +146,6 @@ def test_phases_may_be_given_for_one_technique(read: ReadStudy) -> None:
     assert phases(SCENE + "phases = 2\n" + own) == {"shadow-map": [0, 1, 2], "cascades": [0, 1]}
 
 
-def test_studies_about_map_sizes_have_several_phases() -> None:
-    demo, default = (read_study(find_study(name), KNOWN) for name in ("demo", "default"))
-    assert {cell.phase for cell in default.cells() if cell.spec.technique.phased} == set(range(8))
-    usual = {(cell.spec.map_size, cell.phase) for cell in demo.cells(soft=False) if cell.spec.sizeless_text == HOME}
-    assert usual == {(size, phase) for size in (512, 1024, 2048, 4096) for phase in range(8)}
-    webgl = parse_spec("shadow-map:preset=webgl", KNOWN).sizeless_text
-    assert {c.spec.map_size for c in demo.cells(soft=False) if c.spec.sizeless_text == webgl} == {512, 4096}
-
-
 def test_the_demo_has_every_technique_and_preset_under_a_sun_a_lamp_and_a_light_with_a_size() -> None:
     demo = read_study(find_study("demo"), KNOWN)
     assert {spec.technique.name for spec in demo.specs} == KNOWN.keys()
@@ -197,12 +160,6 @@ def test_the_demo_has_every_technique_and_preset_under_a_sun_a_lamp_and_a_light_
         "light-samples",
         "soft-volume",
     }
-
-
-def test_convergence_is_studied_on_every_scene_whose_light_has_a_size_and_all_else_on_the_others() -> None:
-    soft, hard = (set(read_study(find_study(name), KNOWN).scenes) for name in ("convergence", "everything"))
-    assert soft == set(builtin_names()) - set(hard_names())
-    assert hard == set(hard_names())
 
 
 def test_a_table_may_be_for_lights_with_a_size_only_or_for_those_without(read: ReadStudy) -> None:
@@ -274,54 +231,62 @@ def test_a_clip_is_that_of_the_scenes_that_have_it_and_one_must(read: ReadStudy,
 ONE = '[[technique]]\nspec = "shadow-map"\n'
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("scenes = [", ["not TOML"]),
-        ("", ["scenes"]),
-        ("scenes = []\n", ["scenes"]),
-        ("scenes = [1]\n", ["scenes 1", "found 1", "text"]),
-        ('[[mesh]]\nshape = "box"\n', ["found a scene file", "a study file, or `shadowbench run`"]),
-        (SCENE + "size = 3\n", ["unknown field 'size'", "map_size"]),
-        (SCENE + 'assets = "meshes"\n', ["unknown field 'assets'", "about, scenes, map_size"]),
-        (SCENE + "map_size = [512, 1.5]\n", ["map_size", "1.5"]),
-        (SCENE + "map_size = []\n", ["map_size"]),
-        (SCENE + "map_size = 65537\n", ["map_size", "65537"]),
-        (SCENE + 'map_size = "512"\n', ["map_size", "'512'"]),
-        (SCENE + "view_size = true\n", ["view_size", "True"]),
-        (SCENE + "rounds = -1\n", ["rounds", "-1"]),
-        (SCENE + "phases = 0\n", ["phases", "0"]),
-        (SCENE + 'coordinates = "polar"\n', ["coordinates", "relative", "absolute", "'polar'"]),
-        (SCENE + "time_limit = nan\n", ["time_limit", "nan"]),
-        (SCENE + "memory_limit = -1\n", ["memory_limit", "-1"]),
-        (SCENE + "reference = 3\n", ["reference", "3"]),
-        (SCENE + 'reference = "no-map"\n', ["reference", "no-map", "shadow-map"]),
-        (SCENE + "views = [{ position = [0, 1, 5] }]\n", ["views 1", "target"]),
-        (SCENE + "views = [3]\n", ["views 1", "found 3", "a table or text"]),
-        (SCENE + 'lights = [{ kind = "moon" }]\n', ["lights 1", "kind", "'moon'", "directional"]),
-        (SCENE + "lights = []\n", ["lights"]),
-        (SCENE + "technique = []\n", ["technique"]),
-        (SCENE + "[[technique]]\nsize = 64\n", ["technique 1", "spec"]),
-        (SCENE + '[[technique]]\nspec = "no-map"\n', ["technique 1", "no-map", "shadow-map"]),
-        (SCENE + '[[technique]]\nspec = "shadow-map:preset=nice"\n', ["technique 1", "'nice'", "course"]),
-        (SCENE + ONE + "taps = 3\n", ["technique 1", "'taps'", "filter"]),
-        (SCENE + ONE + ONE + "size = [64, 0]\n", ["technique 2", "size", "0"]),
-        (SCENE + ONE + 'bias = ["texel", "velvet"]\n', ["technique 1", "'velvet'", "slope"]),
-        (SCENE + ONE + "phases = true\n", ["technique 1", "phases", "True"]),
-        (SCENE + ONE + "bias = []\n", ["technique 1", "bias"]),
-        (SCENE + ONE + 'bias_sweep = [1, "two"]\n', ["technique 1", "bias_sweep", "'two'"]),
-        (SCENE + ONE + "bias_sweep = [-1]\n", ["technique 1", "bias_sweep", "-1"]),
-        (SCENE + ONE + "bias_sweep = []\n", ["technique 1", "bias_sweep"]),
-        (SCENE + '[[technique]]\nspec = "unshadowed"\nbias_sweep = [2]\n', ["technique 1", "bias_sweep", "unshadowed"]),
-    ],
-)
-def test_a_wrong_field_is_one_line(read: ReadStudy, text: str, words: list[str]) -> None:
-    with pytest.raises(InputError) as error:
-        read(text)
-    line = str(error.value)
-    assert "\n" not in line
-    assert line.partition(":")[0].endswith("study.toml")
-    assert [word for word in words if word not in line] == []
+WRONG: list[tuple[str, list[str]]] = [
+    ("scenes = [", ["not TOML"]),
+    ("", ["scenes"]),
+    ("scenes = []\n", ["scenes"]),
+    ("scenes = [1]\n", ["scenes 1", "found 1", "text"]),
+    ('[[mesh]]\nshape = "box"\n', ["found a scene file", "a study file, or `shadowbench run`"]),
+    (SCENE + "size = 3\n", ["unknown field 'size'", "map_size"]),
+    (SCENE + 'assets = "meshes"\n', ["unknown field 'assets'", "about, scenes, map_size"]),
+    (SCENE + "map_size = [512, 1.5]\n", ["map_size", "1.5"]),
+    (SCENE + "map_size = []\n", ["map_size"]),
+    (SCENE + "map_size = 65537\n", ["map_size", "65537"]),
+    (SCENE + 'map_size = "512"\n', ["map_size", "'512'"]),
+    (SCENE + "view_size = true\n", ["view_size", "True"]),
+    (SCENE + "rounds = -1\n", ["rounds", "-1"]),
+    (SCENE + "phases = 0\n", ["phases", "0"]),
+    (SCENE + 'coordinates = "polar"\n', ["coordinates", "relative", "absolute", "'polar'"]),
+    (SCENE + "time_limit = nan\n", ["time_limit", "nan"]),
+    (SCENE + "memory_limit = -1\n", ["memory_limit", "-1"]),
+    (SCENE + "reference = 3\n", ["reference", "3"]),
+    (SCENE + 'reference = "no-map"\n', ["reference", "no-map", "shadow-map"]),
+    (SCENE + "views = [{ position = [0, 1, 5] }]\n", ["views 1", "target"]),
+    (SCENE + "views = [3]\n", ["views 1", "found 3", "a table or text"]),
+    (SCENE + 'lights = [{ kind = "moon" }]\n', ["lights 1", "kind", "'moon'", "directional"]),
+    (SCENE + "lights = []\n", ["lights"]),
+    (SCENE + "technique = []\n", ["technique"]),
+    (SCENE + "[[technique]]\nsize = 64\n", ["technique 1", "spec"]),
+    (SCENE + '[[technique]]\nspec = "no-map"\n', ["technique 1", "no-map", "shadow-map"]),
+    (SCENE + '[[technique]]\nspec = "shadow-map:preset=nice"\n', ["technique 1", "'nice'", "course"]),
+    (SCENE + ONE + "taps = 3\n", ["technique 1", "'taps'", "filter"]),
+    (SCENE + ONE + ONE + "size = [64, 0]\n", ["technique 2", "size", "0"]),
+    (SCENE + ONE + 'bias = ["texel", "velvet"]\n', ["technique 1", "'velvet'", "slope"]),
+    (SCENE + ONE + "phases = true\n", ["technique 1", "phases", "True"]),
+    (SCENE + ONE + "bias = []\n", ["technique 1", "bias"]),
+    (SCENE + ONE + 'bias_sweep = [1, "two"]\n', ["technique 1", "bias_sweep", "'two'"]),
+    (SCENE + ONE + "bias_sweep = [-1]\n", ["technique 1", "bias_sweep", "-1"]),
+    (SCENE + ONE + "bias_sweep = []\n", ["technique 1", "bias_sweep"]),
+    (SCENE + '[[technique]]\nspec = "unshadowed"\nbias_sweep = [2]\n', ["technique 1", "bias_sweep", "unshadowed"]),
+    (SCENE + "rounds = " + "9" * 5000 + "\n", ["not TOML"]),
+    (SCENE + "rounds = 99999999999999999999\n", ["rounds", "64 bits"]),
+    ('scenes = ["a\\u0000b"]\ntechnique = [{ spec = "unshadowed" }]\n', []),
+    (
+        SCENE + f"[[technique]]\nspec = 'shadow-map'\nsize = {[16] * 1000}\nbias_sweep = {[1.0] * 99}\n",
+        ["technique 1", "99000 specs", "10000"],
+    ),
+    (SCENE + f"[[technique]]\nspec = {['x'] * 3000}\n", ["technique 1: spec"]),
+    (SCENE + f"[[technique]]\nspec = 'shadow-map'\n{'k' * 3000} = 1\n", ["unknown parameter"]),
+]
+
+
+def test_a_wrong_field_and_a_study_beyond_its_limits_are_one_line(read: ReadStudy) -> None:
+    for text, words in WRONG:
+        with pytest.raises(InputError) as error:
+            next(read(text).blocks())
+        line = str(error.value)
+        assert line.isprintable() and len(line) < 1000, text
+        assert [word for word in words if word not in line] == [], text
 
 
 def test_a_missing_study_a_folder_a_pipe_and_unreadable_bytes_are_one_line(tmp_path: Path) -> None:
@@ -334,14 +299,10 @@ def test_a_missing_study_a_folder_a_pipe_and_unreadable_bytes_are_one_line(tmp_p
         assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(("field", "word"), [("views", "camera, low"), ("lights", "light, noon")])
-def test_an_unknown_camera_or_light_lists_the_known(read: ReadStudy, pair: str, field: str, word: str) -> None:
-    study = read(f'{field} = ["dusk"]\n' + pair)
-    with pytest.raises(InputError, match=f"{field} of pair: found 'dusk'; allowed: {word}"):
-        list(study.blocks())
-
-
-def test_different_scenes_views_or_lights_of_one_name_are_refused(read: ReadStudy, pair: str, tmp_path: Path) -> None:
+def test_unknown_cameras_and_lights_and_two_of_one_name_are_refused(read: ReadStudy, pair: str, tmp_path: Path) -> None:
+    for field, names in (("views", "camera, low"), ("lights", "light, noon")):
+        with pytest.raises(InputError, match=f"{field} of pair: found 'dusk'; allowed: {names}"):
+            list(read(f'{field} = ["dusk"]\n' + pair).blocks())
     (tmp_path / "twin.toml").write_text(TWO_OF_EACH)
     with pytest.raises(InputError, match=r"two scenes .*'pair'.*pair\.toml.*twin\.toml"):
         list(read('scenes = ["pair.toml", "twin.toml"]\n').blocks())
@@ -350,34 +311,6 @@ def test_different_scenes_views_or_lights_of_one_name_are_refused(read: ReadStud
         list(read(f'views = ["low", {other}]\n' + pair).blocks())
     with pytest.raises(InputError, match="lights of pair: two are called 'noon'"):
         list(read('lights = ["file", { name = "noon", kind = "point", position = [0, 3, 0] }]\n' + pair).blocks())
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (SCENE + "a." * 100_000 + "b = 1\n", ["line 2", "100000 dots"]),
-        (SCENE + "rounds = " + "9" * 5000 + "\n", ["not TOML"]),
-        (SCENE + "rounds = 99999999999999999999\n", ["rounds", "64 bits"]),
-        ("scenes = [" + '"cube-on-plane",' * 1001 + "]\n", ["scenes", "1000"]),
-        ('scenes = ["a\\u0000b"]\ntechnique = [{ spec = "unshadowed" }]\n', []),
-        (SCENE + "map_size = [" + "512," * 10_001 + "]\n", ["specs", "10000"]),
-        (SCENE + "map_size = [" + "512," * 2000 + "]\nphases = 10000\n", ["cells", "1000000"]),
-        (SCENE + "map_size = [" + "512," * 2000 + "]\n" + ONE + "phases = 10000\n", ["20000000 cells", "1000000"]),
-        (
-            SCENE + f"[[technique]]\nspec = 'shadow-map'\nsize = {[16] * 1000}\nbias_sweep = {[1.0] * 99}\n",
-            ["technique 1", "99000 specs", "10000"],
-        ),
-        (SCENE + f"[[technique]]\nspec = {['x'] * 3000}\n", ["technique 1: spec"]),
-        (SCENE + f"[[technique]]\nspec = 'shadow-map'\n{'k' * 3000} = 1\n", ["unknown parameter"]),
-    ],
-)
-def test_a_study_beyond_its_limits_is_refused_before_the_work(read: ReadStudy, text: str, words: list[str]) -> None:
-    with pytest.raises(InputError) as error:
-        next(read(text).blocks())
-    line = str(error.value)
-    assert line.isprintable()
-    assert len(line) < 1000
-    assert [word for word in words if word not in line] == []
 
 
 SPEC = parse_spec("shadow-map", KNOWN)
@@ -451,18 +384,6 @@ def test_specs_alone_are_measured_with_their_own_sizes() -> None:
 def test_a_study_given_as_an_object_is_checked_like_a_file(make: Callable[[], Study], line: str) -> None:
     with pytest.raises(InputError, match=line):
         make()
-
-
-def test_a_scene_that_is_loaded_is_measured_as_one_by_name(tmp_path: Path) -> None:
-    named, loaded = (
-        sb.run(one, "shadow-map:size=64", view_size=32, rounds=0, folder=tmp_path / name)
-        for name, one in (("named", "cube-on-plane"), ("loaded", sb.load("cube-on-plane")))
-    )
-    sb.close()
-    assert named.equals(loaded)
-    assert (tmp_path / "loaded" / "table.csv").read_bytes() == (tmp_path / "named" / "table.csv").read_bytes()
-    abouts = [json.loads((tmp_path / name / "run.json").read_text()) for name in ("named", "loaded")]
-    assert abouts[0]["study"] == abouts[1]["study"]
 
 
 @pytest.mark.slow

@@ -1,11 +1,9 @@
 """Bias sweeps: the multiplied biases, and the printed curve of acne and contact."""
 
 import csv
-import errno
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from unittest.mock import Mock
 
 import pandas as pd
 import pytest
@@ -114,16 +112,6 @@ def test_a_run_prints_the_curve_with_default_and_best_and_keeps_the_factors(
     assert sorted(float(cell["bias_factor"]) for cell in cells) == [0.25, 0.5, 1, 2, 4]
 
 
-def test_a_curve_of_soft_shadows_has_no_column_made_for_hard_edges(
-    shadowbench: Callable[..., Any], tmp_path: Path
-) -> None:
-    study(tmp_path, "spec = 'shadow-map'\nsize = 128\nbias_sweep = [1, 2]")
-    arguments = ("run", "-s", tmp_path / "study.toml", "--sun", "--view-size", "64", "--rounds", "0")
-    answer = shadowbench(*arguments, "-o", tmp_path / "run", "-q")
-    head = answer.out.split("cube-on-plane, bias multiplied by a factor\n")[1].splitlines()[0]
-    assert head.split() == ["spec", "map", "×", "bias", "RMSE", "SSIM"] and "contact" not in answer.out
-
-
 def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path: Path) -> None:
     made = study(
         tmp_path,
@@ -158,28 +146,8 @@ def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path
     assert told(read_sweep_positions(tmp_path / "table.csv")) == told(found)
 
 
-def test_a_sweep_of_one_map_size_says_nothing_of_another(tmp_path: Path) -> None:
-    made = study(
-        tmp_path,
-        "spec = 'shadow-map:bias=constant(units=0.25)'\nsize = 256\nbias_sweep = [1, 2]\n"
-        "[[technique]]\nspec = 'shadow-map:bias=constant(units=0.5)'\nsize = 512\nbias_sweep = [1]",
-    )
-    specs = [(spec.sizeless_text, spec.map_size) for spec in made.specs]
-    table = add_factor_columns(pd.DataFrame(specs, columns=["spec", "map_size"]), made.sweep_positions)
-    assert table["bias_factor"].tolist() == [1, 2, 1]
-    assert "bias_also" not in table
-
-
 def test_a_bias_of_nothing_has_one_point(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map:bias=constant(units=0)'\nbias_sweep = [0.5, 1, 2]")
     assert [place for several in made.sweep_positions.values() for place in several] == [
         ("shadow-map:bias=constant(units=0.0)", 1)
     ]
-
-
-def test_an_unreadable_table_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "table.csv").touch()
-    denied = PermissionError(errno.EACCES, "Permission denied")
-    monkeypatch.setattr(pd, "read_csv", Mock(side_effect=denied))  # not by its mode, which does not bind root
-    with pytest.raises(InputError, match=r"table\.csv: cannot be read \(Permission denied\)"):
-        read_sweep_positions(tmp_path / "table.csv")

@@ -10,8 +10,8 @@ import shadowbench
 from shadowbench.geometry import topology
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.survey.casters import casters_of
-from shadowbench.survey.views import chosen_view
 from tests.survey.conftest import DOWN, SUN, ball, box, looking, plate, told
 
 

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.survey.casters import RelevantCasters, relevant_casters
 from shadowbench.survey.maps import fitted_map
 from shadowbench.survey.sampling import sample_view
-from shadowbench.survey.views import chosen_view
 from shadowbench.truths.trace import trace
 from tests.survey.conftest import LIGHTS, box, from_above, looking, plate
 

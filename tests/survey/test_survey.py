@@ -18,10 +18,10 @@ from shadowbench.plugin.base import Stage
 from shadowbench.plugin.registry import shader_folder
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.survey.explanations import explanations_of, verdict_of
 from shadowbench.survey.sampling import Samples, sample_view
 from shadowbench.survey.survey import Receivers, needs, planes_of, receivers_of
-from shadowbench.survey.views import chosen_view
 from shadowbench.techniques.planar_projection import PlanarProjection
 from shadowbench.truths.embree import Tracer
 from shadowbench.truths.trace import trace
@@ -158,7 +158,7 @@ def test_without_casters_or_receivers_there_is_nothing_to_need(flags: dict, ligh
 def test_a_closed_room_under_a_light_outside_has_no_edges(light: Light) -> None:
     """A ray from a pixel at the joint of its walls may start outside, where it is lit."""
     room = box(1.0, (0.0, 0.0, 0.0))
-    room = replace(room, points=room.points * (4.0, 3.0, 4.0))
+    room = replace(room, vertices=room.vertices * (4.0, 3.0, 4.0))
     light = replace(light, direction=(-0.368687826495, -0.819152044289, -0.439385041771), position=(4.0, 6.0, -1.6))
     if light.kind == "spot":
         light = replace(light, direction=(-0.5, -1.0, 0.2))
@@ -227,7 +227,7 @@ def test_needs_prints_the_number_of_sampled_pixels(shadowbench: Callable[..., An
 @pytest.mark.slow
 def test_needs_make_no_opengl_context() -> None:
     code = (
-        "import sys; from shadowbench.survey.views import chosen_view; from shadowbench.survey.survey import needs;"
+        "import sys; from shadowbench.scenes.opening import chosen_view; from shadowbench.survey.survey import needs;"
         "needs(chosen_view('cube-on-plane', 32)); sys.exit('glcontext' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0

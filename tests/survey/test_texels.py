@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from shadowbench.maps.biases import Texel
 from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.survey import sampling
 from shadowbench.survey.depth import BIAS_STEPS
 from shadowbench.survey.explanations import explanations_of, verdict_of
@@ -25,7 +26,6 @@ from shadowbench.survey.texels import (
     texels_for,
     texels_of,
 )
-from shadowbench.survey.views import chosen_view
 from shadowbench.techniques.shadow_map import ShadowMap
 from tests.survey.conftest import SUN, box, from_above, looking, plate, tilted
 

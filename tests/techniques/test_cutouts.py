@@ -157,14 +157,15 @@ def nudged(mesh: Mesh, light: Light) -> list[Mesh]:
     toward = -np.array(light.direction) if light.kind == "directional" else np.array(light.position)
     across = perpendicular_basis(unit(toward), (0.0, 1.0, 0.0))[:2]
     step = 2 * SUBPIXEL * 5.0 / 1024
-    return [replace(mesh, points=mesh.vertices + step * (np.array(way) @ across)) for way in product((-1, 1), repeat=2)]
+    moves = [step * (np.array(way) @ across) for way in product((-1, 1), repeat=2)]
+    return [replace(mesh, vertices=mesh.vertices + move) for move in moves]
 
 
 @pytest.mark.parametrize(("kind", "name", "kept"), [("directional", "shadow-map", 0), ("point", "cube-map", 1)])
 def test_cut_out_casters_are_culled_as_others_are(kind, name, kept, shape, studio, build, mask) -> None:
     """Before, between and after opaque ones in the file, near ones and far ones, which one face of a cube has."""
     away = cards(200, NOISE)
-    away = replace(away, points=away.vertices + np.array([40.0, 0.0, 5.0]))
+    away = replace(away, vertices=away.vertices + np.array([40.0, 0.0, 5.0]))
     near, far, last = (shape("sphere", 0.4, at) for at in ((-0.9, 0.5, 0.2), (41.0, 0.5, 5.0), (0.8, 0.3, -0.4)))
     view = leaves_view(LIGHTS[kind], away, near, far, LEAVES, last)
     shot = studio.shot(view)

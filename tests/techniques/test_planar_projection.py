@@ -331,7 +331,7 @@ def test_far_from_the_origin_the_projection_loses_nothing_more(device, studio, s
     """In the file's own coordinates, all of them exact in float32: only the projection could lose digits."""
     shift = np.array([2.0**14, 0.0, -(2.0**14)])
     posts = [shape("box", [1 / 16, 1 / 4, 1 / 16], (k / 8, 1 / 8, k / 16)) for k in range(-12, 13, 2)]
-    meshes = [replace(mesh, points=mesh.vertices + shift) for mesh in (shape("plane", 8.0), *posts)]
+    meshes = [replace(mesh, vertices=mesh.vertices + shift) for mesh in (shape("plane", 8.0), *posts)]
     light = Light("lamp", "point", position=vec3(np.add(shift, (1.0, 3.0, 1.0))))
     far = looking(meshes, light, 512, eye=vec3(np.add(shift, (2.3, 4.0, 3.4))), target=vec3(shift))
     geometry = DeviceGeometry(device, far.scene.geometry)

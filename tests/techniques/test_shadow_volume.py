@@ -218,7 +218,7 @@ def test_hard_views_are_exact(name, shape, looking, mask) -> None:
 def test_a_lamp_on_a_face_or_an_edge_of_a_turned_box_is_in_its_shadow(angles, shape, looking, mask) -> None:
     """Rounding decides on which side of the face it is, and the way between the edge's ends, which are opposite."""
     turn = transform_of(MeshTable(shape="box", rotate=angles))[:3, :3]
-    turned = replace(shape("box"), points=shape("box").vertices @ turn.T + [0.1, 1.3, 0.2])
+    turned = replace(shape("box"), vertices=shape("box").vertices @ turn.T + [0.1, 1.3, 0.2])
     for place in ((0.5, 0.5, 0.1), (-0.2, -0.5, 0.5), (0.5, 0.3, -0.5), (0.2, -0.5, 0.1)):
         view = looking([shape("plane", 8.0), turned], lamp(*(turn @ place + [0.1, 1.3, 0.2])), 64)
         truth = trace(view, pixel_samples=1)

@@ -84,7 +84,7 @@ def moved_vertex(view: View) -> View:
     ground, box = view.scene.meshes
     vertices = box.vertices.copy()
     vertices[0, 0] = np.nextafter(vertices[0, 0], np.inf)
-    return replace(view, scene=replace(view.scene, meshes=(ground, replace(box, points=vertices))))
+    return replace(view, scene=replace(view.scene, meshes=(ground, replace(box, vertices=vertices))))
 
 
 def without_casting(view: View) -> View:

@@ -105,7 +105,7 @@ def test_what_a_lamp_on_a_plate_lights_is_undecided(shape, looking) -> None:
     turn = 2 * np.outer(axis, axis) - np.eye(3)
     plate = shape("plane", 1.0)
     for x, z in ((0.0, 0.0), (0.2, 0.1), (-0.3, 0.4)):
-        turned = replace(plate, points=plate.vertices @ turn + [0.0, 1.0, 0.0])
+        turned = replace(plate, vertices=plate.vertices @ turn + [0.0, 1.0, 0.0])
         at = np.array([x, 0.0, z]) @ turn + [0.0, 1.0, 0.0]
         truth = trace(looking([shape("plane", 8.0), turned], Light("lamp", "point", position=tuple(at))))
         assert (truth.undecided[truth.receivers]).mean() > 0.99

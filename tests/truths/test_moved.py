@@ -28,7 +28,7 @@ def changed(scene: Scene, move: float, scale: float) -> Scene:
     def light(old: Light) -> Light:
         return replace(old, position=point(old.position))
 
-    meshes = tuple(replace(mesh, points=(mesh.vertices + move) * scale) for mesh in scene.meshes)
+    meshes = tuple(replace(mesh, vertices=(mesh.vertices + move) * scale) for mesh in scene.meshes)
     cameras, lights = tuple(map(camera, scene.cameras)), tuple(map(light, scene.lights))
     return replace(scene, meshes=meshes, cameras=cameras, lights=lights)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.scenes.vectors import Floats
-from shadowbench.survey.views import chosen_view
 from shadowbench.truths.light_samples import MOST_SAMPLES, scrambles_of
 from shadowbench.truths.rays import Receivers, ViewRays
 from shadowbench.truths.soft import REPLICATIONS, Estimator, Sums, estimate, find_penumbra

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.scenes.tables import light_from_table
 from shadowbench.scenes.vectors import vec3
-from shadowbench.survey.views import chosen_view
 from shadowbench.truths.trace import trace
 
 SIZES: dict[str, dict[str, Any]] = {

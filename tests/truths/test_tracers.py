@@ -11,7 +11,7 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import View
-from shadowbench.survey.views import chosen_view
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths import packets
 from shadowbench.truths.embree import answers_digest
 from shadowbench.truths.trace import Truth, trace

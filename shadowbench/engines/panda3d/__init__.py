@@ -13,9 +13,7 @@ class Panda3DParams(EngineParams):
     cast: Literal["shipped", "front", "back", "both"] = param(
         "shipped", "the sides that cast: `CullFaceAttrib` of the light's `setInitialState`"
     )
-    offset: int = param(
-        0, "`DepthOffsetAttrib` of the light's `setInitialState`: away below 0", ge=-1000, le=1000, search=(-40, 40)
-    )
+    offset: int = param(0, "`DepthOffsetAttrib` of the light's `setInitialState`: away below 0", ge=-1000, le=1000)
 
 
 class Panda3D(Engine):
@@ -37,5 +35,5 @@ class Panda3D(Engine):
     presets = {"shipped": "", "tuned": "cast=both,offset=-2"}
     sources = {
         "shipped": "panda/src/pgraphnodes/lightLensNode.cxx, 1.10.16",
-        "tuned": "`shadowbench tune` under suns, map size 1024, on cube-on-plane, stairs, statue and colonnade",
+        "tuned": "found by a search under suns, map size 1024, on cube-on-plane, stairs, statue and colonnade",
     }

@@ -44,7 +44,7 @@ class PlayCanvas(Engine):
     sources = {
         "shipped": "src/framework/components/light/component.js and src/scene/light.js, 2.23.3",
         "documented": "https://github.com/playcanvas/engine: examples/src/examples/graphics/lights-baked.example.mjs",
-        "tuned": "`shadowbench tune` under lamps, map size 1024, on lamp-by-wall and lamp-over-table",
+        "tuned": "found by a search under lamps, map size 1024, on lamp-by-wall and lamp-over-table",
     }
 
     @classmethod

@@ -9,9 +9,7 @@ from shadowbench.plugin.params import TechniqueParams, param
 class PygfxParams(EngineParams):
     """Parameters of pygfx."""
 
-    bias: float = param(
-        0.0, "`light.shadow.bias`, taken from the depth of the receiver, from 0 to 1", ge=-1, le=1, search=(0, 0.01)
-    )
+    bias: float = param(0.0, "`light.shadow.bias`, taken from the depth of the receiver, from 0 to 1", ge=-1, le=1)
     cull: Literal["front", "back", "none"] = param("front", "`light.shadow.cull_mode`: the sides that do not cast")
 
 

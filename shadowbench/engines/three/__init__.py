@@ -12,12 +12,8 @@ class ThreeParams(EngineParams):
     size: int = param(512, "texels along a side of the map: `shadow.mapSize`", ge=1, le=8192)
     filter: Literal["basic", "pcf", "vsm"] = param("pcf", "`renderer.shadowMap.type`")
     radius: float = param(1.0, "`shadow.radius` of the filters pcf and vsm", ge=0, le=100)
-    bias: float = param(
-        0.0, "`shadow.bias`, added to the depth of the receiver, from 0 to 1", ge=-1, le=1, search=(-0.01, 0)
-    )
-    normal_bias: float = param(
-        0.0, "`shadow.normalBias`, along the normal, in units of the scene", ge=-10, le=10, search=(0, 0.1)
-    )
+    bias: float = param(0.0, "`shadow.bias`, added to the depth of the receiver, from 0 to 1", ge=-1, le=1)
+    normal_bias: float = param(0.0, "`shadow.normalBias`, along the normal, in units of the scene", ge=-10, le=10)
     cast: Literal["shipped", "front", "back", "both"] = param("shipped", "`material.shadowSide`: the sides that cast")
 
 
@@ -41,5 +37,5 @@ class Three(Engine):
     sources = {
         "shipped": "src/lights/LightShadow.js and src/renderers/webgl/WebGLShadowMap.js, r187",
         "documented": "https://threejs.org/docs/#api/en/lights/shadows/LightShadow.bias, in the order of 0.0001",
-        "tuned": "`shadowbench tune` under suns, map size 1024, on cube-on-plane, stairs, statue and colonnade",
+        "tuned": "found by a search under suns, map size 1024, on cube-on-plane, stairs, statue and colonnade",
     }

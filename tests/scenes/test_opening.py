@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,14 @@ from shadowbench.errors import InputError
 from shadowbench.options import SceneOptions, ViewOptions
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
+from shadowbench.scenes import opening
 from shadowbench.scenes.model import view_digest
+from shadowbench.scenes.opening import SIDES, chosen_view
 from shadowbench.scenes.vectors import unit
 from shadowbench.studies.study import Study, read_study, study_from_options
-from shadowbench.survey.views import SIDES, chosen_view, opened
+from shadowbench.truths.embree import tracer_of
+
+opened = partial(opening.opened, tracer_of=tracer_of)
 
 MINE = """
 [[camera]]
