@@ -1,4 +1,4 @@
-// Where a cut-out surface is opaque: the nearest bit of a bitmap, as in `truths/cutouts.py`.
+// Where a cut-out surface is opaque: the nearest bit of a bitmap, as in `truths/packets.py`.
 #include "triangle.glsl"
 uniform usampler2D cutout_words;   // of all cut-outs in turn, row by row, 32 bits each, CUTOUT_ROW side by side
 uniform isampler2D cutout_table;   // of each: first word, width, height, wraps of u · 3 + v

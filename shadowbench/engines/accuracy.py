@@ -31,12 +31,10 @@ from shadowbench.engines.stored_truth import TruthOfView
 from shadowbench.errors import InputError
 from shadowbench.measure.scoring import mask_record
 from shadowbench.scenes.model import View, view_digest
-from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.comparison import PENUMBRA, Comparison, share
 from shadowbench.scores.difference import difference_picture
 from shadowbench.scores.masks import LEVELS
 from shadowbench.scores.metrics import METRICS, values_of
-from shadowbench.scores.prepared import PENUMBRA
-from shadowbench.scores.sums import share
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 

@@ -9,8 +9,7 @@ from scipy import ndimage
 from skimage.registration import phase_cross_correlation
 
 from shadowbench.engines.external_mask import decode_srgb
-from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.prepared import PENUMBRA, PreparedTruth
+from shadowbench.scores.comparison import PENUMBRA, Comparison, PreparedTruth
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]

@@ -9,10 +9,8 @@ from scipy import ndimage, optimize
 
 from shadowbench.engines.detection import Image, MaskEncoding, shift_image, shift_text, smooth
 from shadowbench.engines.external_mask import decode_srgb
-from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.metrics import leading_error
-from shadowbench.scores.prepared import INTERIOR_PX
-from shadowbench.scores.soft_faults import LEAST, soft_faults
+from shadowbench.scores.comparison import INTERIOR_PX, Comparison
+from shadowbench.scores.metrics import LEAST, leading_error, soft_faults
 
 Mask = NDArray[np.bool_]
 

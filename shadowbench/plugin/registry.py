@@ -25,8 +25,7 @@ from shadowbench.plugin.grammar import WORD
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.spec import forget_parsed, parse_spec
 from shadowbench.scenes.tables import LONGEST_NAME
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import METRICS, plug_in
+from shadowbench.scores.metrics import METRICS, Metric, plug_in
 
 GROUP = "shadowbench.techniques"
 Plugged = type[Technique] | type[Component]

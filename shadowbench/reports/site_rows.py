@@ -14,8 +14,7 @@ from shadowbench.reports.words import COLUMNS, optional
 from shadowbench.results.configurations import Section
 from shadowbench.results.engine_settings import label_of, names_of
 from shadowbench.results.folder import Run
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import is_soft, ranking
+from shadowbench.scores.metrics import Metric, is_soft, ranking
 from shadowbench.studies.repro import bibtex
 
 MAP_SIZE = 1024

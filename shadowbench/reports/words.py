@@ -11,8 +11,7 @@ from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, Cost
 from shadowbench.results.folder import Folder, Run
 from shadowbench.results.law import SHORTEST_MS
 from shadowbench.results.times import time_notes
-from shadowbench.scores.metrics import METRICS, is_soft
-from shadowbench.scores.soft_faults import soft_faults
+from shadowbench.scores.metrics import METRICS, is_soft, soft_faults
 
 SOFTWARE = "times of a software renderer: for trends only, not representative of a GPU"
 NO_HARDENING = (

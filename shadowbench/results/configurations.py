@@ -19,8 +19,7 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.folder import Run
 from shadowbench.results.law import SHORTEST_MS
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import METRICS, is_soft, ranking
+from shadowbench.scores.metrics import METRICS, Metric, is_soft, ranking
 
 BIAS_LENGTHS = ("fact_bias_m", "fact_bias_texels", "fact_normal_offset_m", "fact_normal_offset_texels")
 _VALUES = [*TRUTH_ERRORS, "width_bias", *list(TIMES)[:4], *TOTALS, "predicted_ms", "work_cost", "gpu_bytes"]

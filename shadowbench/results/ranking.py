@@ -7,8 +7,7 @@ from statistics import fmean
 import pandas as pd
 
 from shadowbench.results.configurations import Configuration, Interval, Section
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import METRICS
+from shadowbench.scores.metrics import METRICS, Metric
 from shadowbench.techniques.unshadowed import Unshadowed
 
 _KINDS = {False: "hard ", True: "soft "}

@@ -245,7 +245,7 @@ def _near_blockers(samples: Samples, height: float) -> Floats:
     pixel = np.sqrt(np.minimum((samples.across**2).sum(axis=0), (samples.down**2).sum(axis=0)))
     low = np.flatnonzero((samples.cosine > GRAZING) & (height > pixel * samples.cosine))
     if len(low):
-        from shadowbench.truths.near import NearCasters  # Numba takes 0.4 s to import
+        from shadowbench.truths.hard import NearCasters  # Numba takes 0.4 s to import
 
         at, geometry, eye = samples.select(low), samples.view.scene.geometry, np.array(samples.view.camera.position)
         receivers = Receivers(at.pixel, at.triangle, at.point, at.to_light, at.distance, at.cosine)

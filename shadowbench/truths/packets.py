@@ -9,18 +9,18 @@ import os
 import weakref
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from llvmlite import binding
-from numba import types
+from numba import carray, types  # type: ignore[attr-defined]
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from shadowbench.compiled import compiled
+from shadowbench.compiled import cached_if_possible, compiled
 from shadowbench.errors import InputError
 from shadowbench.scenes.cutouts import CutoutFaces
-from shadowbench.truths.cutouts import addresses_of, cutout_arrays, filter_address
 
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
 INSTRUCTION_SETS = ("sse2", "sse4.2", "avx", "avx2", "avx512")
@@ -233,3 +233,110 @@ def _intersect(  # type: ignore[no-untyped-def]
             if hits[width + k] == _CUT_OUT:
                 triangle[first + k] += opaque
             distance[first + k] = ray[8 * width + k]
+
+
+class CutoutArrays(NamedTuple):
+    """The cut-out triangles of a list of faces, for compiled code.
+
+    of: (F,) int32 index of a face among the cut-out ones, −1 for others; places: (K, 2, 3) float32 column of a
+    triangle's first corner in its cut-out, and its change to the second and the third, then the row's; number: (K,)
+    int32 of the cut-out; table, words: see `PackedCutouts`.
+    """
+
+    of: NDArray[np.int32]
+    places: NDArray[np.float32]
+    number: NDArray[np.int32]
+    table: NDArray[np.int32]
+    words: NDArray[np.uint32]
+
+
+def cutout_arrays(cutouts: CutoutFaces | None, faces: int) -> CutoutArrays:
+    """The arrays of the cut-out triangles among some faces."""
+    of = np.full(faces, -1, dtype=np.int32)
+    if cutouts is None:
+        nothing = np.zeros(0, np.int32), np.zeros((0, 4), np.int32), np.zeros(0, np.uint32)
+        return CutoutArrays(of, np.zeros((0, 2, 3), np.float32), *nothing)
+    of[cutouts.faces] = np.arange(len(cutouts.faces))
+    places = cutouts.places.transpose(0, 2, 1).copy()
+    places[:, :, 1:] -= places[:, :, :1]
+    return CutoutArrays(of, places, np.ascontiguousarray(cutouts.number), cutouts.packed.table, cutouts.packed.words)
+
+
+@numba.njit(inline="always")
+def _wrapped(place, size, wrap):  # type: ignore[no-untyped-def]
+    """The index of the sub-texel at a place along an axis; in floats, as places may be beyond whole numbers."""
+    whole, limit = np.floor(place), np.float32(size)
+    if wrap == 0:
+        whole -= limit * np.floor(whole / limit)
+    elif wrap == 1:
+        whole -= 2 * limit * np.floor(whole / (2 * limit))
+        whole = min(whole, 2 * limit - 1 - whole)
+    return np.int64(min(whole, limit - 1)) if whole > 0 else np.int64(0)
+
+
+@numba.njit(inline="always")
+def _is_set(places, number, table, words, cut, second, third):  # type: ignore[no-untyped-def]
+    """Whether a cut-out triangle is opaque at barycentric weights, float32, of its second and third corner."""
+    row, at = table[number[cut]], places[cut]
+    x = _wrapped(at[0, 0] + second * at[0, 1] + third * at[0, 2], row[1], row[3] // 3)
+    y = _wrapped(at[1, 0] + second * at[1, 1] + third * at[1, 2], row[2], row[3] % 3)
+    word = words[row[0] + y * ((row[1] + 31) >> 5) + (x >> 5)]
+    return (np.int64(word) >> (x & 31)) & 1 != 0
+
+
+@numba.njit(inline="always")
+def is_opaque_at(arrays, face, sides):  # type: ignore[no-untyped-def]
+    """Whether a face is opaque where a line meets it. sides: of `hard.hit`, weights of the corners."""
+    cut = arrays.of[face]
+    if cut < 0:
+        return True
+    whole = sides[0] + sides[1] + sides[2]
+    second, third = np.float32(sides[1] / whole), np.float32(sides[2] / whole)
+    return _is_set(arrays.places, arrays.number, arrays.table, arrays.words, cut, second, third)
+
+
+def _make_pointer(context, address, kind):  # type: ignore[no-untyped-def]
+    """A pointer to values of a type at an address."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    pointer: Any = types.CPointer
+    return pointer(kind.dtype)(address, kind), generate
+
+
+_pointer: Any = intrinsic(_make_pointer)
+
+
+def addresses_of(arrays: CutoutArrays) -> NDArray[np.intp]:
+    """Addresses of the arrays but `of`: the user data of a geometry, which does not own them."""
+    return np.array([array.ctypes.data for array in arrays[1:]], dtype=np.intp)
+
+
+def _filter(arguments):  # type: ignore[no-untyped-def]
+    """An RTCFilterFunctionN: clears `valid` of hits that are passed through.
+
+    arguments: an RTCFilterFunctionNArguments: valid, user data, context, rays, hits, N. N is that of Embree's kernel,
+    not of the query; lanes whose `valid` is not −1 belong to others.
+    """
+    count = arguments[5] & 0xFFFFFFFF
+    valid, data = _pointer(arguments[0], types.int32), _pointer(arguments[1], types.intp)
+    hits, weights = _pointer(arguments[4], types.int32), _pointer(arguments[4], types.float32)
+    # Bounds are not checked, so that lengths do not matter.
+    places, number = carray(_pointer(data[0], types.float32), (1, 2, 3)), carray(_pointer(data[1], types.int32), (1,))
+    table, words = carray(_pointer(data[2], types.int32), (1, 4)), carray(_pointer(data[3], types.uint32), (1,))
+    for k in range(count):
+        if valid[k] != -1:
+            continue
+        triangle, second, third = hits[5 * count + k], weights[3 * count + k], weights[4 * count + k]
+        if not _is_set(places, number, table, words, triangle, second, third):
+            valid[k] = np.int32(0)
+
+
+@cache
+def filter_address() -> int:
+    """Address of the filter function, compiled by the first call in a process."""
+    pointer: Any = types.CPointer
+    signature = types.void(pointer(types.intp))
+    function = cached_if_possible(lambda cache: numba.cfunc(signature, cache=cache, error_model="numpy")(_filter))
+    return int(function.address)

@@ -17,8 +17,7 @@ from shadowbench.measure.scoring import prepare_truth
 from shadowbench.plugin.engine import Engine
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.scores.comparison import Comparison, PreparedTruth
 from shadowbench.truths.cache import cached_truth
 
 FINER = 4

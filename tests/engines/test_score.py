@@ -23,10 +23,9 @@ from shadowbench.engines.external_mask import from_screenshots, mask_from_array
 from shadowbench.errors import number
 from shadowbench.scenes.model import View, view_of
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.comparison import Comparison, PreparedTruth
 from shadowbench.scores.masks import read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, score
-from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import cached_truth
 from tests.engines.conftest import srgb
 

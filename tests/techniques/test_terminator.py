@@ -13,8 +13,7 @@ from shadowbench.scenes.model import Mesh, Scene, view_of
 from shadowbench.scenes.vectors import unit, vec3
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.difference import FACETS, difference_picture
-from shadowbench.truths.terminator import smooth_points
-from shadowbench.truths.trace import Truth
+from shadowbench.truths.trace import Truth, smooth_points
 from tests.truths.test_terminator import ball
 
 CURED = {

@@ -14,8 +14,8 @@ import pytest
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.scores.metrics import score
-from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import trace
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import label
