@@ -56,7 +56,7 @@ def score(
     from shadowbench.scores.difference import write_difference
 
     _check_outputs(asked, mask)
-    picture = external_mask(scene, mask, asked.lit, asked.shadowed, asked.ambient, linear=asked.linear)
+    picture = external_mask(mask, asked.lit, asked.shadowed, asked.ambient, asked.linear)
     with console.Reporter(printed.quiet) as reporter:
         against = stored_truth_of(scene, view) or reporter.view(scene, picture.size, view)
         accuracy = accuracy_of(picture, against)

@@ -157,4 +157,4 @@ def test_bad_input_is_a_failure_of_one_line(judged: Ran) -> None:
 
 def test_a_misspelt_metric_or_keyword_is_an_error_that_names_the_right_ones(otherwise: Ran) -> None:
     assert "AttributeError: 'iuo' is not a metric; allowed: iou, iou_soft" in otherwise.printed
-    assert "TypeError: a mask and lit; allowed: a mask, or lit, shadowed, ambient and linear" in otherwise.printed
+    assert "score: found MASK and --lit; allowed: MASK; or --lit and --shadowed" in otherwise.printed
