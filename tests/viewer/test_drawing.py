@@ -30,10 +30,10 @@ from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.studies.artefacts import artefacts
 from shadowbench.truths.trace import trace
 from shadowbench.viewer.camera import orbited, with_kind
+from shadowbench.viewer.controls import show_artefact, status
 from shadowbench.viewer.drawing import LEAST_SIZE, Drawing, Viewer, moving_size
-from shadowbench.viewer.panels import show_artefact, status
+from shadowbench.viewer.judge import Judge, Traced
 from shadowbench.viewer.state import ViewerState
-from shadowbench.viewer.truth import Judge, Traced
 from shadowbench.viewer.window import label
 
 SIZE = 64
