@@ -61,7 +61,7 @@ def engines(
         ),
     ] = None,
     *,
-    asked: MeasureOptions,
+    measuring: MeasureOptions,
     printed: options.Printed,
 ) -> int:
     """List, install, check or measure other engines.
@@ -82,13 +82,13 @@ def engines(
     known = known_engines()
     if action not in _ACTIONS:
         raise InputError(f"engines: found {action!r}{alternatives(action, _ACTIONS)}")
-    for name in (field.name for field in (*fields(asked), *fields(printed)) if field.name != "quiet"):
+    for name in (field.name for field in (*fields(measuring), *fields(printed)) if field.name != "quiet"):
         allowed = _OF_ACTIONS.get(name, ("measure",))
-        if action not in allowed and (getattr(asked, name, None) or getattr(printed, name, None)):
+        if action not in allowed and (getattr(measuring, name, None) or getattr(printed, name, None)):
             shown = "-o" if name == "output" else f"--{name.replace('_', '-')}"
             raise InputError(f"engines {action}: found {shown}; allowed for: {' and '.join(allowed)}")
     if action == "page":
-        return _write_page(names or [], asked.output, printed.quiet)
+        return _write_page(names or [], measuring.output, printed.quiet)
     if action == "install" and names == [_ALL]:
         names = list(known)
     for name in names or ():
@@ -100,7 +100,7 @@ def engines(
             raise InputError(f"engines install: found no name; allowed: {_ALL}, {', '.join(known)}")
         return _install(chosen, printed.quiet)
     if action == "measure":
-        return _measure(chosen, bool(names), asked, printed.quiet)
+        return _measure(chosen, bool(names), measuring, printed.quiet)
     return _list(chosen, printed.json) if action == "list" else _doctor(chosen, bool(names))
 
 
@@ -173,18 +173,18 @@ def _doctor(chosen: "Engines", named: bool) -> int:
     return int(failed)
 
 
-def _measure(chosen: "Engines", named: bool, asked: MeasureOptions, quiet: bool) -> int:
+def _measure(chosen: "Engines", named: bool, measuring: MeasureOptions, quiet: bool) -> int:
     """Run the presets of engines into a folder, and write its report.
 
-    Engines that cannot draw here are named on stderr; exit code 1 if one of them was asked for, or if none can draw.
+    Engines that cannot draw here are named on stderr; exit code 1 if one of them was named, or if none can draw.
     Raises InputError without a folder, and for scenes with soft shadows.
     """
     from shadowbench.engines.programs import what_lacks
     from shadowbench.scenes.library import hard_names, load_scene
 
-    if asked.output is None:
+    if measuring.output is None:
         raise InputError("engines measure: found no -o; allowed: a folder for rows, pictures and the report")
-    scenes = options.listed(asked.scenes) or hard_names()
+    scenes = options.listed(measuring.scenes) or hard_names()
     for scene in scenes:
         if any(light.soft for light in load_scene(scene).lights):
             raise InputError(
@@ -194,14 +194,16 @@ def _measure(chosen: "Engines", named: bool, asked: MeasureOptions, quiet: bool)
     for name, reason in lacking.items():
         if named or not quiet:
             console.print_error(f"{name}: {reason}")
-    specs = [spec for name in chosen if name not in lacking for spec in _presets(chosen[name], asked.map_size or 1024)]
+    specs = [
+        spec for name in chosen if name not in lacking for spec in _presets(chosen[name], measuring.map_size or 1024)
+    ]
     if not specs:
         return 1
-    words = ["-o", str(asked.output), "--rounds", "0", *(word for spec in specs for word in ("-t", spec))]
-    words += ["--view-size", str(asked.view_size)] if asked.view_size else []
-    words += ["--phases", str(asked.phases)] if asked.phases else []
+    words = ["-o", str(measuring.output), "--rounds", "0", *(word for spec in specs for word in ("-t", spec))]
+    words += ["--view-size", str(measuring.view_size)] if measuring.view_size else []
+    words += ["--phases", str(measuring.phases)] if measuring.phases else []
     code = _command("run", [*scenes, *words], quiet)
-    _write_page([str(asked.output)], asked.output / _PAGE, quiet)
+    _write_page([str(measuring.output)], measuring.output / _PAGE, quiet)
     return code or int(named and bool(lacking))
 
 

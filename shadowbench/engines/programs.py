@@ -1,6 +1,6 @@
 """Programs in which engines draw, and the environments that they run in.
 
-An environment is a folder below the cache folder, installed from an engine's lock file when asked for. In it runs a
+An environment is a folder below the cache folder, installed from an engine's lock file by `install`. In it runs a
 page in headless Chromium, or a Python of the engine's own: a host. A host takes one call at a time, with a header in
 JSON and bytes behind it, and gives an answer of the same form. What the engine prints goes to a log. A program that
 dies, or does not answer in time, is ended with all its children.
@@ -246,7 +246,7 @@ class Host(ABC):
 
     @property
     def ended(self) -> bool:
-        """Whether the program has ended, even if nobody has been told yet."""
+        """Whether the program has ended, also before `_watch` has noticed."""
         with suppress(psutil.NoSuchProcess):
             return bool(psutil.Process(self.process.pid).status() == psutil.STATUS_ZOMBIE)
         return True
