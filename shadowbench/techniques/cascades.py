@@ -116,7 +116,7 @@ class Cascades(Technique):
         if params.layers == "geometry":
             vertex, geometry = "cascades/layers.vert", "cascades/layers.geom"
         defines = {"LAYERS": params.count, "BLENDED": int(params.blend > 0)}
-        self.map = FilteredMap(stage, params, params.layout, self.hull, "orthographic", vertex, geometry, defines)
+        self.map = FilteredMap(stage, params, params.layout, self.hull, True, vertex, geometry, defines)
         self.resolve = self.map.resolve_pass("cascades/resolve.frag")
 
     def draw(self, frame: Frame) -> moderngl.Texture:
