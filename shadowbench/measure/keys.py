@@ -90,7 +90,7 @@ def shader_names(
     folder, any_shared = data_folder("shaders"), plugged or any(one.catalogue.builds_on for one in techniques)
     names = [file.relative_to(folder) for file in files_in(folder) if any_shared or file.suffix != ".glsl"]
     parts = () if any_shared else components
-    own = filter(None, [getattr(one, name, "") for one in parts for name in ("shader", "radius_shader")])
+    own = [one.shader for one in parts if one.shader]
     return [*(name.as_posix() for name in names if name.parts[0] not in others), *own]
 
 
