@@ -18,7 +18,6 @@ NO_LINKS = {"changelog.md", "contributing.md", "commands.md"}  # what they inclu
 GENERATED = (
     "technique_docs.py",
     "reference_docs.py",
-    "device_page.py",
     "choosing_page.py",
 )  # the tools of other pages have tests of their own
 

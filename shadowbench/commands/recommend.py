@@ -23,7 +23,7 @@ def needs(
     follow from the geometry and from the ray-traced truth, which `run` reads too, of at most 512 × 512 of the pixels.
     Each prediction has its reason. Needs no OpenGL.
     """
-    from shadowbench.survey.explanations import explanations_of, verdict_of
+    from shadowbench.survey.survey import explanations_of, verdict_of
     from shadowbench.survey.survey import needs as needs_of
 
     with console.Reporter(printed.quiet) as reporter:
@@ -122,11 +122,9 @@ def recommend(
       MiB         memory of textures and buffers
       key         name of the cell's mask and picture in the output folder
     """
-    from shadowbench.advice.costs import by_of
-    from shadowbench.advice.recommend import has_penumbra
+    from shadowbench.advice.recommend import by_of, has_penumbra, target_of
     from shadowbench.advice.recommend import recommend as measure_recommendation
-    from shadowbench.advice.space import technique_names
-    from shadowbench.advice.target import target_of
+    from shadowbench.advice.search import technique_names
     from shadowbench.advice.words import export_choice, values
     from shadowbench.campaigns import campaign_in
     from shadowbench.files import make_folder

@@ -254,7 +254,7 @@ def test_a_penumbra_is_judged_by_its_rmse(
     shadowbench: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A bar before a wide sun: nowhere is darker than half, which is no shadow to IoU alone, as a note says."""
-    monkeypatch.setattr("shadowbench.advice.space.SIZES", (256, 512))  # all of them are measured where none suffices
+    monkeypatch.setattr("shadowbench.advice.search.SIZES", (256, 512))  # all of them are measured where none suffices
     file = tmp_path / "veil.toml"
     file.write_text(VEIL)
     arguments = ("recommend", file, "--view-size", "64", "-o", tmp_path / "rows", "--json")

@@ -8,11 +8,20 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from shadowbench.advice.costs import Cost
-from shadowbench.advice.recommend import Recommendation, find_cheapest
-from shadowbench.advice.search import Search, Trial, extrapolate, point_of, reads_of
-from shadowbench.advice.space import full_space, prune, specs_of, start_size, unavailable, untried_filters
-from shadowbench.advice.target import Target, least_error
+from shadowbench.advice.recommend import Cost, Recommendation, Target, find_cheapest, least_error
+from shadowbench.advice.search import (
+    Search,
+    Trial,
+    extrapolate,
+    full_space,
+    point_of,
+    prune,
+    reads_of,
+    specs_of,
+    start_size,
+    unavailable,
+    untried_filters,
+)
 from shadowbench.advice.words import (
     cost_notes,
     cost_text,

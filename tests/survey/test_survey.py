@@ -10,9 +10,8 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.survey.explanations import explanations_of, verdict_of
 from shadowbench.survey.samples import sample_view
-from shadowbench.survey.survey import Receivers, needs, planes_of, receivers_of
+from shadowbench.survey.survey import Receivers, explanations_of, needs, planes_of, receivers_of, verdict_of
 from shadowbench.techniques.planar_projection import PlanarProjection
 from shadowbench.truths.trace import trace
 from tests.survey.conftest import LIGHTS, SUN, ball, box, from_above, looking, plate, reasons
