@@ -14,14 +14,12 @@ from shadowbench.advice.search import (
     Exclusion,
     Search,
     Trial,
-    Untried,
     chosen_techniques,
     full_space,
     prune,
     reads_of,
     start_size,
     unavailable,
-    untried_filters,
 )
 from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Campaign
@@ -307,8 +305,8 @@ class Recommendation:
 
     choice: the cheapest trial that meets the target, None if none does; trials: all successful ones, by cost;
     unsuccessful: status by spec of the others; excluded: specs that were not tried, by the survey or on principle;
-    unranked: why specs have no cost, an infinite one in their trials; untried: those not tried by what is predicted of
-    them, by technique; space_size: number of specs in the full space; needs: survey of the view, without penumbrae;
+    unranked: why specs have no cost, an infinite one in their trials; untried: numbers of those not tried by technique
+    and a key of `LEFT_OUT`; space_size: number of specs in the full space; needs: of the view, without penumbrae;
     reference: reference time of costs in milliseconds, None if costs are work, or predicted; cost: what ranks; among:
     the techniques that were asked for, empty for all.
     """
@@ -321,21 +319,11 @@ class Recommendation:
     unsuccessful: Mapping[str, str]
     excluded: tuple[Exclusion, ...]
     unranked: Mapping[Spec, str]
-    untried: Mapping[str, Untried]
+    untried: Mapping[tuple[str, str], int]
     space_size: int
     needs: Needs
     reference: ReferenceTime | None
     among: tuple[str, ...] = ()
-
-    @property
-    def unit(self) -> Unit:
-        """Of costs."""
-        return self.cost.unit
-
-    @property
-    def law(self) -> Law | None:
-        """By which costs are predicted, None if they are not."""
-        return self.cost.law
 
     def __repr__(self) -> str:
         """One line: scene, target and choice."""
@@ -398,7 +386,7 @@ class Recommendation:
             return "unranked"
         if trial.error <= self.target.limit:
             return "next" if self.target.affords(trial.cost) else "too slow"
-        return "so far" if trial.spec.technique.name in self.untried else "misses"
+        return "so far" if any(name == trial.spec.technique.name for name, _ in self.untried) else "misses"
 
 
 def has_penumbra(view: View) -> bool:
@@ -466,10 +454,7 @@ def find_cheapest(
     survey = needs(view, penumbrae=False)  # those rule out no spec
     space = full_space(known, kind, largest, soft)
     space_size = len(space)
-    excluded = [
-        *(Exclusion(name, why, 0) for name, why in unavailable(known, kind, soft).items()),
-        *untried_filters(space, soft),
-    ]
+    excluded = [Exclusion(name, why, 0) for name, why in unavailable(known, kind, soft).items()]
     left_out = prune(space, survey, target.value if target.metric == "iou" else None)
     if (lit := _nothing_dark(view, truth, target)) is not None:
         excluded, left_out = [Exclusion(f"all but {Unshadowed.name}", lit, len(space))], {}
@@ -508,9 +493,7 @@ def find_cheapest(
     searched = {*tried, *ranked.unmeasured, *others.unmeasured}
     left_out = {spec: why for spec, why in left_out.items() if spec not in searched and spec.text not in unsuccessful}
     excluded += [Exclusion(*reason, count) for reason, count in Counter(left_out.values()).items()]
-    untried = ranked.untried()
-    for spec in others.unmeasured:
-        untried.setdefault(spec.technique.name, Untried()).unranked += 1
+    untried = ranked.untried() + Counter((spec.technique.name, "unranked") for spec in others.unmeasured)
     best = next((trial for trial in trials if trial.error <= target.limit), None)
     return Recommendation(
         view=view,

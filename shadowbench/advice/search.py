@@ -10,7 +10,7 @@ its own.
 import itertools
 import math
 import statistics
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -97,16 +97,6 @@ def unavailable(known: Techniques, light: LightKind, soft: bool = False) -> dict
     return whys
 
 
-def untried_filters(space: Sequence[Spec], soft: bool) -> list[Exclusion]:
-    """The filters of shadow maps that no spec of a space has, with the reason. soft: for a light with a size."""
-    tried = {chosen.name for spec in space if (chosen := getattr(spec.params, "filter", None)) is not None}
-    names = [name for name in Filter.table if name not in tried]
-    if not tried or not names:
-        return []
-    why = "their penumbrae do not follow the light's size" if soft else "they are made for soft or smooth edges"
-    return [Exclusion(f"the filters {', '.join(names)}", f"{why}; `shadowbench run -t` measures them", 0)]
-
-
 def prune(space: Sequence[Spec], needs: Needs, least_iou: float | None) -> dict[Spec, tuple[str, str]]:
     """The specs of a space that the needs of a view leave out, with what and why as in `Exclusion`.
 
@@ -161,6 +151,13 @@ SLOPES = (0.4, 1.6)  # range to which measured slopes are clamped
 GROWTH = (1.2, 2.0)
 FIRST = "hardware"  # filter of a group's first trial
 TINY = 1e-6  # smallest error used in predictions
+LEFT_OUT = {
+    "dearer": "predicted to cost at least as much as {}",
+    "inaccurate": "predicted to miss the target",
+    "beyond": "with the map of one that failed, or a larger one",
+    "unranked": "without a cost",
+}
+"""Why a search measures no spec, by a key; {}: the choice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,20 +185,6 @@ class Trial:
     def rank(self) -> tuple[float, float, int, float]:
         """The lower, the better among trials that meet a target."""
         return self.cost, self.tie, self.bytes, self.error
-
-
-@dataclass
-class Untried:
-    """Numbers of specs of a technique that a search left out.
-
-    dearer: predicted to cost at least as much as the cheapest that meets the target; inaccurate: predicted to miss the
-    target; beyond: with the map of one that failed, or a larger one; unranked: without a cost.
-    """
-
-    dearer: int = 0
-    inaccurate: int = 0
-    beyond: int = 0
-    unranked: int = 0
 
 
 @dataclass(frozen=True)
@@ -304,17 +287,12 @@ class Search:
         """Specs that were not measured."""
         return [*self._left, *self._beyond]
 
-    def untried(self) -> dict[str, Untried]:
-        """Specs that were not measured, counted by technique and by what is predicted of them."""
-        found: defaultdict[str, Untried] = defaultdict(Untried)
+    def untried(self) -> Counter[tuple[str, str]]:
+        """Numbers of specs that were not measured, by technique and by a key of `LEFT_OUT`."""
+        whys = Counter((spec.technique.name, "beyond") for spec in self._beyond)
         for spec, point in self._left.items():
-            if self.cost(point) >= self.cost_limit:
-                found[spec.technique.name].dearer += 1
-            else:
-                found[spec.technique.name].inaccurate += 1
-        for spec in self._beyond:
-            found[spec.technique.name].beyond += 1
-        return dict(found)
+            whys[spec.technique.name, "dearer" if self.cost(point) >= self.cost_limit else "inaccurate"] += 1
+        return whys
 
     @property
     def best(self) -> Trial | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from shadowbench.advice.recommend import Recommendation
-from shadowbench.advice.search import SIZES, Trial, start_size
+from shadowbench.advice.search import LEFT_OUT, SIZES, Trial, start_size
 from shadowbench.errors import number
 from shadowbench.files import replace_file
 from shadowbench.measure.cells import Block, Cell
@@ -61,8 +61,8 @@ def phase_notes(advice: Recommendation) -> list[str]:
 def cost_notes(advice: Recommendation) -> list[str]:
     """How far predicted times can be off; why work ranks where no time can; why specs have no cost."""
     notes = []
-    if advice.law is not None:
-        errors = advice.law.kinds
+    if advice.cost.law is not None:
+        errors = advice.cost.law.kinds
         kinds = sorted({kind_of(trial.spec.sizeless_text) for trial in advice.trials})
         factors = ", ".join(f"{kind} ×{errors[kind]['median']:.2f}" for kind in kinds if kind in errors)
         notes = [
@@ -73,7 +73,7 @@ def cost_notes(advice: Recommendation) -> list[str]:
         notes = [f"work, not predicted times: {advice.cost.without_law}"]
     whys: dict[str, dict[str, None]] = {}
     for spec, why in advice.unranked.items():
-        whys.setdefault(why, {})[kind_of(spec.sizeless_text) if advice.law else spec.sizeless_text] = None
+        whys.setdefault(why, {})[kind_of(spec.sizeless_text) if advice.cost.law else spec.sizeless_text] = None
     return [*notes, *(f"no cost is known of {', '.join(kinds)}: {why}" for why, kinds in whys.items())]
 
 
@@ -81,9 +81,9 @@ def cost_text(advice: Recommendation, trial: Trial) -> str:
     """A cost in the unit of its column; empty if it is not known."""
     if not trial.ranked:
         return ""
-    if advice.unit == "work":
+    if advice.cost.unit == "work":
         return f"{trial.cost:,.0f}"
-    if advice.law is not None:
+    if advice.cost.law is not None:
         return f"{trial.cost:.2g}" if trial.cost > SHORTEST_MS else f"<{SHORTEST_MS:g}"
     return number(trial.cost)
 
@@ -92,7 +92,7 @@ def relative_text(advice: Recommendation, trial: Trial) -> str:
     """A cost relative to the choice's, or a lower bound; empty without either."""
     if advice.choice is None or not (trial.ranked and advice.choice.ranked and advice.choice.cost):
         return ""
-    least = advice.law is not None and trial.cost > advice.choice.cost <= SHORTEST_MS
+    least = advice.cost.law is not None and trial.cost > advice.choice.cost <= SHORTEST_MS
     return f"{'>' * least}{trial.cost / advice.choice.cost:.3g}"
 
 
@@ -109,7 +109,7 @@ def step_lines(advice: Recommendation) -> list[str]:
         lines = [f"of those measured, relaxing the target to {target} saves {saved}%: {_name(cheaper)}"]
     if better is not None:
         target, times = _error(advice, better, as_target=True), relative_text(advice, better)
-        costs = f"costs {times} × as much" if times else f"costs {cost_text(advice, better)} {advice.unit}"
+        costs = f"costs {times} × as much" if times else f"costs {cost_text(advice, better)} {advice.cost.unit}"
         lines.append(f"of those measured, tightening it to {target} {costs}: {_name(better)}")
     elif choice.error > 0:
         lines.append("tightening it: nothing measured has less than half the error")
@@ -170,18 +170,12 @@ def excluded_lines(advice: Recommendation) -> list[str]:
     lines = [f"not tried: {', '.join(names)}; --json says why"] if names else []
     lines += [f"not tried: {one.what} ({one.specs} specs): {one.why}" for one in advice.excluded if one.specs]
     limit = "the choice" if advice.choice or not advice.met else _name(advice.met[0])
-    whys = {
-        "dearer": f"predicted to cost at least as much as {limit}",
-        "inaccurate": "predicted to miss the target",
-        "beyond": "with the map of one that failed, or a larger one",
-        "unranked": "without a cost",
-    }
-    left = {why: {name: getattr(rest, why) for name, rest in advice.untried.items()} for why in whys}
-    counts = [
-        f"{sum(of.values())} {whys[why]} ({', '.join(f'{name} {count}' for name, count in of.items() if count)})"
-        for why, of in left.items()
-        if any(of.values())
-    ]
+    counts = []
+    for key, why in LEFT_OUT.items():
+        of_each = {name: count for (name, own), count in advice.untried.items() if own == key}
+        if of_each:
+            named = ", ".join(f"{name} {count}" for name, count in of_each.items())
+            counts.append(f"{sum(of_each.values())} {why.format(limit)} ({named})")
     if counts:
         lines.append(f"not tried: {', '.join(counts)}; -t TECHNIQUE searches one alone")
     return [*lines, *(f"not measured: {spec}: {status}" for spec, status in advice.unsuccessful.items())]
@@ -206,8 +200,12 @@ def values(advice: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "view_size": view.size,
         "target": asdict(advice.target),
         "notes": target_notes(advice) + facet_notes(advice) + cost_notes(advice),
-        "ranked_by": "work_cost" if advice.unit == "work" else "frame_ms" if advice.law is None else "predicted_ms",
-        "device": None if advice.law is None else advice.law.device,
+        "ranked_by": "work_cost"
+        if advice.cost.unit == "work"
+        else "frame_ms"
+        if advice.cost.law is None
+        else "predicted_ms",
+        "device": None if advice.cost.law is None else advice.cost.law.device,
         "reference": None if advice.reference is None else asdict(advice.reference),
         "renderer": info.renderer,
         "choice": _values(advice.choice),
@@ -221,7 +219,7 @@ def values(advice: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "evidence": [_values(trial) for trial in advice.trials],
         "techniques": list(advice.among) or None,
         "refused": dict(advice.unsuccessful),
-        "untried": [{"technique": name, **asdict(one)} for name, one in advice.untried.items()],
+        "untried": [{"technique": name, "why": why, "specs": count} for (name, why), count in advice.untried.items()],
         "excluded": [asdict(exclusion) for exclusion in advice.excluded],
     }
 
