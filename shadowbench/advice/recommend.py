@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from functools import cached_property
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
 
@@ -43,15 +43,24 @@ from shadowbench.truths.trace import Truth
 
 Measure = Literal["iou", "edge_px", "rmse"]
 
-_METRICS: dict[str, Measure] = {"--min-iou": "iou", "--max-edge-px": "edge_px", "--max-rmse": "rmse"}
-_ALLOWED: dict[str, tuple[Callable[[float], bool], str]] = {
-    "--min-iou": (lambda value: 0 < value <= 1, "above 0, up to 1"),
-    "--max-edge-px": (lambda value: 0 <= value < math.inf, "0 and more"),
-    "--max-rmse": (lambda value: 0 <= value <= 1, "0 to 1"),
-    "--budget-ms": (lambda value: 0 < value < math.inf, "above 0"),
+
+class _Measured(NamedTuple):
+    """What a target may be of: its option, what that allows, the text of a target, and of a value."""
+
+    option: str
+    allows: Callable[[float], bool]
+    allowed: str
+    target: str
+    value: str
+
+
+_MEASURES: dict[Measure, _Measured] = {
+    "iou": _Measured("--min-iou", lambda least: 0 < least <= 1, "above 0, up to 1", "IoU ≥ {:g}", "IoU {}"),
+    "edge_px": _Measured(
+        "--max-edge-px", lambda most: 0 <= most < math.inf, "0 and more", "edges at most {:g} px off", "edges {} px off"
+    ),
+    "rmse": _Measured("--max-rmse", lambda most: 0 <= most <= 1, "0 to 1", "RMSE ≤ {:g}", "RMSE {}"),
 }
-_TEXTS: dict[Measure, str] = {"iou": "IoU ≥ {:g}", "edge_px": "edges at most {:g} px off", "rmse": "RMSE ≤ {:g}"}
-_REACHED: dict[Measure, str] = {"iou": "IoU {}", "edge_px": "edges {} px off", "rmse": "RMSE {}"}
 
 
 @dataclass(frozen=True)
@@ -82,10 +91,6 @@ class Target:
             return 0.0 if metrics["iou"] in (None, 1.0) else math.inf
         return METRICS[self.metric].error(value)
 
-    def meets(self, metrics: Mapping[str, float | None]) -> bool:
-        """Whether a row's metrics meet the target, whatever they cost."""
-        return self.error(metrics) <= self.limit
-
     def text(self, error: float, row: Mapping[str, Any], as_target: bool = False) -> str:
         """Text of an error by the metric: `IoU 0.9712`, `edges 0.21 px off`, `RMSE 0.013`; in words if infinite.
 
@@ -95,7 +100,7 @@ class Target:
             return "no edges to compare, and other shadows"
         metric = METRICS[self.metric]
         value = metric.error(error)  # which is its own inverse
-        return _REACHED[self.metric].format(metric.text(value, self.reached if as_target else self.digits, row))
+        return _MEASURES[self.metric].value.format(metric.text(value, self.reached if as_target else self.digits, row))
 
     def digits(self, value: float) -> str:
         """A value of the metric, rounded, but neither across the target nor to an IoU of 1 unless it is that."""
@@ -112,7 +117,7 @@ class Target:
         return f"{value:.16g}"
 
     def __str__(self) -> str:
-        text = _TEXTS[self.metric].format(self.value)
+        text = _MEASURES[self.metric].target.format(self.value)
         return text if self.budget_ms is None else f"{text} within {self.budget_ms:g} ms"
 
 
@@ -128,18 +133,17 @@ def target_of(
 
     soft: whether the view has penumbrae. Raises InputError for invalid or conflicting options.
     """
-    options = {"--min-iou": min_iou, "--max-edge-px": max_edge_px, "--max-rmse": max_rmse}
-    given = {name: value for name, value in options.items() if value is not None}
+    values: dict[Measure, float | None] = {"iou": min_iou, "edge_px": max_edge_px, "rmse": max_rmse}
+    given = {name: value for name, value in values.items() if value is not None}
     if len(given) > 1:
-        found = "both" if len(given) == 2 else "all"
-        raise InputError(f"{' and '.join(given)}: found {found}; allowed: one of them")
-    for name, value in {**given, **({} if budget_ms is None else {"--budget-ms": budget_ms})}.items():
-        is_allowed, told = _ALLOWED[name]
-        if not is_allowed(value):
-            raise InputError(f"{name}: found {value:g}; allowed: {told}")
-    if given:
-        ((name, value),) = given.items()
-        return Target(_METRICS[name], value, budget_ms)
+        both = " and ".join(_MEASURES[name].option for name in given)
+        raise InputError(f"{both}: found {'both' if len(given) == 2 else 'all'}; allowed: one of them")
+    if budget_ms is not None and not 0 < budget_ms < math.inf:
+        raise InputError(f"--budget-ms: found {budget_ms:g}; allowed: above 0")
+    for name, value in given.items():
+        if not _MEASURES[name].allows(value):
+            raise InputError(f"{_MEASURES[name].option}: found {value:g}; allowed: {_MEASURES[name].allowed}")
+        return Target(name, value, budget_ms)
     return Target("rmse" if soft else "iou", ranking(soft).targets[1], budget_ms)
 
 

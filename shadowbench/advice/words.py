@@ -192,7 +192,7 @@ def _name(trial: Trial) -> str:
 
 def values(advice: Recommendation, info: DeviceInfo) -> dict[str, Any]:
     """JSON object of `recommend --json`."""
-    view = advice.view
+    view, law = advice.view, advice.cost.law
     return {
         "scene": view.scene.name,
         "view": view.camera.name,
@@ -200,12 +200,8 @@ def values(advice: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "view_size": view.size,
         "target": asdict(advice.target),
         "notes": target_notes(advice) + facet_notes(advice) + cost_notes(advice),
-        "ranked_by": "work_cost"
-        if advice.cost.unit == "work"
-        else "frame_ms"
-        if advice.cost.law is None
-        else "predicted_ms",
-        "device": None if advice.cost.law is None else advice.cost.law.device,
+        "ranked_by": "predicted_ms" if law else "frame_ms" if advice.cost.unit == "ms" else "work_cost",
+        "device": law and law.device,
         "reference": None if advice.reference is None else asdict(advice.reference),
         "renderer": info.renderer,
         "choice": _values(advice.choice),
