@@ -34,7 +34,6 @@ def needs(
     rows = explanations_of(needed)
     if printed.json:
         values = asdict(needed)
-        values["reach"].pop("matters")
         names = {"scene": chosen.scene.name, "view": chosen.camera.name, "verdict": verdict_of(needed)}
         console.print_json(names | values | {"told": [row._asdict() for row in rows]})
         return

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from shadowbench.errors import InputError
 from shadowbench.geometry.planes import find_planes
 from shadowbench.scenes.assumed import without_ground
 from shadowbench.scenes.model import LightShape, Scene, View, view_of
-from shadowbench.survey.casters import Casters, RelevantCasters, casters_of, relevant_casters
+from shadowbench.survey.casters import Casters, casters_of
 from shadowbench.survey.maps import (
     BIAS_STEPS,
     CONTACT,
@@ -28,13 +28,10 @@ from shadowbench.survey.maps import (
     penumbra_of,
     texels_of,
 )
-from shadowbench.survey.samples import Samples, fitted_map, sample_view
+from shadowbench.survey.samples import REFERENCE_SIZE, Samples, fitted_map, sample_view
 
 if TYPE_CHECKING:
     import pandas as pd
-from typing import NamedTuple
-
-from shadowbench.survey.samples import REFERENCE_SIZE
 
 PLANAR_SHARE = 0.999  # least planar share of the visible receivers for which projection suffices
 
@@ -87,8 +84,8 @@ class Needs:
 
     light: kind of the light; receivers, casters: their statistics; texels: needed size of one map; without_ground: the
     same without the ground that was assumed; cascades: needed sizes of cascades, under a directional light; bits, bias:
-    needed depth format and bias; penumbra: widths for the light's size; reach: casters that can shadow visible
-    receivers; pixels: number of sampled pixels, of view_size².
+    needed depth format and bias; penumbra: widths for the light's size; pixels: number of sampled pixels, of
+    view_size².
     """
 
     light: LightShape
@@ -100,7 +97,6 @@ class Needs:
     bits: DepthBits | None
     bias: BiasNeed | None
     penumbra: Penumbra | None
-    reach: RelevantCasters
     pixels: int
     view_size: int
 
@@ -143,7 +139,6 @@ def needs(view: View, penumbrae: bool = True) -> Needs:
         bits=bits_of(fitted, depths),
         bias=bias_of(fitted, depths),
         penumbra=penumbra_of(view, samples) if penumbrae else None,
-        reach=relevant_casters(fitted, sure=samples.step == 1 and not view.light.soft),
         pixels=samples.side**2,
         view_size=view.size,
     )
@@ -202,9 +197,6 @@ def _rows(needs: Needs) -> Iterator[Row]:
         yield from _bias(needs.bias)
     if needs.penumbra:
         yield from _penumbra(needs.penumbra, needs.light)
-    reach = f"of {needs.reach.triangles} cannot shadow any visible receiver"
-    unsure = "" if needs.reach.sure else ", as far as the samples show"
-    yield "casters to leave out", f"{needs.reach.useless} triangles", f"{reach}{unsure}"
 
 
 def verdict_of(needs: Needs) -> str:
