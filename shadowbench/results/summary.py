@@ -8,7 +8,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Protocol
+from statistics import fmean
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -16,13 +17,12 @@ import pandas as pd
 from shadowbench.errors import InputError
 from shadowbench.measure.columns import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.measure.flips import ROW_METRICS
-from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import own_techniques, preset_names
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.frame import Run
+from shadowbench.results.law import Law
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import METRICS, is_soft, ranking
+from shadowbench.scores.metrics import METRICS, Metric, is_soft, ranking
 from shadowbench.techniques.unshadowed import Unshadowed
 
 _BOOTSTRAPS = 2000
@@ -33,17 +33,6 @@ CostName = Literal["frame_ms", "predicted_ms", "work_cost", "map_size"]
 
 Setting = Any
 """A line of `Summary.settings`, as a named tuple."""
-
-
-class Prediction(Protocol):
-    """Predicts the times of a device from the work that a software renderer counts."""
-
-    @property
-    def device(self) -> str:
-        """Its name."""
-
-    def of_row(self, row: Record) -> float | None:
-        """Milliseconds of a score row; None where they cannot be told."""
 
 
 class Target(NamedTuple):
@@ -283,12 +272,12 @@ def known(value: float) -> bool:
     return not math.isnan(value)
 
 
-def summaries(run: Run, prediction: Prediction | None = None) -> list[Summary]:
+def summaries(run: Run, law: Law | None = None) -> list[Summary]:
     """A run's summaries, one a scene. Different lights, view sizes or coordinates are apart.
 
-    prediction: of the times by which settings are ranked where a run has no GPU's.
+    law: predicts the times by which settings are ranked where a run has no GPU's.
     """
-    cells = _with_costs(run, prediction)
+    cells = _with_costs(run, law)
     costs = {soft: _cost_name(run, cells[cells["soft"] == soft]) for soft in (False, True)}
     parts = []
     for (scene, size, coordinates), own in cells.groupby(
@@ -298,13 +287,13 @@ def summaries(run: Run, prediction: Prediction | None = None) -> list[Summary]:
         soft = bool(own["soft"].any())
         normalised, reference = normalise_times(own)
         settings = _settings(normalised, ranking(soft), costs[soft])
-        device = prediction.device if prediction and costs[soft] == "predicted_ms" else ""
+        device = law.device if law and costs[soft] == "predicted_ms" else ""
         shown = reference if costs[soft] == "frame_ms" else None
         parts.append(Summary(run, str(scene), title, soft, normalised, settings, costs[soft], shown, device))
     return parts
 
 
-def _with_costs(run: Run, prediction: Prediction | None) -> pd.DataFrame:
+def _with_costs(run: Run, law: Law | None) -> pd.DataFrame:
     """The cells of a run with `predicted_ms`, `soft`, and `work_cost` where that stands for what is drawn.
 
     It does not for rays, which are no shader invocations, and for what a technique says that counts do not see.
@@ -312,7 +301,7 @@ def _with_costs(run: Run, prediction: Prediction | None) -> pd.DataFrame:
     rows = [result.score for result in run.results]
     drawn = [row["status"] == "ok" for row in rows]
     counted = {spec: _counted(spec) for spec in run.frame["full_spec"].unique()}
-    predict = prediction.of_row if prediction and run.software else None
+    predict = law.of_row if law and run.software else None
     predicted = [predict(row) if predict and ok else None for row, ok in zip(rows, drawn, strict=True)]
     work = [
         row["work"].get("cost") if ok and "rays" not in row["work"] and counted[row["full_spec"]] else None
@@ -419,7 +408,7 @@ def over_scenes(parts: Sequence[Summary], title: str) -> Summary:
     for _, every in lines.groupby(["spec", "map_size"], sort=False, dropna=False):
         own = every[every["scored"] > 0]
         if len(own):
-            mean = own.iloc[0].to_dict() | own[numbers].mean(skipna=False).to_dict()
+            mean = own.iloc[0].to_dict() | own[numbers].apply(fmean).to_dict()  # NaN if one is
             mean |= {"cells": own["cells"].sum(), "phases": own["phases"].min(), "scored": len(own)}
             mean |= {"refused": (), "unsupported": every["unsupported"].sum()}
             means.append(mean if len(own) == 1 else mean | dict.fromkeys(spreads, math.nan))
