@@ -23,11 +23,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shadowbench import options
-from shadowbench.advice.costs import by_of
-from shadowbench.advice.recommend import Recommendation, has_penumbra
+from shadowbench.advice.recommend import Recommendation, by_of, has_penumbra, target_of
 from shadowbench.advice.recommend import recommend as measure_recommendation
-from shadowbench.advice.space import technique_names
-from shadowbench.advice.target import target_of
+from shadowbench.advice.search import technique_names
 from shadowbench.campaigns import campaign_in, shared_worker
 from shadowbench.campaigns import close as close
 from shadowbench.errors import InputError as InputError

@@ -19,7 +19,6 @@ GENERATED = (
     "technique_docs.py",
     "law_docs.py",
     "reference_docs.py",
-    "device_page.py",
     "choosing_page.py",
 )  # the tools of other pages have tests of their own
 
