@@ -196,7 +196,7 @@ FORKED = """
 import os, sys
 import shadowbench as sb
 from shadowbench.results.frame import over_phases
-from shadowbench.shared_worker import _Shared
+from shadowbench.campaigns import _Shared
 
 first = sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility
 process = _Shared.worker._process.pid

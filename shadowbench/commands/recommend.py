@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import campaigns
 from shadowbench.options import ViewOptions, option, view_size
 
 if TYPE_CHECKING:
@@ -96,7 +95,7 @@ def recommend(
     scene: options.Scene,
     asked: RecommendOptions,
     view: ViewOptions,
-    machines: options.TimingMachines,
+    machines: options.Machines,
     printed: options.Printed,
 ) -> int:
     """Search for the cheapest technique that meets a target.
@@ -132,6 +131,7 @@ def recommend(
     from shadowbench.advice.space import technique_names
     from shadowbench.advice.target import target_of
     from shadowbench.advice.words import export_choice, values
+    from shadowbench.campaigns import campaign_in
     from shadowbench.files import make_folder
     from shadowbench.measure.plugin_output import techniques_with
 
@@ -144,7 +144,7 @@ def recommend(
         make_folder(asked.export, "--export ")
     with (
         console.Reporter(printed.quiet) as reporter,
-        campaigns(asked.output, machines, asked.plugin, None, reporter) as (*_, campaign),
+        campaign_in(asked.output, reporter, asked.plugin, **asdict(machines)) as campaign,
     ):
         chosen = reporter.view(scene, asked.view_size, view)
         found, info = measure_recommendation(
@@ -153,7 +153,7 @@ def recommend(
             known,
             campaign,
             by=by,
-            timed=machines.dask is None or machines.time_on is not None,
+            timed=machines.dask is None,
             among=among,
             device=asked.device,
         )
