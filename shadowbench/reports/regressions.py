@@ -22,6 +22,7 @@ from shadowbench.results.frame import Run, identity, view_name
 from shadowbench.scores.metrics import is_soft, leading_error
 
 COLUMNS = ("scene, view, light", "spec", "map", "what", "before", "", "after", "× tolerance", "also")
+_LONGEST = 40  # characters of a status
 LINES = 40
 """Of a table, one per cell."""
 _ANNOTATIONS = 10  # that GitHub shows of a step
@@ -77,7 +78,9 @@ def value_text(value: Any) -> str:
     """A value of a change: a number, a status, or None."""
     if value is None:
         return "none"
-    return str(value) if isinstance(value, int | str) else number(value)
+    if isinstance(value, str):
+        return textwrap.shorten(value, _LONGEST, placeholder="…")
+    return str(value) if isinstance(value, int) else number(value)
 
 
 def counts(findings: Findings, baseline: Path) -> str:
