@@ -17,7 +17,7 @@ from shadowbench.measure.columns import COSTS, MORE, MORE_TIMES, SOMETIMES, TIME
 from shadowbench.measure.columns import IDENTITY as FIRST
 from shadowbench.measure.row_store import read_run_file, stream_rows
 from shadowbench.measure.rows import Record, Result, RunFile
-from shadowbench.plugin.grammar import parameters_of
+from shadowbench.plugin.params import parameters_of
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.strict import short
 

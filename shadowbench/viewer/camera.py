@@ -129,7 +129,7 @@ def dragged(light: Light, camera: Camera, handle: Handle, to: tuple[float, float
     """
     if light.kind == "directional":
         sun = replace(light, direction=vec3(-_on_dome(camera, *to, far)))
-        azimuth, elevation = azimuth_elevation(sun)
+        azimuth, elevation = sun_angles(sun)
         return sun if elevation >= LOWEST else replace(sun, direction=sun_direction(azimuth, LOWEST))
     depth = projected(camera, handles(light, camera)[handle])[2]
     if depth < 1e-3 * distance(camera):
@@ -158,7 +158,7 @@ def is_far(light: Light, camera: Camera) -> bool:
     return projected(camera, handles(light, camera)["light"])[2] > distance(camera)
 
 
-def azimuth_elevation(light: Light) -> tuple[float, float]:
+def sun_angles(light: Light) -> tuple[float, float]:
     """Azimuth and elevation in radians of the direction that a light comes from, as for `sun_direction`."""
     x, y, z = -unit(light.direction)
     return math.atan2(x, -z), math.asin(float(np.clip(y, -1.0, 1.0)))

@@ -21,8 +21,8 @@ from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
 from shadowbench.scores.difference import difference_over, weight, with_facets
 from shadowbench.studies.crossing import Techniques
+from shadowbench.viewer.judge import Judge, Traced
 from shadowbench.viewer.state import Origin, Source, ViewerState
-from shadowbench.viewer.truth import Judge, Traced
 
 REST_S = 0.15
 """Time without a change after which a motion has ended, in seconds."""

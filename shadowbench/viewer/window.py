@@ -20,11 +20,11 @@ from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
 from shadowbench.errors import InputError
 from shadowbench.gl.device import before_context, device_of
 from shadowbench.studies.crossing import Techniques
-from shadowbench.viewer import camera, panels
+from shadowbench.viewer import camera, controls
 from shadowbench.viewer.camera import Handle
 from shadowbench.viewer.drawing import Viewer
+from shadowbench.viewer.judge import Judge
 from shadowbench.viewer.state import Source, ViewerState
-from shadowbench.viewer.truth import Judge
 
 SIZE = (1400, 860)
 LEFT, RIGHT = 310.0, 340.0  # pixels
@@ -284,7 +284,7 @@ class ViewerWindow:
         _load_font(io)
         self.renderer = Renderer(self.window, self._heard)
         self.window.key_event_func = self._key
-        self.files = panels.FilePanel(self.viewer)
+        self.files = controls.FilePanel(self.viewer)
         glfw.set_drop_callback(self.window._window, self._dropped)
         self.canvas = Canvas(self.viewer)
         self.frame_ms, self._started = 0.0, time.perf_counter()
@@ -343,13 +343,13 @@ class ViewerWindow:
 
     def _left(self) -> None:
         self.files.draw()
-        for title, panel in (("Scene", panels.scene_panel), ("Light", panels.light_panel)):
+        for title, panel in (("Scene", controls.scene_panel), ("Light", controls.light_panel)):
             if imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open):
                 panel(self.viewer)
 
     def _middle(self) -> None:
-        panels.view_panel(self.viewer)
-        lines, room = panels.lines_below(self.viewer, self.frame_ms), imgui.get_content_region_avail()
+        controls.view_panel(self.viewer)
+        lines, room = controls.lines_below(self.viewer, self.frame_ms), imgui.get_content_region_avail()
         height = sum(imgui.calc_text_size(line, wrap_width=room.x).y + 4 for line in lines)
         imgui.begin_child("panes", (room.x, max(room.y - height - 8, 64)))
         self.canvas.draw()
@@ -358,8 +358,8 @@ class ViewerWindow:
             imgui.text_wrapped(line)
 
     def _right(self) -> None:
-        panels.scores_panel(self.viewer)
-        panels.techniques_panel(self.viewer)
+        controls.scores_panel(self.viewer)
+        controls.techniques_panel(self.viewer)
 
     def _heard(self) -> None:
         self._quiet_from = time.perf_counter() + AFTER_EVENT_S

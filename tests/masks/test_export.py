@@ -291,7 +291,7 @@ def test_a_plane_across_the_light_or_along_it_has_a_box_with_a_volume(builtin: C
 
 def test_a_mesh_that_neither_casts_nor_receives_does_not_enlarge_the_box(builtin: Callable[..., View]) -> None:
     view = builtin("cube-on-plane", SIZE)
-    sky = replace(view.scene.meshes[1], points=100 * view.scene.meshes[1].vertices, casts=False, receives=False)
+    sky = replace(view.scene.meshes[1], vertices=100 * view.scene.meshes[1].vertices, casts=False, receives=False)
     assert light_box(replace(view, scene=replace(view.scene, meshes=(*view.scene.meshes, sky)))) == light_box(view)
 
 

@@ -13,8 +13,8 @@ from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
 from shadowbench.viewer.drawing import Viewer
+from shadowbench.viewer.judge import Judge
 from shadowbench.viewer.state import Origin, ViewerState
-from shadowbench.viewer.truth import Judge
 
 SCENE = """
 [camera]

@@ -83,7 +83,7 @@ def test_walking_forward_stays_level() -> None:
 @given(PLACE, PLACE, st.booleans())
 def test_a_suns_handle_goes_where_it_is_dragged(x: float, y: float, far: bool) -> None:
     moved = dragged(SUN, CAMERA, "light", (x, y), far)
-    elevation = by_hand.azimuth_elevation(moved)[1]
+    elevation = by_hand.sun_angles(moved)[1]
     assert elevation >= math.radians(0.99)
     if elevation > math.radians(1.01):  # not held above the horizon
         assert projected(CAMERA, handles(moved, CAMERA)["light"])[:2] == pytest.approx((x, y), abs=1e-6)
@@ -118,7 +118,7 @@ def test_a_lamp_behind_the_camera_comes_to_the_depth_of_its_target() -> None:
 @given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5))
 def test_azimuth_and_elevation_are_those_of_the_sun(azimuth: float, elevation: float) -> None:
     sun = replace(SUN, direction=sun_direction(azimuth, elevation))
-    assert by_hand.azimuth_elevation(sun) == pytest.approx((azimuth, elevation))
+    assert by_hand.sun_angles(sun) == pytest.approx((azimuth, elevation))
 
 
 @pytest.mark.parametrize("kind", ["spot", "point", "rectangle"])

@@ -24,16 +24,16 @@ from shadowbench.measure.worker import Worker
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import View
+from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.scores.difference import FACETS, FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.scores.metrics import score
-from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.studies.artefacts import artefacts
 from shadowbench.truths.trace import trace
 from shadowbench.viewer.camera import orbited, with_kind
+from shadowbench.viewer.controls import show_artefact, status
 from shadowbench.viewer.drawing import LEAST_SIZE, Drawing, Viewer, moving_size
-from shadowbench.viewer.panels import show_artefact, status
+from shadowbench.viewer.judge import Judge, Traced
 from shadowbench.viewer.state import ViewerState
-from shadowbench.viewer.truth import Judge, Traced
 from shadowbench.viewer.window import label
 
 SIZE = 64

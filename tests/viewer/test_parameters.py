@@ -16,8 +16,8 @@ from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.library import load_scene
+from shadowbench.viewer.controls import SUM, choices_of, limits, name_of, with_inner, with_value
 from shadowbench.viewer.drawing import Drawing
-from shadowbench.viewer.panels import SUM, choices_of, limits, name_of, with_inner, with_value
 from shadowbench.viewer.state import ViewerState
 
 pytestmark = pytest.mark.slow

@@ -18,9 +18,8 @@ from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import Camera, Light
 from shadowbench.techniques.shadow_map import ShadowMap
-from shadowbench.viewer import panels
-from shadowbench.viewer.drawing import Viewer
-from shadowbench.viewer.panels import (
+from shadowbench.viewer import controls
+from shadowbench.viewer.controls import (
     SUM,
     FilePanel,
     better,
@@ -32,6 +31,7 @@ from shadowbench.viewer.panels import (
     with_inner,
     with_value,
 )
+from shadowbench.viewer.drawing import Viewer
 from shadowbench.viewer.state import save_state
 from shadowbench.viewer.window import Canvas, Pane
 
@@ -166,7 +166,7 @@ def test_a_typed_number_that_no_scene_file_takes_leaves_the_light(
     monkeypatch.setattr(imgui, "drag_float", lambda _, value, __, low, high, *___: (True, clamped(low, high)))
     monkeypatch.setattr(imgui, "drag_float3", lambda *_: (True, [typed] * 3))
     lamp = Light("light", kind, (0.6, -0.8, 0.0), (0.0, 3.0, 0.0), math.radians(60), 0.0, (1.0, 1.0))
-    light = panels.edited_light(lamp)
+    light = controls.edited_light(lamp)
     numbers = [*light.direction, *light.position, light.angle, light.radius, *light.size]
     assert all(abs(number) <= LARGEST for number in numbers) and any(light.direction)
 

@@ -1,4 +1,4 @@
-"""Needed map sizes that follow from the image size alone."""
+"""Footprints of texels, compared with differences and random edges, and the map sizes that follow from them."""
 
 import numpy as np
 import pytest
@@ -9,13 +9,18 @@ from hypothesis.extra.numpy import arrays
 from shadowbench.maps.biases import Texel
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.survey import sampling
-from shadowbench.survey.depth import BIAS_STEPS
-from shadowbench.survey.explanations import explanations_of, verdict_of
-from shadowbench.survey.maps import ANGLES, DISPLACEMENTS, PADDING, REFERENCE_SIZE, FittedMap, fitted_map
-from shadowbench.survey.sampling import sample_view
-from shadowbench.survey.survey import needs
-from shadowbench.survey.texels import (
+from shadowbench.survey.depth import BIAS_STEPS, depths_of
+from shadowbench.survey.samples import (
+    ANGLES,
+    DISPLACEMENTS,
+    PADDING,
+    REFERENCE_SIZE,
+    FittedMap,
+    fitted_map,
+    longest,
+    sample_view,
+)
+from shadowbench.survey.sizes import (
     GRAZING_SLOPE,
     LIMIT,
     STEP,
@@ -27,12 +32,51 @@ from shadowbench.survey.texels import (
     texels_of,
 )
 from shadowbench.techniques.shadow_map import ShadowMap
-from tests.survey.conftest import SUN, box, from_above, looking, plate, tilted
+from tests.survey.conftest import SUN, from_above, looking, plate, tilted
 
 
 def of(view: View) -> tuple[FittedMap, Texels]:
     fitted = fitted_map(sample_view(view))
-    return fitted, texels_of(fitted)
+    return fitted, texels_of(fitted, depths_of(fitted))
+
+
+def test_jacobian_and_slope_are_the_differences_between_neighbours(light: Light) -> None:
+    fitted = fitted_map(sample_view(looking([plate(30.0)], light, size=128)))
+    at = fitted.footprint
+    grid = np.full((128, 128), -1)
+    grid[np.divmod(fitted.samples.pixel, 128)] = np.arange(len(fitted.samples.pixel))
+    here = grid[1:-1, 1:-1]
+    for axis, (before, after) in enumerate(((grid[1:-1, :-2], grid[1:-1, 2:]), (grid[:-2, 1:-1], grid[2:, 1:-1]))):
+        inside = (here >= 0) & (before >= 0) & (after >= 0)
+        inside &= (fitted.face[before] == fitted.face[here]) & (fitted.face[after] == fitted.face[here])
+        a, b, c = before[inside], here[inside], after[inside]
+        assert len(b) > 1000
+        moved = (at.coords[:, c] - at.coords[:, a]) / 2
+        scale = np.linalg.norm(moved[:2], axis=0)
+        np.testing.assert_allclose(at.jacobian[:, axis, b], moved[:2], atol=1e-3 * scale.max())
+        along = (at.slope[:, b] * at.jacobian[:, axis, b]).sum(axis=0)
+        np.testing.assert_allclose(along, moved[2], atol=2e-3 * np.abs(moved[2]).max() + 1e-9)
+
+
+def test_the_longest_reach_is_the_reciprocal_of_the_least_singular_value() -> None:
+    matrices = np.random.default_rng(1).normal(size=(2, 2, 100))
+    least = np.linalg.svd(matrices.transpose(2, 0, 1))[1][:, 1]
+    np.testing.assert_allclose(longest(*np.moveaxis(matrices, 1, 0)), 1 / least, rtol=1e-9)
+
+
+def test_predicted_edge_displacement_matches_random_edges_on_a_grid() -> None:
+    """Points beside a straight edge that a 2×2 linear comparison of texel centres puts on its other side."""
+    chance = np.random.default_rng(0)
+    for angle, off in zip(ANGLES, DISPLACEMENTS, strict=True):
+        normal = np.array([np.cos(angle), np.sin(angle)])
+        away = (chance.random(400_000) - 0.5) * 3
+        point = away[:, None] * normal + chance.random((400_000, 1)) * 1000 * np.array([-normal[1], normal[0]])
+        shift = chance.random((400_000, 2))  # of the grid
+        corner, part = np.divmod(point + shift - 0.5, 1.0)
+        lit = [[((corner + [i, j] + 0.5 - shift) @ normal > 0) * 1.0 for j in (0, 1)] for i in (0, 1)]
+        x, y = part.T
+        mixed = (lit[0][0] * (1 - x) + lit[1][0] * x) * (1 - y) + (lit[0][1] * (1 - x) + lit[1][1] * x) * y
+        assert 3 * np.mean((mixed > 0.5) != (away > 0)) == pytest.approx(off, abs=0.003)
 
 
 @pytest.mark.parametrize("elevation", [90.0, 60.0, 20.0])
@@ -40,18 +84,18 @@ def test_a_plane_from_above_needs_as_many_texels_as_pixels_whatever_the_sun(elev
     fitted, texels = of(from_above([plate(50.0)], tilted(elevation)))
     # 64 pixel centres lie 63 pixels apart; the fit pads them by 2 texels on each side.
     assert fitted.padding == 2.0
-    assert texels.size.value == pytest.approx(63 + 4, rel=1e-6)
-    assert texels.p95.value == pytest.approx(63 / (1024 - 4), rel=1e-6)
-    assert texels.largest.value == pytest.approx(63 / (1024 - 4), rel=1e-6)
+    assert texels.size == pytest.approx(63 + 4, rel=1e-6)
+    assert texels.p95 == pytest.approx(63 / (1024 - 4), rel=1e-6)
+    assert texels.largest == pytest.approx(63 / (1024 - 4), rel=1e-6)
 
 
 def test_twice_the_pixels_need_twice_the_texels() -> None:
     meshes = [plate(50.0), plate(0.5, (0.0, 1.0, 0.0))]
     sun = Light("sun", "directional", (0.3, -1.0, 0.2))
     few, many = (of(looking(meshes, sun, size=size))[1] for size in (128, 256))
-    assert many.size.value / few.size.value == pytest.approx(2.0, rel=0.05)
+    assert many.size / few.size == pytest.approx(2.0, rel=0.05)
     assert many.edge_size is not None and few.edge_size is not None
-    assert many.edge_size.value / few.edge_size.value == pytest.approx(2.0, rel=0.15)
+    assert many.edge_size / few.edge_size == pytest.approx(2.0, rel=0.15)
 
 
 def test_the_needed_size_for_an_edge_on_a_plane_follows_from_its_mean_displacement() -> None:
@@ -63,23 +107,23 @@ def test_the_needed_size_for_an_edge_on_a_plane_follows_from_its_mean_displaceme
     off = np.interp(np.minimum(angles, np.pi / 2 - angles), ANGLES, DISPLACEMENTS)
     mean = float((off / np.maximum(np.sin(angles), np.cos(angles))).mean())
     assert texels.edge_size is not None
-    assert (texels.edge_size.value - 4) / 127 == pytest.approx(mean / WRONG, rel=0.01)
+    assert (texels.edge_size - 4) / 127 == pytest.approx(mean / WRONG, rel=0.01)
 
 
 def test_a_shadow_at_its_caster_s_foot_needs_texels_until_the_bias_does_not_light_it() -> None:
     """A wall in low light: its shadow is a strip, lit as far from the wall as the bias of a slope of 10 reaches."""
     height, slope = 0.05, 10.0
     corners = np.array([[0.0, 0.0, -25.0], [0.0, 0.0, 25.0], [0.0, height, 25.0], [0.0, height, -25.0]])
-    wall = Mesh("wall", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32), receives=False)
+    wall = Mesh("wall", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
     sun = Light("sun", "directional", (slope, -1.0, 0.0))
-    fitted, texels = of(from_above([plate(50.0), wall], sun, size=128))
+    fitted, texels = of(looking([plate(50.0), wall], sun, 128, (-3.0, 10.0, 0.0), fov=11.4))
     samples = fitted.samples
     inner = np.setdiff1d(np.flatnonzero(samples.shadowed), samples.edges)
     foot = np.abs(samples.point[0, inner] - samples.view.scene.meshes[1].vertices[0, 0]).min()
     # The bias is tan θ · the diagonal of a texel along the ray, which meets the wall after foot · √(1 + 1/slope²).
     needed = slope * np.hypot(*fitted.extent) / (foot * np.hypot(1.0, 1.0 / slope))
     assert texels.edge_size is not None
-    assert texels.edge_size.value - 2 * PADDING == pytest.approx(needed, rel=STEP - 1)
+    assert texels.edge_size - 2 * PADDING == pytest.approx(needed, rel=STEP - 1)
 
 
 @given(arrays(float, st.integers(1, 50), elements=st.floats(0.01, 1e4)))
@@ -92,23 +136,9 @@ def test_without_a_shadow_there_is_no_edge_distance() -> None:
     assert of(from_above([plate(50.0)]))[1].edge_size is None
 
 
-def test_the_standard_error_of_a_sample_covers_the_value_of_all_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
-    view = looking([plate(50.0), box(1.0, (0.0, 0.5, 0.0)), box(0.5, (1.0, 0.25, 0.5))],
-                   Light("sun", "directional", (0.5, -1.0, -0.3)), size=512)  # fmt: skip
-    whole = of(view)[1]
-    monkeypatch.setattr(sampling, "LATTICE", 128)
-    part = of(view)[1]
-    assert whole.size.error == 0.0 and whole.edge_size is not None and whole.edge_size.error == 0.0
-    assert part.size.error and part.edge_size is not None and part.edge_size.error
-    # The box of what is seen is a little smaller where fewer pixels are looked at: 4 of 512.
-    assert part.size.value == pytest.approx(whole.size.value, abs=4 * part.size.error + 0.01 * whole.size.value)
-    assert part.edge_size.value == pytest.approx(
-        whole.edge_size.value, abs=4 * part.edge_size.error + 0.01 * whole.edge_size.value
-    )
-
-
 def cascades(view: View) -> CascadeSizes | None:
-    return cascades_of(*of(view))
+    fitted, texels = of(view)
+    return cascades_of(fitted, depths_of(fitted), texels)
 
 
 def test_cascades_pay_along_a_street_and_not_over_a_plane_from_above() -> None:
@@ -118,20 +148,6 @@ def test_cascades_pay_along_a_street_and_not_over_a_plane_from_above() -> None:
     assert sizes == sorted(sizes, reverse=True)
     flat = cascades(from_above([plate(50.0), plate(0.5, (0.0, 1.0, 0.0))], SUN, size=128))
     assert flat is not None and not flat.worthwhile and not flat.worthwhile_elsewhere and flat.depth_ratio < 1.2
-
-
-def test_a_gain_for_the_whole_view_is_told_where_all_edges_are_at_one_distance() -> None:
-    """By the receivers' texels, two maps or more of a size need fewer than one, though not by the edges."""
-    view = chosen_view("statue", 192)
-    found = cascades(view)
-    assert found is not None and not found.worthwhile and found.worthwhile_elsewhere
-    texels = found.best_by_size * found.size[found.best_by_size] ** 2
-    one = of(view)[1].size.value
-    assert texels < one**2 and found.saving_by_size == pytest.approx(one**2 / texels)
-    needed = needs(view, penumbrae=False)
-    reasons = {row.need: row.reason for row in explanations_of(needed)}
-    assert reasons["cascades save"].startswith("no gain for the edges in view, but for texels of a pixel on 95%")
-    assert "no cascades" not in verdict_of(needed) and "cascades for shadows elsewhere" in verdict_of(needed)
 
 
 def test_a_lamp_has_no_cascades() -> None:

@@ -10,9 +10,8 @@ from shadowbench.geometry.lights import LightSpace
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
-from shadowbench.survey.depth import occluder_gap
-from shadowbench.survey.maps import FLAT, REFERENCE_SIZE, FittedMap
-from shadowbench.survey.sampling import Estimate
+from shadowbench.survey.depth import Depths, first_surface
+from shadowbench.survey.samples import FLAT, REFERENCE_SIZE, FittedMap
 
 WRONG = 0.05  # tolerated share of wrong edge pixels; above it `edge_p95` is at least a pixel
 LIMIT, GRAZING_SLOPE = 16.0, 50.0  # of the bias `texel`, the techniques' default
@@ -30,24 +29,27 @@ class Texels:
     without edges; faces: 6 for a cube, else 1.
     """
 
-    largest: Estimate
-    p95: Estimate
-    size: Estimate
-    edge_size: Estimate | None
+    largest: float
+    p95: float
+    size: float
+    edge_size: float | None
     faces: int
 
 
-def texels_of(fitted: FittedMap) -> Texels:
+def texels_of(fitted: FittedMap, depths: Depths) -> Texels:
     """The needed size of one map, or of a cube's faces."""
-    samples, pixels = fitted.samples, fitted.unit.longest  # of a 1 × 1 map
-    p95, texel = samples.quantile(pixels, 0.95, samples.all), 1 / fitted.texels(REFERENCE_SIZE)
-    # A maximum has no standard error: a pixel that was not sampled may exceed it.
-    largest = Estimate(float(pixels.max()), None if samples.step > 1 else 0.0)
-    sizes = p95.plus(2 * fitted.padding), edge_size(fitted, fitted.extent)
-    return Texels(largest.times(texel), p95.times(texel), *sizes, faces=6 if fitted.space is None else 1)
+    pixels, texels = fitted.unit.longest, fitted.texels(REFERENCE_SIZE)  # of a 1 × 1 map
+    p95 = float(np.quantile(pixels, 0.95))
+    return Texels(
+        largest=float(pixels.max()) / texels,
+        p95=p95 / texels,
+        size=p95 + 2 * fitted.padding,
+        edge_size=edge_size(fitted, depths, fitted.extent),
+        faces=len(fitted.spaces),
+    )
 
 
-def edge_size(fitted: FittedMap, extent: Floats) -> Estimate | None:
+def edge_size(fitted: FittedMap, depths: Depths, extent: Floats) -> float | None:
     """The map size at which at most a share WRONG of the edge pixels is wrong; None without edges.
 
     extent: (2,) or (2, R) of the map, or of each sample's cascade. Wrong are edges that texels displace, and those
@@ -57,47 +59,43 @@ def edge_size(fitted: FittedMap, extent: Floats) -> Estimate | None:
     if not len(samples.edges):
         return None
     displacement = fitted.footprint.scaled(extent).select(samples.edges).displacement
-    row = np.zeros(len(samples.pixel), dtype=np.intp)
-    row[samples.edges] = np.arange(len(samples.edges))
-    displaced = samples.estimate(lambda chosen: texels_for(displacement[row[chosen]]), samples.edges)
-    lit, edges = _lit_by_bias(fitted, extent), 2 * len(samples.edges)  # those of the mask and of the truth
-
-    def enough(texels: float) -> bool:
+    displaced = texels_for(displacement)
+    edges = 2 * len(samples.edges)  # of the mask and of the truth
+    lit_by_bias = _lit_by_bias(fitted, depths, extent)
+    for step in range(STEPS + 1):
+        texels = displaced * STEP**step
         # In a lattice of samples, edges are as sparse as its rows: a lit sample stands for `step` pixels of an edge.
-        more = lit(texels) * samples.step
-        wrong = np.minimum(displacement / texels, 1).mean() * edges + more
-        return bool(wrong <= (1 + 1e-9) * WRONG * (edges + more))
+        lit = lit_by_bias(texels) * samples.step
+        wrong = np.minimum(displacement / texels, 1).mean() * edges + lit
+        if wrong <= (1 + 1e-9) * WRONG * (edges + lit):
+            break
+    return float(displaced * STEP ** max(step - 0.5, 0.0) + 2 * fitted.padding)
 
-    steps = next((k for k in range(STEPS) if enough(displaced.value * STEP**k)), STEPS)
-    return displaced.times(STEP ** max(steps - 0.5, 0.0)).plus(2 * fitted.padding)
 
-
-def _lit_by_bias(fitted: FittedMap, extent: Floats) -> Callable[[float], int]:
+def _lit_by_bias(fitted: FittedMap, depths: Depths, extent: Floats) -> Callable[[float], int]:
     """The number of samples in shadow, but not at its edge, that the default bias lights, by texels along a map's side.
 
     The bias `texel` is the depth change of the receiver's plane across a texel's diagonal, at most LIMIT texels, or
-    twice that under a lamp; from GRAZING_SLOPE on, the receiver is moved off its surface by the diagonal instead.
+    twice that under a lamp; from GRAZING_SLOPE on, the receiver is moved off its surface by the diagonal instead. What
+    the light meets first is counted where the camera sees it: most other casters are not that close to their shadow.
     """
-    chosen = np.setdiff1d(np.flatnonzero(fitted.samples.shadowed), fitted.samples.edges)
-    dark = fitted.select(chosen)
-    shift, ahead = np.zeros((2, len(chosen))), np.ones(len(chosen))
-    for mine, space, footprint in dark.light_spaces():
-        if space.perspective:
-            ahead[mine] = footprint.coords[2]
-        shift[:, mine] = (space.basis @ dark.samples.normal[:, mine])[:2] / ahead[mine]
-    cosine = dark.samples.cosine
+    samples, coords = fitted.samples, fitted.footprint.coords
+    dark = np.setdiff1d(np.flatnonzero(samples.shadowed & depths.known), samples.edges)
+    cosine = samples.cosine[dark]
     sine = np.sqrt(np.maximum(1 - cosine**2, 0.0))
-    texel = np.broadcast_to(extent.reshape(2, -1), (2, len(fitted.samples.pixel)))[:, chosen] * ahead
-    most = LIMIT * (1 if fitted.samples.view.light.kind == "directional" else 2) * texel.max(axis=0)
-    depth, off = np.minimum(np.hypot(*texel) * sine / cosine, most), np.hypot(*texel) * sine
-    low = np.flatnonzero(sine >= GRAZING_SLOPE * cosine)
-    gap, grazing = occluder_gap(dark, np.zeros((2, len(chosen)))), dark.select(low)
-    depth[low] = -np.inf
+    ahead = coords[2, dark] if fitted.spaces[0].perspective else np.ones(len(dark))
+    texel = np.broadcast_to(extent.reshape(2, -1), (2, len(samples.pixel)))[:, dark] * ahead
+    most = LIMIT * (1 if samples.view.light.kind == "directional" else 2) * texel.max(axis=0)
+    off, low = np.hypot(*texel) * sine, sine >= GRAZING_SLOPE * cosine
+    bias = np.minimum(off / cosine, most)[~low] / np.maximum(depths.gap[dark[~low]], np.finfo(float).tiny)
+    grazing, off = dark[low], off[low]
+    bases = np.array([space.basis[:2] for space in fitted.spaces])[fitted.face[grazing]]
+    shift = np.einsum("rij,jr->ir", bases, samples.normal[:, grazing]) * off / ahead[low]
+    depth, rise = fitted.stored(coords[:, grazing]), off * cosine[low]
 
     def lit(texels: float) -> int:
-        moved = off[low] / texels
-        left = occluder_gap(grazing, -shift[:, low] * moved) - moved * cosine[low]
-        return int(np.count_nonzero(gap < depth / texels) + np.count_nonzero(left <= 0))
+        surface, known = first_surface(fitted, grazing, shift / texels)
+        return int(np.count_nonzero(texels < bias) + np.count_nonzero(known & (depth - rise / texels <= surface)))
 
     return lit
 
@@ -145,25 +143,30 @@ class CascadeSizes:
         return self.saving_by_size > 1.0 and not self.worthwhile
 
 
-def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
+def cascades_of(fitted: FittedMap, depths: Depths, one: Texels) -> CascadeSizes | None:
     """The needed sizes of cascades; None without edges, or for a light that is not directional. one: of one map."""
-    samples, space = fitted.samples, fitted.space
-    if space is None or space.perspective or one.edge_size is None:
+    samples, space = fitted.samples, fitted.spaces[0]
+    if space.perspective or one.edge_size is None:
         return None
     bounds = bounds_of(caster_and_receiver_vertices(samples.view.scene.geometry))
     sizes, edge_sizes = {}, {}
     for count in COUNTS:
         extents = _extents(samples.view, bounds, space, fitted.footprint.coords, count)
         sizes[count] = float(np.percentile(fitted.footprint.scaled(extents).longest, 95)) + 2 * fitted.padding
-        by_edges = edge_size(fitted, extents)
+        by_edges = edge_size(fitted, depths, extents)
         assert by_edges is not None  # as there are edges
-        edge_sizes[count] = by_edges.value
+        edge_sizes[count] = by_edges
     best, best_by_size = (min(COUNTS, key=lambda count: count * some[count] ** 2) for some in (edge_sizes, sizes))
     ahead = samples.view.camera.basis()[2] @ (np.array(samples.view.camera.position)[:, None] - samples.point)
-    saving = one.edge_size.value**2 / (best * edge_sizes[best] ** 2)
-    saving_by_size = one.size.value**2 / (best_by_size * sizes[best_by_size] ** 2)
-    ratio = float(ahead.max() / ahead.min())
-    return CascadeSizes(ratio, sizes, edge_sizes, best, saving, best_by_size, saving_by_size)
+    return CascadeSizes(
+        depth_ratio=float(ahead.max() / ahead.min()),
+        size=sizes,
+        edge_size=edge_sizes,
+        best=best,
+        saving=one.edge_size**2 / (best * edge_sizes[best] ** 2),
+        best_by_size=best_by_size,
+        saving_by_size=one.size**2 / (best_by_size * sizes[best_by_size] ** 2),
+    )
 
 
 def _extents(view: View, bounds: Floats, space: LightSpace, coords: Floats, count: int) -> Floats:

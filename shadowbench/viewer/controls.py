@@ -18,8 +18,7 @@ from pydantic.fields import FieldInfo
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import NoBias, Sum
 from shadowbench.plugin.base import Subject, Technique
-from shadowbench.plugin.grammar import parse_value
-from shadowbench.plugin.params import Component, TechniqueParams, allowed
+from shadowbench.plugin.params import Component, TechniqueParams, allowed, parse_value
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.plugin.spec import Spec, format_value, parse_spec, spec_of
 from shadowbench.scenes.assumed import sun_direction
@@ -32,7 +31,7 @@ from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.strict import Strict, explain
 from shadowbench.studies.artefacts import Artefact, artefacts
 from shadowbench.studies.crossing import Techniques
-from shadowbench.viewer.camera import azimuth_elevation, with_kind
+from shadowbench.viewer.camera import sun_angles, with_kind
 from shadowbench.viewer.drawing import Viewer
 from shadowbench.viewer.state import Layout, Origin, Overlay, Source, holds_state, read_state, save_state
 
@@ -81,7 +80,7 @@ def choice(label: str, value: Any, names: Collection[Any], help: str = "") -> An
     return value
 
 
-def number(label: str, value: float, low: float | None, high: float | None, form: str = "%.6g", log: int = 0) -> float:
+def slider(label: str, value: float, low: float | None, high: float | None, form: str = "%.6g", log: int = 0) -> float:
     """A slider, or without limits a number that is dragged; the value itself unless it was edited.
 
     log: flag of a logarithmic slider.
@@ -209,7 +208,7 @@ def light_panel(viewer: Viewer) -> None:
 def edited_light(light: Light) -> Light:
     """The light after this frame's edits."""
     if light.kind == "directional":
-        before = azimuth_elevation(light)
+        before = sun_angles(light)
         azimuth = _degrees("azimuth", before[0], -180, 180, "from north (−z) clockwise as seen from above")
         elevation = _degrees("elevation", before[1], -89, 89, "above the horizon")
         sun = f"{math.degrees(SUN_RADIUS):.2f}°"
@@ -230,13 +229,13 @@ def edited_light(light: Light) -> Light:
 
 def _degrees(label: str, radians: float, low: float, high: float, help: str) -> float:
     degrees = math.degrees(radians)
-    new = number(label, degrees, low, high, "%.2f°")
+    new = slider(label, degrees, low, high, "%.2f°")
     tooltip(help)
     return math.radians(new) if new != degrees else radians
 
 
 def _metres(label: str, value: float) -> float:
-    value = max(number(label, value, 0.0, None), 0.0)
+    value = max(slider(label, value, 0.0, None), 0.0)
     tooltip("metres: 0 for hard shadows; drag, or Ctrl+click to type")
     return value
 
@@ -350,7 +349,7 @@ def techniques_panel(viewer: Viewer) -> None:
 
 def edited_spec(spec: Spec, techniques: Techniques) -> Spec:
     """The spec after this frame's edits. Raises InputError for a value that is not allowed."""
-    name = choice("technique", spec.technique.name, {name: summary(techniques[name]) for name in sorted(techniques)})
+    name = choice("technique", spec.technique.name, {name: first_line(techniques[name]) for name in sorted(techniques)})
     if name != spec.technique.name:
         return spec_of(techniques[name], (), name)
     if type(spec.params).model_fields:
@@ -394,10 +393,10 @@ def choices_of(info: FieldInfo, value: Any) -> Mapping[Any, str]:
     """What a parameter is chosen from: components, techniques or words, each with its help; empty if it is entered."""
     if isinstance(value, Component):
         family = type(value).family()
-        names = {name: summary(component) for name, component in family.table.items()}
+        names = {name: first_line(component) for name, component in family.table.items()}
         return names | ({SUM: "two that act together"} if issubclass(Sum, family) else {})
     if isinstance(value, Spec):
-        return {each.name: summary(each) for each in own_techniques() if not each.catalogue.soft_only}
+        return {each.name: first_line(each) for each in own_techniques() if not each.catalogue.soft_only}
     return dict.fromkeys(get_args(info.annotation), "") if get_origin(info.annotation) is Literal else {}
 
 
@@ -412,7 +411,7 @@ def _input(key: str, info: FieldInfo, value: Any, choices: Mapping[Any, str]) ->
     elif isinstance(value, int) and abs(value) < INT32:
         return _whole(key, info, value, help, log)
     elif isinstance(value, float) and abs(value) < INT32:
-        value = number(key, value, *limits(info), log=log)
+        value = slider(key, value, *limits(info), log=log)
     else:  # every type without a widget of its own: as in a spec
         changed, text = imgui.input_text(key, format_value(value), imgui.InputTextFlags_.enter_returns_true)
         value = parse_value(text) if changed else value
@@ -491,6 +490,6 @@ def preset_of(spec: Spec) -> str:
     return next((name for name, preset in presets(spec.technique).items() if preset.params == spec.params), CUSTOM)
 
 
-def summary(subject: type[Subject | Component]) -> str:
+def first_line(subject: type[Subject | Component]) -> str:
     """The first line of a docstring; empty if there is none."""
     return (subject.__doc__ or "").partition("\n")[0]
