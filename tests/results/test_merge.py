@@ -1,7 +1,6 @@
 """`merge`: folders of machines and parts become one, unless their scores differ."""
 
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -66,7 +65,6 @@ def test_cells_times_images_and_facts_of_all_folders_are_in_the_result(merge: Me
         ({"metrics": WORSE}, ["iou", "ssim"]),
         ({"mask_sha256": "f" * 64}, ["mask"]),
         ({"metrics": GOOD | {"iou": GOOD["iou"] * (1 + 1e-6)}}, ["iou"]),
-        ({"metrics": GOOD | {"contact": None}}, ["contact"]),
         ({"status": "unsupported: too large"}, ["status"]),
     ],
 )
@@ -91,26 +89,12 @@ def test_scores_that_differ_by_rounding_are_equal(merge: Merge, tmp_path: Path) 
     assert read(tmp_path / "all") == [cell(metrics=exact)]
 
 
-def test_cells_of_other_code_are_kept_and_noted(merge: Merge, tmp_path: Path) -> None:
-    old, new = cell(key="0" * 24), cell(key="1" * 24)
-    answer = merge(described(tmp_path / "old", old), described(tmp_path / "new", new))
-    assert answer.code == 0 and answer.err.startswith("note: 1 cell in rows.jsonl but not in the table: ")
-    assert read(tmp_path / "all") == [old, new]
-    assert len((tmp_path / "all" / "table.csv").read_text().splitlines()) == 2
-
-
 @pytest.mark.parametrize("order", [1, -1])
 def test_scores_of_engines_are_merged_with_those_of_one_renderer(merge: Merge, tmp_path: Path, order: int) -> None:
     engine = cell("my-engine", size=None, renderer="my-engine", content="c")
     folders = [rows(tmp_path / "engine", engine), rows(tmp_path / "run", cell())]
     assert merge(*folders, rows(tmp_path / "gpu", cell(renderer="a GPU"))).code == 2
     assert merge(*folders[::order]).code == 0
-
-
-def test_facts_are_those_of_a_folder_that_has_them(merge: Merge, tmp_path: Path) -> None:
-    stopped, complete = rows(tmp_path / "stopped", cell("cube-map")), described(tmp_path / "complete", cell())
-    assert merge(stopped, complete).code == 0
-    assert json.loads((tmp_path / "all" / "run.json").read_text())["machine_key"] == "m"
 
 
 @pytest.mark.parametrize("damaged", [0.5, None])
@@ -145,28 +129,6 @@ def test_of_two_truths_the_later_folder_s_is_shown(merge: Merge, tmp_path: Path)
     assert (tmp_path / "all" / "truth" / later.name).read_bytes() == later.read_bytes()
 
 
-def test_only_images_are_merged(merge: Merge, shadowbench: Callable[..., Any], tmp_path: Path) -> None:
-    """Of a link, the file; a pipe is not waited for."""
-    record = cell(mask_sha256=mask_sha256(LIT))
-    part = described(tmp_path / "part", record)
-    mask = write(part, f"masks/{record['key']}", 1.0)
-    mask.rename(tmp_path / "elsewhere.png")
-    mask.symlink_to(tmp_path / "elsewhere.png")
-    (tmp_path / "private").write_text("not for others")
-    for kind in ("pictures", "truth"):
-        (part / kind).mkdir()
-    os.mkfifo(part / "pictures" / f"{record['key']}.png")
-    (part / "truth" / "s.camera.sun.16.png").symlink_to(tmp_path / "private")
-    answer, merged = merge(part), tmp_path / "all"
-    assert answer.code == 0 and answer.err.count("is no PNG: left out\n") == answer.err.count("\n") == 2
-    assert [str(file.relative_to(merged)) for file in merged.glob("*/*")] == [f"masks/{mask.name}"]
-    assert not (merged / "masks" / mask.name).is_symlink()
-    mask.unlink()
-    os.mkfifo(mask)
-    answer = shadowbench("merge", part, "-o", tmp_path / "none", "-q")
-    assert answer.code == 0 and not (tmp_path / "none" / "masks").exists()
-
-
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_failed_row_gives_way_to_one_that_succeeded(merge: Merge, tmp_path: Path, order: int) -> None:
     failed = cell(status="failed: the worker died")
@@ -196,27 +158,6 @@ def test_sweeps_are_merged_with_their_ranges(merge: Merge, shadowbench: Callable
     ranges = (tmp_path / "all" / "ranges.csv").read_text()
     assert "breaks at 0.2°" in ranges and "cube-map,cube-map" in ranges
     assert shadowbench("report", tmp_path / "all", "-o", tmp_path / "report.md", "--format", "md").code == 0
-
-
-def test_a_folder_whose_command_was_stopped_is_merged_and_named(merge: Merge, tmp_path: Path) -> None:
-    part = rows(tmp_path / "part", cell())
-    with (part / "rows.jsonl").open("a") as stream:
-        stream.write('{"schema": 1, "kin')
-    answer = merge(part)
-    told = f"note: {part}: the last row is cut off: its command was stopped; repeat it, then merge again\n"
-    assert (answer.code, answer.err) == (0, told)
-    assert read(tmp_path / "all") == [cell()]
-
-
-def test_what_a_killed_merge_left_is_replaced(merge: Merge, start: Any, tmp_path: Path) -> None:
-    part = rows(tmp_path / "part", *(cell(size=size) for size in range(1, 4001)))
-    started = start("merge", part, "-o", tmp_path / "all")
-    started.until((tmp_path / ".all.merging").exists)
-    started.process.kill()
-    started.end()
-    assert not (tmp_path / "all").exists() and (tmp_path / ".all.merging").exists()
-    assert merge(part).code == 0
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["all", "part"]
 
 
 @pytest.mark.parametrize(
