@@ -23,7 +23,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import ndimage
 from skimage.metrics import structural_similarity
 
-from shadowbench.measure.doctor import MAX_NOISE, measure_noise
+from shadowbench.measure.machine import MAX_NOISE, measure_noise
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import CellRequest
 from shadowbench.measure.worker import Worker

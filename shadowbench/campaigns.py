@@ -10,9 +10,8 @@ from typing import Any
 
 from shadowbench.engines.drawer import EngineDrawer
 from shadowbench.measure.campaign import Campaign, LogReporter, Reporter
-from shadowbench.measure.drawer import Limits
 from shadowbench.measure.gl_drawer import GLDrawer
-from shadowbench.measure.worker import Worker
+from shadowbench.measure.worker import Limits, Worker
 
 
 class _Shared:

@@ -13,7 +13,7 @@ from pages import LABEL, compare, labelled, png
 
 import shadowbench as sb
 from shadowbench.measure.flips import FLIPS, ROW_METRICS
-from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.session import Rendering
 from shadowbench.reports.gallery import difference
 from shadowbench.studies.artefacts import Artefact, artefacts
 from shadowbench.truths.trace import Truth

@@ -19,8 +19,7 @@ from shadowbench.advice.recommend import MARGINS, find_cheapest
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES, full_space, grid_of
 from shadowbench.advice.target import Target
-from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.campaign import Block, Campaign, Cell
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker

@@ -7,8 +7,8 @@ from typing import Literal, cast, get_args
 from shadowbench.advice.search import Trial, reads_of
 from shadowbench.advice.target import Target
 from shadowbench.errors import InputError
-from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rows import Result
+from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.law import SHORTEST_MS, Law, counts_of, find_law, kind_of, law_on_record
 from shadowbench.results.tables import cells_frame

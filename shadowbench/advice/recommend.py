@@ -19,11 +19,10 @@ from shadowbench.advice.space import (
     untried_filters,
 )
 from shadowbench.advice.target import Target, least_error
-from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.cells import DEFAULT_REFERENCE, Cell
-from shadowbench.measure.drawer import DeviceInfo
+from shadowbench.measure.campaign import DEFAULT_REFERENCE, Campaign, Cell
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.folder import write_cells
 from shadowbench.results.law import Law

@@ -156,7 +156,7 @@ def _doctor(chosen: "Mapping[str, type[Engine]]", named: bool) -> int:
     from shadowbench.engines.environment import what_lacks
     from shadowbench.engines.session import EngineSession
     from shadowbench.engines.trial import shadows_drawn
-    from shadowbench.measure.drawer import CellFailed
+    from shadowbench.measure.worker import CellFailed
 
     failed = False
     for name, one in chosen.items():

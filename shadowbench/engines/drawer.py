@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Self, cast
 from shadowbench.engines.environment import browser_version, environment, what_lacks
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.geometry.topology import is_closed, surrounds
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.drawer import DeviceInfo
+from shadowbench.measure.campaign import Block, Cell
 from shadowbench.measure.gl_drawer import GLDrawer
-from shadowbench.measure.rendering import Rendering, Surface
+from shadowbench.measure.session import Rendering, Surface
 from shadowbench.measure.time_rows import Times
+from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.spec import Spec

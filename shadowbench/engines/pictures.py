@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from shadowbench.engines.external_mask import decode_srgb
-from shadowbench.measure.drawer import CellFailed
+from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.engine import Engine
 from shadowbench.scores.masks import quantise
 from shadowbench.truths.trace import Truth

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from shadowbench.engines.pictures import Luminance
-from shadowbench.measure.drawer import CellFailed
+from shadowbench.measure.worker import CellFailed
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View
 from shadowbench.truths.cache import cached_truth
 

@@ -28,8 +28,8 @@ from shadowbench.engines.pictures import (
     visibility,
 )
 from shadowbench.engines.probe import check_probe, probe_view
-from shadowbench.measure.drawer import CellFailed
-from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.session import Rendering
+from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.scenes.model import WIDEST_CONE, View

@@ -12,7 +12,7 @@ import numpy as np
 from shadowbench.engines.accuracy import Accuracy
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.measure.row_store import IMAGES, RowStore, identity
+from shadowbench.measure.rows import IMAGES, RowStore, identity
 from shadowbench.scores.difference import write_difference
 from shadowbench.scores.masks import write_mask
 from shadowbench.versions import of_scores

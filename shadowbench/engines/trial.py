@@ -3,7 +3,7 @@
 from typing import cast
 
 from shadowbench.engines.session import EngineSession
-from shadowbench.measure.drawer import CellFailed
+from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import EngineParams
 from shadowbench.scenes.opening import chosen_view

@@ -6,8 +6,7 @@ from functools import cache, cached_property
 from statistics import median
 from typing import Any, get_args
 
-from shadowbench.measure.row_store import stream_rows
-from shadowbench.measure.rows import Record
+from shadowbench.measure.rows import Record, stream_rows
 from shadowbench.plugin.engine import Engine, Sides
 from shadowbench.plugin.registry import engines
 from shadowbench.plugin.spec import Spec, parse_spec

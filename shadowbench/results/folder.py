@@ -12,9 +12,7 @@ from typing import Any
 import pandas as pd
 
 from shadowbench.errors import InputError, printable
-from shadowbench.measure.row_store import read_run_file, stream_rows
-from shadowbench.measure.rows import Record, Result, RunFile
-from shadowbench.plugin.spec import without_retired
+from shadowbench.measure.rows import Record, Result, RunFile, read_run_file, stream_rows
 from shadowbench.results.tables import (
     SweepPositions,
     add_factor_columns,
@@ -48,7 +46,7 @@ def view_name(record: Record) -> str:
 
 @lru_cache(1 << 12)
 def _parts_of(full_spec: str) -> tuple[str, ...]:
-    name, _, parameters = without_retired(full_spec).partition(":")
+    name, _, parameters = full_spec.partition(":")
     return name, *sorted(_COMMA.split(parameters))
 
 
@@ -193,7 +191,7 @@ def _read(folder: Path, label: str, fields: Set[str] | None, empty: bool = False
     """A folder; empty: whether it may be without cells. Raises InputError."""
     scores, times, cut_off = _rows(folder, fields, empty)
     about, table = read_run_file(folder / "run.json"), _table_keys(folder / "table.csv")
-    keys = set(about["keys"]) if "keys" in about else table  # older versions tabled the last command only
+    keys = set(about["keys"]) if "keys" in about else table
     last, count = _with_keys(scores, keys), len({row["key"] for row in scores})
     if scores and "axis" in scores[0]:
         points = _points(scores if table is None else _with_keys(scores, table), last)

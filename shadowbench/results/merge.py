@@ -15,8 +15,17 @@ from typing import Any, NamedTuple
 from shadowbench.errors import InputError, counted
 from shadowbench.extremes.axes import AXES
 from shadowbench.measure.flips import row_metrics
-from shadowbench.measure.row_store import command_line, lock, read_run_file, stream_rows, unlock
-from shadowbench.measure.rows import SCHEMA, Record, RunFile, StudyFacts, escaped
+from shadowbench.measure.rows import (
+    SCHEMA,
+    Record,
+    RunFile,
+    StudyFacts,
+    command_line,
+    lock,
+    read_run_file,
+    stream_rows,
+    unlock,
+)
 from shadowbench.results.folder import read_folders, rows_file, write_cells
 from shadowbench.results.ranges import operating_ranges, points_frame, ranges_frame
 from shadowbench.results.tables import read_sweep_positions, write_table
@@ -188,7 +197,7 @@ def _write(rows: _Rows, output: Path) -> list[str]:
                 with (source / "rows.jsonl").open("rb") as stream:
                     merged.writelines(line for number, line in enumerate(stream, start=1) if number in kept)
         about = _run_file(rows, cells)
-        text = json.dumps(escaped(about), indent=2, ensure_ascii=False)
+        text = json.dumps(about, indent=2, ensure_ascii=False)
         (beside / "run.json").write_text(text + "\n", encoding="utf-8", errors="replace")
         notes = _link_images(list(rows.abouts), cells, beside)
         hidden = set(about["keys"]) - {row["key"] for row in _write_tables(list(rows.abouts), beside)}

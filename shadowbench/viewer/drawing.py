@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shadowbench.errors import message
 from shadowbench.gl.clock import Clock, PassTimes, with_cost, work_of
 from shadowbench.gl.device import Device
-from shadowbench.measure.rendering import LoadedScene, checked_texture, declared_work, finite_facts, visibility_of
+from shadowbench.measure.session import LoadedScene, checked_texture, declared_work, finite_facts, visibility_of
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View

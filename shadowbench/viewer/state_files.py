@@ -16,8 +16,7 @@ from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
 from shadowbench.files import check_outputs, replace_file
 from shadowbench.gl.picture import Shading
-from shadowbench.measure.row_store import read_run_file, stream_rows
-from shadowbench.measure.rows import Record
+from shadowbench.measure.rows import Record, read_run_file, stream_rows
 from shadowbench.options import PLACES, VIEW_SIZE, SceneOptions
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.files import read_document

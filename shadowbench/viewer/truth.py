@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from shadowbench.errors import message
 from shadowbench.measure.plugin_output import forward_output
 from shadowbench.measure.scoring import prepare_truth, truth_record
-from shadowbench.measure.serve import connected, die_with
-from shadowbench.measure.worker import Pipe, sigint_blocked, spawn
+from shadowbench.measure.worker import Pipe, connected, die_with, sigint_blocked, spawn
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.metrics import score
@@ -233,7 +232,7 @@ class TruthServer:
 
 
 def serve(handle: str, parent: str) -> None:
-    """Answer requests until the pipe is closed; arguments: as of `measure.serve`."""
+    """Answer requests until the pipe is closed; arguments: as of `measure.worker.serve`."""
     pipe = connected(handle)
     die_with(int(parent))
     os.nice(PATIENCE)  # drawing goes first

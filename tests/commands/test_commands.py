@@ -21,7 +21,7 @@ from shadowbench.commands import console
 from shadowbench.errors import number
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import value_label
-from shadowbench.measure import doctor as measure_doctor
+from shadowbench.measure import machine as measure_doctor
 from shadowbench.reports.words import digits
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of

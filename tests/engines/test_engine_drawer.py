@@ -24,9 +24,9 @@ from shadowbench.engines.environment import (
 from shadowbench.engines.export import describe
 from shadowbench.engines.session import plain_view
 from shadowbench.errors import InputError, Unsupported
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.drawer import CellFailed
-from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.campaign import Block, Cell
+from shadowbench.measure.session import Rendering
+from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View

@@ -13,9 +13,9 @@ from shadowbench import files, versions
 from shadowbench.gl.device import Device
 from shadowbench.gl.shaders import compose
 from shadowbench.measure import keys
-from shadowbench.measure.cells import Cell
+from shadowbench.measure.campaign import Cell
 from shadowbench.measure.keys import cell_key, shader_names, view_key
-from shadowbench.measure.rendering import LoadedScene
+from shadowbench.measure.session import LoadedScene
 from shadowbench.plugin import stage
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
@@ -130,7 +130,7 @@ def test_a_view_differs_with_all_that_can_move_a_shadow(cube: View) -> None:
             {"kind": "spot", "position": (0.0, 3.0, 0.0), "angle": 1.0},
         )),
         *(replace(cube, scene=replace(scene, meshes=meshes)) for meshes in (
-            (replace(plane, points=plane.vertices - [0, 1e-12, 0]), box), (replace(plane, casts=False), box),
+            (replace(plane, vertices=plane.vertices - [0, 1e-12, 0]), box), (replace(plane, casts=False), box),
             (replace(plane, receives=False), box), (plane,), (box, plane),
             (plane, replace(box, normals=np.ones((len(box.faces), 3, 3), np.float32))),
         )),

@@ -14,11 +14,11 @@ import pytest
 
 from shadowbench.errors import Unsupported
 from shadowbench.gl.clock import QUERIES, WALL, PassTimes, Sample
-from shadowbench.measure.cells import Block, Cell, reference_name
-from shadowbench.measure.drawer import CellFailed, Limits, MemoryExceeded
+from shadowbench.measure.campaign import Block, Cell, reference_name
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.session import CellRequest
 from shadowbench.measure.time_rows import Times, time_row
+from shadowbench.measure.worker import CellFailed, Limits, MemoryExceeded
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import Coordinates, LightKind
