@@ -30,9 +30,9 @@ from shadowbench.advice.space import technique_names
 from shadowbench.advice.target import target_of
 from shadowbench.campaigns import campaign_in, shared_worker
 from shadowbench.campaigns import close as close
-from shadowbench.engines.external_mask import visibility_of
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
+from shadowbench.masks.inputs import visibility_of
 from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import subjects_with, techniques_with
 from shadowbench.measure.scoring import prepare_truth, truth_record

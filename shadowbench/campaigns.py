@@ -8,9 +8,8 @@ from tempfile import TemporaryDirectory
 from threading import RLock
 from typing import Any
 
-from shadowbench.engines.drawer import EngineDrawer
 from shadowbench.measure.campaign import Campaign, LogReporter, Reporter
-from shadowbench.measure.gl_drawer import GLDrawer
+from shadowbench.measure.gl_drawer import drawer_of
 from shadowbench.measure.worker import Limits, Worker
 
 
@@ -76,4 +75,4 @@ def campaign_in(
             yield stack.enter_context(dask_campaign(folder, dask, renderer, setup, reporter, **options))
             return
         here = worker or stack.enter_context(Worker(plugins, limits))
-        yield Campaign(folder, stack.enter_context(EngineDrawer(GLDrawer(here))), reporter, **options)
+        yield Campaign(folder, stack.enter_context(drawer_of(here)), reporter, **options)

@@ -10,8 +10,8 @@ from shadowbench.errors import InputError
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.spec import Spec
+from shadowbench.results.frame import cells_frame
 from shadowbench.results.law import SHORTEST_MS, Law, counts_of, find_law, kind_of, law_on_record
-from shadowbench.results.tables import cells_frame
 from shadowbench.results.times import ReferenceTime, normalise_times
 from shadowbench.scenes.model import View
 

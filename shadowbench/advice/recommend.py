@@ -24,7 +24,7 @@ from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.spec import Spec
-from shadowbench.results.folder import write_cells
+from shadowbench.results.frame import write_cells
 from shadowbench.results.law import Law
 from shadowbench.results.times import ReferenceTime
 from shadowbench.scenes.model import View

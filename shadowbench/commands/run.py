@@ -11,7 +11,7 @@ from shadowbench.errors import InputError, counted
 from shadowbench.options import Measuring, ViewOptions, option
 
 if TYPE_CHECKING:
-    from shadowbench.results.folder import Run
+    from shadowbench.results.frame import Run
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class RunOptions:
     output: Path = options.output("Folder for the table, masks and pictures.", default=Path("results/latest"))
     plugin: list[Path] = options.plugins()
     time_again: bool = option(
-        "Time cells again that have been timed before; `check DIR --repeat` compares the two times.",
+        "Time cells again that have been timed before.",
         default=False,
         heading="Measurement",
     )
@@ -138,11 +138,11 @@ def run(
         why = "of cells with these names, but of another file, setting or version; another -o keeps both"
         console.print_error(f"note: {asked.output}: table.csv and reports leave out {rows}: {why}")
     if printed.json:
-        from shadowbench.results.configurations import sections
         from shadowbench.results.law import law_on_record
+        from shadowbench.results.summary import summaries
 
-        made = [section for parts in sections([found.run.last], law_on_record()).values() for section in parts]
-        console.print_json({section.scene: [asdict(one) for one in section.configurations] for section in made})
+        shown = summaries(found.run.last, law_on_record())
+        console.print_json({summary.scene: summary.records() for summary in shown})
     else:
         print_study(found, asked.output, printed.quiet)
     results = found.run.last.results

@@ -18,8 +18,7 @@ from shadowbench.scenes.opening import first_of
 from shadowbench.studies.study import Study, scenes_of
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
-    from shadowbench.results.folder import Run
-    from shadowbench.results.tables import SweepPositions
+    from shadowbench.results.frame import Run, SweepPositions
 
 T = TypeVar("T")
 _MOST_PARTS = 10_000
@@ -110,7 +109,7 @@ def measure(study: Study, campaign: Campaign, part: Part = WHOLE) -> StudyResult
                 notes[text] = None
                 campaign.reporter.note(text)
         failures += campaign.failures
-        from shadowbench.results.folder import write_cells
+        from shadowbench.results.frame import write_cells
 
         positions = study.sweep_positions
         campaign.finish(study.facts, list(notes), keys)
