@@ -25,6 +25,36 @@ from shadowbench.plugin.registry import techniques
 from shadowbench.results.frame import Run
 from shadowbench.results.summary import Summary, summaries
 
+SMALL = """
+scenes = ["cube-on-plane"]
+view_size = 64
+rounds = 1
+reference = "unshadowed"
+[[technique]]
+spec = "unshadowed"
+[[technique]]
+spec = "shadow-map:size=64"
+"""
+
+# A scene file whose box tests move.
+CHANGING = """
+name = "changing"
+[camera]
+position = [3.0, 3.0, 4.0]
+target = [0.0, 0.3, 0.0]
+fov_y = 36.0
+[[light]]
+name = "sun"
+kind = "directional"
+direction = [0.5, -1.0, -0.3]
+[[mesh]]
+shape = "plane"
+scale = 8.0
+[[mesh]]
+shape = "box"
+translate = [0.0, 0.5, 0.0]
+"""
+
 HALF = '''
 """A technique in one file, its shader inline."""
 

@@ -141,7 +141,7 @@ def _send(pipe: Pipe, questions: "queue.SimpleQueue[object]") -> None:
 
 
 def serve(handle: str, parent: str) -> None:
-    """Answer questions until the pipe is closed; arguments: as of `measure.worker.serve`. Only the latest one is answered."""
+    """Answer questions until the pipe is closed; arguments: as of `worker.serve`. Only the latest one is answered."""
     pipe = connected(handle)
     die_with(int(parent))
     os.nice(_NICE)  # drawing goes first

@@ -2,13 +2,19 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from shadowbench.scores.masks import mask_sha256, write_mask
+from shadowbench.errors import InputError
+from shadowbench.measure.campaign import Block
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import view_of
+from shadowbench.scores.masks import write_mask
+from shadowbench.studies.run import Part, names_of
 from tests.reports.conftest import POINTS
 from tests.results.cells import GOOD, SIDE, WORSE, cell, read, rows, timed
 
@@ -48,7 +54,7 @@ def test_cells_times_images_and_facts_of_all_folders_are_in_the_result(merge: Me
             write(folder, name, 1.0)
     answer, merged = merge(one, two), tmp_path / "all"
     assert (answer.code, answer.err) == (0, "")
-    assert answer.out.endswith("all: 2 cells, 1 time of 1 machine, from 2 folders\n")
+    assert answer.out.endswith("all: 2 cells, 1 time, from 2 folders\n")
     assert read(merged) == [mine, yours] and read(merged, "time") == [timed(mine)]
     about = json.loads((merged / "run.json").read_text())
     assert about["keys"] == [mine["key"], yours["key"]] and about["assumptions"] == ["of one", "of two"]
@@ -97,28 +103,6 @@ def test_scores_of_engines_are_merged_with_those_of_one_renderer(merge: Merge, t
     assert merge(*folders[::order]).code == 0
 
 
-@pytest.mark.parametrize("damaged", [0.5, None])
-def test_a_good_mask_is_taken_and_a_damaged_one_named(
-    merge: Merge, shadowbench: Callable[..., Any], tmp_path: Path, damaged: float | None
-) -> None:
-    """One of another level, or half a PNG."""
-    record = cell(mask_sha256=mask_sha256(LIT))
-    bad, good = (
-        write(described(tmp_path / name, record), f"masks/{record['key']}", 1.0 if level is None else level)
-        for name, level in (("bad", damaged), ("good", 1.0))
-    )
-    if damaged is None:
-        bad.write_bytes(bad.read_bytes()[:45])
-    answer = merge(tmp_path / "bad", tmp_path / "good")
-    told = f"note: {bad}: is not what was scored: that of another folder is taken\n"
-    assert (answer.code, answer.err) == (0, told)
-    assert (tmp_path / "all" / "masks" / bad.name).read_bytes() == good.read_bytes()
-    answer = shadowbench("merge", tmp_path / "bad", "-o", tmp_path / "alone")
-    left_out = "left out, as no folder has a good one; the row stays"
-    assert (answer.code, answer.err) == (0, f"note: {bad}: is not what was scored: {left_out}\n")
-    assert read(tmp_path / "alone") == [record] and not (tmp_path / "alone" / "masks").exists()
-
-
 def test_of_two_truths_the_later_folder_s_is_shown(merge: Merge, tmp_path: Path) -> None:
     """As its rows are the later ones of the table."""
     folders = [described(tmp_path / name, cell(name)) for name in ("one", "two")]
@@ -144,7 +128,7 @@ def test_times_are_kept_by_machine_and_the_table_has_those_of_one(merge: Merge, 
         described(tmp_path / "quick", one, timed(one)),
         described(tmp_path / "slow", one, two, *slow, machine="slow"),
     ]
-    assert "3 times of 2 machines" in merge(*parts, tmp_path / "slow").out
+    assert "3 times" in merge(*parts, tmp_path / "slow").out
     assert read(tmp_path / "all", "time") == [timed(one), *slow]
     assert (tmp_path / "all" / "table.csv").read_text().count(",slow,") == 2
 
@@ -185,7 +169,7 @@ def test_folders_that_do_not_belong_together_are_one_line(
 
 def test_an_output_with_other_files_is_one_line(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     part = rows(tmp_path / "part", cell())
-    for output, words in ((part, "is one of the folders to merge"), (tmp_path, "found other files, such as part")):
+    for output, words in ((part, "is not empty"), (tmp_path, "is not empty")):
         answer = shadowbench("merge", part, "-o", output)
         assert (answer.code, words in answer.err) == (2, True) and answer.err.count("\n") == 1
     (tmp_path / "empty").mkdir()
@@ -193,3 +177,16 @@ def test_an_output_with_other_files_is_one_line(shadowbench: Callable[..., Any],
     assert shadowbench("merge", part, "-o", tmp_path / "link").code == 0
     assert len(read(tmp_path / "empty")) == 1
     assert shadowbench("merge", part, "-o", part / "rows.jsonl").code == 2
+
+
+def test_parts_share_all_blocks_and_deal_those_of_two_lights_alike_in_any_order() -> None:
+    scene = load_scene("stairs")
+    lights = [replace(scene.lights[0], name=f"sun-{number}") for number in range(12)]
+    blocks = [Block(view_of(scene, scene.cameras[0], light, 16), ()) for light in lights]
+    parts = [Part(number, 5).of(blocks, names_of) for number in range(1, 6)]
+    assert {block for part in parts for block in part} == set(blocks)
+    assert sorted(map(len, parts)) == [2, 2, 2, 3, 3]
+    assert set(Part(1, 5).of(blocks[::-1], names_of)) == set(parts[0])
+    for text in ("0/0", "4/3", "1/0", "-1/2", "1.5/2", "one", "1", ""):
+        with pytest.raises(InputError, match=r"^--part: found '.*'; allowed: K/N, as in 3/16, "):
+            Part.named(text)
