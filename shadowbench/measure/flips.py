@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import METRICS
+from shadowbench.scores.metrics import METRICS, Metric
 from shadowbench.truths.trace import Truth
 
 Step = Literal["camera", "light"]

@@ -19,14 +19,12 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import Unsupported, quoted
 from shadowbench.files import png_of
-from shadowbench.gl.arithmetic import arithmetic
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
-from shadowbench.gl.device import Device, open_device
-from shadowbench.gl.facets import FacetPass
-from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
+from shadowbench.gl.device import Device, moderngl, open_device
+from shadowbench.gl.gbuffer import FacetPass, GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
-from shadowbench.gl.library import moderngl
 from shadowbench.gl.picture import PicturePass
+from shadowbench.gl.program import arithmetic
 from shadowbench.maps.filters import Filter
 from shadowbench.measure.rows import renderer_of
 from shadowbench.measure.worker import DeviceInfo

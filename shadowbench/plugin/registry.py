@@ -22,12 +22,10 @@ from typing import TypeVar
 from shadowbench.errors import InputError, message, quoted
 from shadowbench.plugin.base import Subject, Technique
 from shadowbench.plugin.engine import Engine
-from shadowbench.plugin.grammar import WORD
-from shadowbench.plugin.params import Component
+from shadowbench.plugin.params import WORD, Component
 from shadowbench.plugin.spec import forget_parsed, parse_spec
 from shadowbench.scenes.tables import LONGEST_NAME
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import METRICS, plug_in
+from shadowbench.scores.metrics import METRICS, Metric, plug_in
 
 GROUP = "shadowbench.techniques"
 ENGINES = "shadowbench.engines"

@@ -12,8 +12,15 @@ from typing import TYPE_CHECKING, Any, cast
 from pydantic import ValidationError
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.plugin.grammar import Items, Reader, parameters_of
-from shadowbench.plugin.params import Component, TechniqueParams, components_of, format_items
+from shadowbench.plugin.params import (
+    Component,
+    Items,
+    Reader,
+    TechniqueParams,
+    components_of,
+    format_items,
+    parameters_of,
+)
 from shadowbench.plugin.params import format_value as format_value
 from shadowbench.strict import explain
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from shadowbench.errors import counted
-from shadowbench.maps.presets import ENGINES
 from shadowbench.measure.columns import TRUTH_ERRORS
 from shadowbench.plugin.registry import engines, preset_names
 from shadowbench.results.frame import Run
@@ -22,8 +21,8 @@ from shadowbench.results.summary import (
     known,
 )
 from shadowbench.results.times import time_notes
-from shadowbench.scores.metrics import METRICS
-from shadowbench.scores.soft_faults import soft_faults
+from shadowbench.scores.metrics import METRICS, soft_faults
+from shadowbench.techniques.shadow_map import ENGINES
 
 Digits = Callable[[float], str]
 

@@ -16,7 +16,7 @@ from shadowbench.files import replace_file
 from shadowbench.measure.columns import COSTS, MORE, MORE_TIMES, SOMETIMES, TIMES
 from shadowbench.measure.columns import IDENTITY as FIRST
 from shadowbench.measure.rows import Record, Result, RunFile, read_run_file, stream_rows
-from shadowbench.plugin.grammar import parameters_of
+from shadowbench.plugin.params import parameters_of
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.strict import short
 

@@ -21,8 +21,7 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.frame import Run
 from shadowbench.results.law import Law
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import METRICS, is_soft, ranking
+from shadowbench.scores.metrics import METRICS, Metric, is_soft, ranking
 from shadowbench.techniques.unshadowed import Unshadowed
 
 _BOOTSTRAPS = 2000

@@ -21,8 +21,8 @@ from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.measure.worker import Pipe, connected, die_with, sigint_blocked, spawn
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
+from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.scores.metrics import score
-from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import Truth, trace
 
 if TYPE_CHECKING:
