@@ -33,8 +33,8 @@ from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.masks.inputs import visibility_of
 from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import subjects_with, techniques_with
-from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
+from shadowbench.measure.session import Rendering
 from shadowbench.plugin.base import Technique as Technique
 from shadowbench.plugin.params import param as param
 from shadowbench.plugin.spec import Spec, parse_spec

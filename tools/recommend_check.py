@@ -15,8 +15,7 @@ from pathlib import Path
 
 from shadowbench.advice.recommend import Cost, Target, find_cheapest
 from shadowbench.advice.search import SIZES, Trial, full_space
-from shadowbench.measure.campaign import Campaign, LogReporter
-from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.campaign import Block, Campaign, Cell, LogReporter
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.worker import Worker
 from shadowbench.plugin.registry import techniques

@@ -21,9 +21,8 @@ from PIL import Image
 
 from shadowbench.extremes.model import NAMES
 from shadowbench.maps.biases import ALL_MAPS
-from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.measure.session import CellRequest, Session
+from shadowbench.measure.session import CellRequest, Rendering, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.params import Component, TechniqueParams, allowed

@@ -22,11 +22,10 @@ from shadowbench.advice.search import (
     unavailable,
 )
 from shadowbench.errors import InputError
-from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.cells import DEFAULT_REFERENCE, Cell
-from shadowbench.measure.drawer import DeviceInfo
+from shadowbench.measure.campaign import DEFAULT_REFERENCE, Campaign, Cell
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.frame import cells_frame, write_cells
 from shadowbench.results.law import SHORTEST_MS, Law, counts_of, find_law, kind_of, law_on_record

@@ -10,8 +10,8 @@ from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.search import LEFT_OUT, SIZES, Trial, start_size
 from shadowbench.errors import number
 from shadowbench.files import replace_file
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.drawer import DeviceInfo, Drawer
+from shadowbench.measure.campaign import Block, Cell, Drawer
+from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.params import Component
 from shadowbench.results.law import SHORTEST_MS, kind_of
 from shadowbench.scores.metrics import METRICS, is_soft, soft_faults

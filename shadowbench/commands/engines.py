@@ -154,7 +154,7 @@ def _doctor(chosen: "Engines", named: bool) -> int:
     """Have engines draw a probe and a shadow of each kind of light; exit code 1 if one does not."""
     from shadowbench.engines.engine_session import EngineSession
     from shadowbench.engines.programs import what_lacks
-    from shadowbench.measure.drawer import CellFailed
+    from shadowbench.measure.worker import CellFailed
 
     failed = False
     for name, engine in chosen.items():

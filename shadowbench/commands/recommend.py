@@ -10,7 +10,7 @@ from shadowbench.options import ViewOptions, option, view_size
 if TYPE_CHECKING:
     from shadowbench.advice.recommend import Recommendation
     from shadowbench.advice.search import Trial
-    from shadowbench.measure.drawer import DeviceInfo
+    from shadowbench.measure.worker import DeviceInfo
 
 
 @options.command("For example  shadowbench needs street --view-size 1024")

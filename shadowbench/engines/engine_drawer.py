@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Self, cast
 from shadowbench.engines.programs import HERE, browser_version, environment, what_lacks
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.geometry.topology import is_closed, surrounds
-from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.campaign import Block, Cell
 from shadowbench.measure.gl_drawer import GLDrawer
-from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.session import Rendering
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.spec import Spec

@@ -18,7 +18,7 @@ from skimage.registration import phase_cross_correlation
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.masks.inputs import ExternalMask, TruthOfView, decode_srgb
-from shadowbench.measure.row_store import IMAGES, RowStore, identity
+from shadowbench.measure.rows import IMAGES, RowStore, identity
 from shadowbench.measure.scoring import mask_record
 from shadowbench.scenes.model import View, view_digest
 from shadowbench.scores.comparison import PENUMBRA, Comparison, PreparedTruth

@@ -16,9 +16,9 @@ from shadowbench.advice.search import full_space
 from shadowbench.advice.words import cost_notes, excluded_lines, facet_notes, obstacles, step_lines, target_notes
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import Texel
-from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.results.law import laws

@@ -17,7 +17,7 @@ from shadowbench.files import data_folder
 from shadowbench.gl.device import Device, RawGL
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import Drawable, Program
-from shadowbench.measure.rendering import declared_work, finite_facts
+from shadowbench.measure.session import declared_work, finite_facts
 from shadowbench.plugin.base import Frame, Phase
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import own_techniques, techniques
