@@ -160,7 +160,7 @@ def test_a_slab_under_a_box_needs_no_larger_a_map_than_its_top(tmp_path: Path) -
         trimesh.util.concatenate([floor, BOX]).export(path)
         edge_size = needs(chosen_view(path, 128, ViewOptions(camera="3,2,4", target="0,0.3,0"))).texels.edge_size
         assert edge_size is not None
-        sizes.append(edge_size.value)
+        sizes.append(edge_size)
     assert sizes[0] == pytest.approx(sizes[1], rel=0.05)
 
 
@@ -209,8 +209,8 @@ def test_needs_tells_the_map_sizes_with_and_without_the_ground(tmp_path: Path, b
     both = needs(chosen_view(str(path), 128))
     assert both.texels.edge_size and both.without_ground and both.without_ground.edge_size
     row = next(row for row in explanations_of(both) if row.need == "without ground")
-    assert row.number == f"{both.without_ground.edge_size.value:.0f}"
-    assert row.reason.endswith(f"(--no-ground), instead of {both.texels.edge_size.value:.0f} with it")
+    assert row.number == f"{both.without_ground.edge_size:.0f}"
+    assert row.reason.endswith(f"(--no-ground), instead of {both.texels.edge_size:.0f} with it")
 
 
 def test_every_command_that_takes_a_mesh_file_can_leave_the_ground_out_and_place_camera_and_light() -> None:
