@@ -4,7 +4,7 @@ import hashlib
 import json
 import re
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -60,7 +60,6 @@ _ALIKE = 0.8  # least correlation at edges after undoing the shift
 _FEWEST = 100  # pixels needed for a decision: a hard mask is the same in both encodings
 _BLURS = (0.0, 0.7, 1.4, 2.8, 5.6)
 """Standard deviations in pixels: a mask may be smoother than the truth by an unknown amount."""
-_WIDE_BLURS = (*_BLURS, 1.0, 2.0, 4.0, 8.0, 11.0)
 _CLEAR = 0.75
 """Largest misfit of a decoded mask, relative to that of the mask as it is, to be reported as encoded. Over the built-in
 scenes at 256², decoding left 1.13 and more of a linear mask's, 0.41 and less of an encoded one's."""
@@ -111,10 +110,10 @@ def detect_encoding(comparison: Comparison, linear: bool = False) -> MaskEncodin
     """
     truth, given = comparison.truth, comparison.visibility
     umbra = _raised_umbra(comparison)
-    lowered = given if umbra is None else np.clip((given - umbra) / (1 - umbra), 0, 1).astype(np.float32)
+    lowered = given if umbra is None else _lowered(given, umbra)
     as_given = Comparison(lowered, truth)
     shift = estimate_shift(as_given)
-    soft = truth.valid & (given > PENUMBRA[0]) & (given < PENUMBRA[1])
+    soft = _soft(comparison)
     if linear or np.count_nonzero(soft) < _FEWEST:
         return MaskEncoding(shift, None, umbra)
     decoded = Comparison(decode_srgb(lowered).astype(np.float32), truth)
@@ -135,9 +134,23 @@ def _raised_umbra(comparison: Comparison) -> float | None:
     umbra = round(float(np.median(visibility)), 3)
     if not _RAISED[0] < umbra < _RAISED[1] or np.percentile(visibility, _DARKEST) < umbra / 4:
         return None
-    # A wide filter alone lightens a narrow umbra too, but not evenly.
-    even = float(np.abs(visibility - umbra).mean())
-    return umbra if even <= _misfit(comparison, inside, None, _WIDE_BLURS) else None
+    # A wide filter alone lightens a narrow umbra too, but not evenly, nor is the rest like the truth without that.
+    if float(np.abs(visibility - umbra).mean()) > _misfit(comparison, inside, None):
+        return None
+    lowered = Comparison(_lowered(comparison.visibility, umbra), truth)
+    soft = _soft(comparison)
+    return umbra if _misfit(lowered, soft, None) < _misfit(comparison, soft, None) else None
+
+
+def _lowered(visibility: Image, umbra: float) -> Image:
+    """The visibility that would have been without ambient light that raises the umbra."""
+    return np.asarray(np.clip((visibility - umbra) / (1 - umbra), 0, 1), np.float32)
+
+
+def _soft(comparison: Comparison) -> Mask:
+    """Valid pixels of a mask that are neither lit nor in shadow."""
+    soft: Mask = comparison.truth.valid & (comparison.visibility > PENUMBRA[0]) & (comparison.visibility < PENUMBRA[1])
+    return soft
 
 
 def estimate_shift(comparison: Comparison) -> Shift | None:
@@ -212,11 +225,11 @@ def _inside(valid: Mask, margin: float) -> Mask:
     return inside
 
 
-def _misfit(comparison: Comparison, where: Mask, shift: Shift | None, blurs: Sequence[float] = _BLURS) -> float:
+def _misfit(comparison: Comparison, where: Mask, shift: Shift | None) -> float:
     """Mean absolute difference of a mask from the truth's `area`, shifted and at the best blur."""
     area, weight = comparison.truth.area, comparison.truth.valid.astype(np.float32)
     truth = area if shift is None else shift_image(area, shift)
-    blurred = (smooth(truth, weight, blur) if blur else truth for blur in blurs)
+    blurred = (smooth(truth, weight, blur) if blur else truth for blur in _BLURS)
     return min(float(np.abs(comparison.visibility - image).mean(where=where, dtype=np.float64)) for image in blurred)
 
 

@@ -86,11 +86,8 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbenc
     outs = [shadowbench("score", scene, file).out for file in files]
     printed = [{words[0]: words[1] for line in out.splitlines() if (words := line.split())} for out in outs]
     assert printed[0]["rmse"] == f"<{number(exact['truth_error'])}"
-    assert printed[0]["rmse_pen"] == printed[0]["noise"] == f"<{number(exact['truth_error_pen'])}"
     assert printed[1]["rmse_pen"] == number(other["metrics"]["rmse_pen"])
-    assert "penumbra," in printed[0] and "width" in printed[0] and "iou" in printed[0]
     assert not {"contact", "acne", "leak", "edge_p95"} & printed[0].keys(), "made for hard edges"
-    assert f"RMSE <{exact['truth_error']:.2g}, in the penumbra <" in outs[0]
     assert f"RMSE {other['metrics']['rmse']:.2g}, in the penumbra {other['metrics']['rmse_pen']:.2g}" in outs[1]
 
     folder, wrong = tmp_path / "rows", tmp_path / "wrong.png"
@@ -147,17 +144,8 @@ def test_a_row_is_kept_once_and_a_changed_mask_is_another(
 
     assert_added_once()
     (row,) = rows_of(folder)
-    expected = {
-        "schema": 1,
-        "kind": "score",
-        "scene": SCENE,
-        "technique": "my-engine",
-        "spec": "my-engine",
-        "map_size": None,
-        "view_size": 256,
-        "renderer": "external: my-engine",
-        "status": "ok",
-    }
+    names = {"scene": SCENE, "technique": "my-engine", "spec": "my-engine", "renderer": "external: my-engine"}
+    expected = names | {"schema": 1, "kind": "score", "map_size": None, "view_size": 256, "status": "ok"}
     assert {key: row[key] for key in expected} == expected
     assert list(row["metrics"]) == list(METRICS)
     np.testing.assert_array_equal(read_mask(folder / "masks" / f"{row['key']}.png"), read_mask(mask))
