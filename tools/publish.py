@@ -1,4 +1,4 @@
-"""Measures the studies of benchmarks/published/ and keeps what the site shows of them in results/published/.
+"""Measures the studies of benchmarks/published/ and keeps what their reports show in results/published/.
 
     python tools/publish.py
     python tools/publish.py engines DIR...
@@ -33,67 +33,61 @@ from shadowbench.scores.metrics import is_soft
 ROOT = Path(__file__).resolve().parent.parent
 STUDIES, PUBLISHED, WORK = (ROOT / name for name in ("benchmarks/published", "results/published", "build/published"))
 SHOWN = (None, 1024)
-"""Map sizes of techniques whose masks are kept."""
+"""Map sizes of techniques whose masks are kept; of engines, those of the settings that they ship with."""
 GREYS, SOFT_GREYS, COLORS = 4, 32, 32
 """Steps between black and white of masks, also of soft ones, and colours of pictures: for compression."""
 
 
-def main() -> int:
+def main() -> None:
     """Measure the studies, or take the folders that the command line names."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("name", metavar="NAME", nargs="?")
     parser.add_argument("folders", metavar="DIR", type=Path, nargs="*")
     parser.add_argument("--commit", help="of the code that measured rows which name none")
     asked = parser.parse_args()
-    commit = asked.commit or _git("rev-parse", "--short=10", "HEAD")
+    head = ["git", "rev-parse", "--short=10", "HEAD"]
+    commit = asked.commit or subprocess.run(head, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
     if asked.name:
         condense(asked.folders, PUBLISHED / asked.name, commit)
-    else:
-        for study in sorted(STUDIES.glob("*.toml")):
-            measure(study)
-            condense([WORK / study.stem], PUBLISHED / study.stem, commit)
+    for study in () if asked.name else sorted(STUDIES.glob("*.toml")):
+        folder, published = WORK / study.stem, PUBLISHED / study.stem
+        if not folder.exists() and published.exists():
+            shutil.copytree(published, folder)
+        command = ["run", "-s", study.relative_to(ROOT), "-o", folder.relative_to(ROOT), "--quiet"]
+        subprocess.run([sys.executable, "-m", "shadowbench", *command], cwd=ROOT, check=True)
+        condense([folder], published, commit)
     (PUBLISHED / "SHA256SUMS").write_text("".join(digests(PUBLISHED)), encoding="utf-8")
-    return 0
-
-
-def measure(study: Path) -> None:
-    """Measure what a study lacks, into a copy of what is published of it."""
-    folder, published = WORK / study.stem, PUBLISHED / study.stem
-    if not folder.exists() and published.exists():
-        shutil.copytree(published, folder)
-    command = ["run", "-s", study.relative_to(ROOT), "-o", folder.relative_to(ROOT), "--quiet"]
-    subprocess.run([sys.executable, "-m", "shadowbench", *command], cwd=ROOT, check=True)
 
 
 def condense(folders: Sequence[Path], target: Path, commit: str) -> None:
     """Write what is kept of run folders into `target`, in place of what is there."""
     runs = read_runs(folders)
-    rows = {identity(row): row for run in runs for row in run.rows}
-    source = {row["key"]: (run, row) for run in runs for row in run.rows}
-    times = {key: time for run in runs for key, time in run.times.items()}
+    rows = {identity(row): (run, row) for run in runs for row in run.rows}
     beside = target.with_name(f".{target.name}")
     shutil.rmtree(beside, ignore_errors=True)
-    (beside / "masks").mkdir(parents=True)
-    found = {name for run in runs for name in (str(run.folder), _place(run.folder))}
-    names = dict.fromkeys(sorted(found, key=len, reverse=True), _place(target))  # one may begin with another
+    for name in ("masks", "truth"):
+        (beside / name).mkdir(parents=True)
+    paths = {text for run in runs for text in (str(run.folder), _place(run.folder))}
     lines: list[dict[str, Any]] = []
-    for row in rows.values():
-        lines.append(_kept(row, names) | {"commit": row.get("commit", commit)})
-        lines += [dict(times[row["key"]])] if row["key"] in times else []
-    _write(
-        beside / "rows.jsonl",
-        "".join(json.dumps(line, ensure_ascii=False, separators=(",", ":")) + "\n" for line in lines),
-    )
+    for run, row in rows.values():
+        kept = {**row, "commit": row.get("commit", commit)}
+        for path in sorted(paths, key=len, reverse=True):  # one may begin with another
+            kept["command"] = kept["command"].replace(path, _place(target))
+        if "metrics" in row:
+            metrics = row["metrics"].items()
+            kept["metrics"] = {name: value for name, value in metrics if value is not None or name == "iou"}
+        lines += [kept, *([dict(run.times[row["key"]])] if row["key"] in run.times else [])]
+        shipped = row["spec"] == row["technique"] if "engine" in row else row["map_size"] in SHOWN
+        if row["status"] == "ok" and shipped:
+            _keep_images(run.folder, beside, row)
+    text = "".join(json.dumps(line, ensure_ascii=False, separators=(",", ":")) + "\n" for line in lines)
+    (beside / "rows.jsonl").write_text(text, encoding="utf-8")
     about = dict(next(run.about for run in runs if run.about))
     about["command"] = "; ".join(dict.fromkeys(line["command"] for line in lines if "command" in line))
-    about["keys"] = [row["key"] for row in rows.values()]
+    about["keys"] = [row["key"] for _, row in rows.values()]
     # The release of a kernel names the host that built it.
     about["machine"] = about["machine"] | {"system": re.sub(r" \S*-\S* ", " ", about["machine"]["system"])}
-    _write(beside / "run.json", json.dumps(about, indent=1, ensure_ascii=False) + "\n")
-    for key in _pictured(beside):
-        run, row = source[key]
-        _keep_truth(run.folder, beside, row)
-        _grey(run.folder / "masks" / f"{key}.png", beside / "masks" / f"{key}.png", row)
+    (beside / "run.json").write_text(json.dumps(about, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     shutil.rmtree(target, ignore_errors=True)
     beside.rename(target)
 
@@ -105,48 +99,19 @@ def digests(folder: Path) -> Iterator[str]:
             yield f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.relative_to(folder).as_posix()}\n"
 
 
-def _kept(row: Record, names: dict[str, str]) -> dict[str, Any]:
-    """A row without undefined metrics; its command names the published folder."""
-    kept = dict(row)
-    if "metrics" in row:
-        kept["metrics"] = {name: value for name, value in row["metrics"].items() if value is not None or name == "iou"}
-    for found, name in names.items():
-        kept["command"] = kept["command"].replace(found, name)
-    return kept
-
-
-def _pictured(folder: Path) -> list[str]:
-    """Keys of the rows whose masks are kept: of techniques at SHOWN, of engines as shipped."""
-    (run,) = read_runs([folder])
-    drawn = [row for row in run.rows if row["status"] == "ok"]
-    return [
-        row["key"]
-        for row in drawn
-        if (row["spec"] == row["technique"] if "engine" in row else row["map_size"] in SHOWN)
-    ]
-
-
-def _keep_truth(folder: Path, target: Path, row: Record) -> None:
-    """Keep the images of a row's view that are not kept yet."""
-    view = view_name(row)
-    grey = dict.fromkeys((".png", ".undecided.png", ".facets.png"), _grey)
-    ends = grey | {".lit.png": _color, ".ambient.png": _color}
-    for end, keep in ends.items():
-        before, after = folder / "truth" / f"{view}{end}", target / "truth" / f"{view}{end}"
-        if before.exists() and not after.exists():
-            after.parent.mkdir(exist_ok=True)
-            keep(before, after, row)
-
-
-def _grey(before: Path, after: Path, row: Record) -> None:
-    steps = SOFT_GREYS if is_soft(row["metrics"]) else GREYS
-    levels = np.rint(np.rint(read_mask(before) * steps) * (255 / steps)).astype(np.uint8)
-    Image.fromarray(levels).save(after, optimize=True)
-
-
-def _color(before: Path, after: Path, _: Record) -> None:
-    with Image.open(before) as image:
-        image.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE).save(after, optimize=True)
+def _keep_images(folder: Path, target: Path, row: Record) -> None:
+    """Keep a row's mask, and the images of its view that are not kept yet."""
+    view, steps = view_name(row), SOFT_GREYS if is_soft(row["metrics"]) else GREYS
+    grey = [f"truth/{view}.png", f"truth/{view}.undecided.png", f"truth/{view}.facets.png", f"masks/{row['key']}.png"]
+    for name in (*grey, f"truth/{view}.lit.png", f"truth/{view}.ambient.png"):
+        if not (folder / name).exists() or (target / name).exists():
+            continue
+        if name in grey:
+            levels = np.rint(np.rint(read_mask(folder / name) * steps) * (255 / steps))
+            image = Image.fromarray(levels.astype(np.uint8))
+        else:
+            image = Image.open(folder / name).convert("RGB").quantize(COLORS, dither=Image.Dither.NONE)
+        image.save(target / name, optimize=True)
 
 
 def _place(folder: Path) -> str:
@@ -154,13 +119,5 @@ def _place(folder: Path) -> str:
     return str(folder.relative_to(ROOT)) if folder.is_relative_to(ROOT) else str(folder)
 
 
-def _git(*words: str) -> str:
-    return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
-
-
-def _write(file: Path, text: str) -> None:
-    file.write_text(text, encoding="utf-8")
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

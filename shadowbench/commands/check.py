@@ -13,7 +13,8 @@ from shadowbench.errors import InputError, alternatives, counted
 from shadowbench.options import option
 
 if TYPE_CHECKING:
-    from shadowbench.results.baseline import CheckResult, Findings
+    from shadowbench.results.baseline import Findings
+    from shadowbench.results.frame import Run
 
 
 @dataclass(frozen=True)
@@ -75,19 +76,19 @@ def check(
         raise InputError("--github: found with --json; allowed: one of them, DIR/check/summary.json has the same")
     if asked.masks and not asked.update:
         raise InputError("--masks: found without --update; allowed: with it")
-    found = compared(folder, asked.baseline, _tolerances(asked.tolerance), asked.time, asked.update)
-    findings = found.findings
+    tolerances = _tolerances(asked.tolerance)
+    findings, run, baseline = compared(folder, asked.baseline, tolerances, asked.time, asked.update)
     failed = bool(findings.of("regressed") or (asked.time and findings.of("slower")))
-    pictures = {} if asked.update else _write_files(found, folder, asked, failed)
+    pictures = {} if asked.update else _write_files(folder, findings, run, baseline, asked, failed)
     if json:
         console.print_json(_json(findings, pictures))
     else:
         _print(findings, asked.baseline, asked.time)
     last = None
     if asked.update:
-        write_baseline(found.run.results, asked.baseline, found.run.folder / "masks" if asked.masks else None)
-        study = copy_study(found.run, asked.baseline, subjects_with(()))
-        cells = counted(len(found.run.results), "cell")
+        write_baseline(run.results, asked.baseline, run.folder / "masks" if asked.masks else None)
+        study = copy_study(run, asked.baseline, subjects_with(()))
+        cells = counted(len(run.results), "cell")
         copied = f"; study.toml is a copy of {study}" if study else ""
         last = f"{asked.baseline / 'rows.jsonl'}: {cells}, the baseline from now on{copied}"
     elif failed:
@@ -102,21 +103,22 @@ def check(
     return 1 if failed and not asked.update else 0
 
 
-def _write_files(found: "CheckResult", run: Path, asked: CheckOptions, failed: bool) -> dict[str, Path]:
+def _write_files(
+    checked: Path, findings: "Findings", run: "Run", baseline: "Run | None", asked: CheckOptions, failed: bool
+) -> dict[str, Path]:
     """Write the summaries and pictures of a check that failed, in place of those of an earlier one; the pictures."""
     from shadowbench.files import make_folder, replace_file
-    from shadowbench.reports.check_pictures import write_pictures
-    from shadowbench.reports.check_summary import markdown
+    from shadowbench.reports.regressions import markdown, write_pictures
 
-    folder = run / "check"
+    folder = checked / "check"
     for stale in [*folder.glob("*.png"), *folder.glob("summary.*")]:
         stale.unlink()
-    if not failed or asked.baseline is None:
+    if not failed or baseline is None or asked.baseline is None:
         return {}
     make_folder(folder)
-    pictures = write_pictures(found, folder)
-    text = markdown(found.findings, asked.baseline, run, pictures, asked.time)
-    values = json_module.dumps(_json(found.findings, pictures), indent=2, allow_nan=False, default=str)
+    pictures = write_pictures(findings, run, baseline, folder)
+    text = markdown(findings, asked.baseline, checked, pictures, asked.time)
+    values = json_module.dumps(_json(findings, pictures), indent=2, allow_nan=False, default=str)
     for name, content in (("summary.md", text), ("summary.json", values + "\n")):
         with replace_file(folder / name) as temporary:
             temporary.write_text(content, encoding="utf-8", errors="replace")
@@ -124,15 +126,15 @@ def _write_files(found: "CheckResult", run: Path, asked: CheckOptions, failed: b
 
 
 def _json(findings: "Findings", pictures: Mapping[str, Path]) -> dict[str, object]:
-    found = findings.json
-    for change, entry in zip(findings.of("regressed"), found["regressed"], strict=True):
+    values = findings.json
+    for change, entry in zip(findings.of("regressed"), values["regressed"], strict=True):
         entry["picture"] = pictures.get(change.score["key"])
-    return {**found, "notes": findings.notes, "pictures": list(pictures.values())}
+    return {**values, "notes": findings.notes, "pictures": list(pictures.values())}
 
 
 def _annotate(findings: "Findings", run: Path, asked: CheckOptions, pictures: Mapping[str, Path]) -> None:
     """Print annotations of GitHub's log, and append the summary where a step's summary is collected."""
-    from shadowbench.reports.check_summary import annotations, markdown
+    from shadowbench.reports.regressions import annotations, markdown
 
     for line in annotations(findings, pictures, asked.time):
         console.print_line(line)
@@ -145,24 +147,24 @@ def _tolerances(texts: Sequence[str]) -> dict[str, float]:
     """METRIC=X by metric; raises InputError for an unknown metric or an invalid tolerance."""
     from shadowbench.measure.flips import ROW_METRICS
 
-    found = {}
+    tolerances = {}
     for text in texts:
         name, _, value = text.partition("=")
         if name not in ROW_METRICS:
             known = alternatives(name, ROW_METRICS, "allowed: METRIC=X, METRIC one of")
             raise InputError(f"--tolerance: found {text!r:.60}{known}")
         try:
-            found[name] = float(value)
+            tolerances[name] = float(value)
         except ValueError:
-            found[name] = math.nan
-        if not 0 <= found[name] < math.inf:
+            tolerances[name] = math.nan
+        if not 0 <= tolerances[name] < math.inf:
             raise InputError(f"--tolerance {name}: found {value!r:.40}; allowed: a number, 0 or more")
-    return found
+    return tolerances
 
 
 def _print(findings: "Findings", baseline: Path, time: bool) -> None:
     """A table of changes of each kind, and a summary."""
-    from shadowbench.reports.check_summary import COLUMNS, LINES, counts, tables
+    from shadowbench.reports.regressions import COLUMNS, LINES, counts, tables
 
     for title, rows in tables(findings, time):
         numbers = ("map", "before", "", "after", "× tolerance")

@@ -1,9 +1,8 @@
 """The columns of `table.csv`: their names, in the order of the table, and what they mean."""
 
 import re
-from collections.abc import Iterable
 
-from shadowbench.measure.flips import FLIPS, ROW_METRICS
+from shadowbench.measure.flips import FLIPS
 from shadowbench.measure.time_rows import REDRAWN
 
 IDENTITY = {
@@ -70,38 +69,13 @@ SOMETIMES = {
     "sides": "Double-sided materials of an engine: those of open meshes (`closed`), or all (`double`).",
     "commit": "Commit of the code that measured a published row.",
 }
-_OTHERS = {
-    r"pass_(.+)_ms": "Median time of the pass `{}`, in milliseconds.",
-    r"work_(.+)": "Exact count of work: {}.",
-    r"fact_(.+)": "What a technique reports of itself: {}.",
-    "bias_of": "Spec whose bias was multiplied.",
-    "bias_factor": "Factor by which it was.",
-    "bias_also": "Other specs and factors that give the same.",
-    "run": "Folder that has the row.",
-    "processor": "Processor of the machine of its last command.",
-    "software": "Whether that machine's renderer is a software renderer.",
-}
 FIXED = IDENTITY | TIMES | COSTS | MORE | MORE_TIMES | SOMETIMES
 """The columns that no metric, pass or technique names, and what they mean."""
 
 
+_NAMED = re.compile(r"(pass_.+_ms|work_.+|fact_.+|bias_(of|factor|also)|run|processor|software)")
+
+
 def is_taken(name: str) -> bool:
     """Whether a column other than a metric's may have this name."""
-    return name in FIXED or any(re.fullmatch(pattern, name) for pattern in _OTHERS)
-
-
-def described(columns: Iterable[str]) -> dict[str, str]:
-    """What each column of a table means. Raises KeyError for one that no table has."""
-    return {name: _described(name) for name in columns}
-
-
-def _described(name: str) -> str:
-    if name in ROW_METRICS:
-        return f"{ROW_METRICS[name].help} {ROW_METRICS[name].better.capitalize()} is better."
-    if name in FIXED:
-        return FIXED[name]
-    matches = ((re.fullmatch(pattern, name), text) for pattern, text in _OTHERS.items())
-    found = [text.format(*(group.replace("_", " ") for group in match.groups())) for match, text in matches if match]
-    if not found:
-        raise KeyError(name)
-    return found[0]
+    return name in FIXED or _NAMED.fullmatch(name) is not None

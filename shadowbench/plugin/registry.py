@@ -22,8 +22,7 @@ from typing import TypeVar
 from shadowbench.errors import InputError, message, quoted
 from shadowbench.plugin.base import Subject, Technique
 from shadowbench.plugin.engine import Engine
-from shadowbench.plugin.grammar import WORD
-from shadowbench.plugin.params import Component
+from shadowbench.plugin.params import WORD, Component
 from shadowbench.plugin.spec import forget_parsed, parse_spec
 from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.scores.metrics import METRICS, Metric, plug_in

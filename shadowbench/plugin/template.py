@@ -20,12 +20,11 @@ A shadow map to start from. shadowbench.plugin.base documents the class and the 
 
 from shadowbench.maps.caster_map import CasterMap, MapLayout, map_uniforms
 from shadowbench.maps.fits import FittedParams, FittedView
-from shadowbench.maps.resolve import ResolvePass
+from shadowbench.maps.caster_map import ResolvePass
 from shadowbench.plugin.base import Technique, param
 
 RESOLVE = """
 #include "map.glsl"
-uniform sampler2D map_depths;
 uniform float bias;  // the parameter; an int or a choice would be a #define, such as SIZE
 out float visibility;
 

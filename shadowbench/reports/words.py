@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from shadowbench.errors import counted
-from shadowbench.maps.presets import ENGINES
 from shadowbench.measure.columns import TRUTH_ERRORS
 from shadowbench.plugin.registry import engines, preset_names
 from shadowbench.results.frame import Run
@@ -23,6 +22,7 @@ from shadowbench.results.summary import (
 )
 from shadowbench.results.times import time_notes
 from shadowbench.scores.metrics import METRICS, soft_faults
+from shadowbench.techniques.shadow_map import ENGINES
 
 Digits = Callable[[float], str]
 

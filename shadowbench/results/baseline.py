@@ -44,7 +44,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Findings:
-    """Changes found by a check, largest first.
+    """Changes that a check saw, largest first.
 
     compared: number of cells in both runs; equal: those with the same mask and scores; timed: those with comparable
     times; notes: what could not be compared, and cells that the baseline lacks.
@@ -80,19 +80,10 @@ class Findings:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class CheckResult:
-    """Comparison of the cells of a folder's last command, `run`, with a baseline, None if there is none yet."""
-
-    run: Run
-    baseline: Run | None
-    findings: Findings
-
-
 def check(
     folder: Path, baseline: Path, tolerances: Mapping[str, float] = {}, time: bool = False, update: bool = False
-) -> CheckResult:
-    """Compare the cells of a folder's last command with those of a baseline.
+) -> tuple[Findings, Run, Run | None]:
+    """Compare the cells of a folder's last command with a baseline's; both are returned too, None for a new baseline.
 
     tolerances: overrides by metric name; time: whether times count; update: whether the run is to become the baseline,
     which may then be missing but not be a run folder. Raises InputError for a folder that is no run or baseline, and if
@@ -122,24 +113,23 @@ def check(
         for one in filter(None, (whole, before))
         if one.cut_off
     ]
-    return CheckResult(run, before, replace(findings, notes=tuple(notes)))
+    return replace(findings, notes=tuple(notes)), run, before
 
 
 def _differing_fields(*runs: Run) -> str:
     """The fields of a cell's identity in which no cell of a run agrees with any of the other, with some values."""
-    found = []
+    fields = []
     for name in ("full_spec", *IDENTITY):
-        values = [sorted({str(row[name]) for row in run.rows}) for run in runs]
-        if set(values[0]).isdisjoint(values[1]):
-            here, there = (", ".join(f"{text:.60}" for text in side[:3]) for side in values)
-            found.append(f"{name.removeprefix('full_')} is {here} against {there}")
-    return "; ".join(found) or "each field has values in common, but no cell agrees in all of them"
+        here, there = (sorted({str(row[name]) for row in run.rows}) for run in runs)
+        if set(here).isdisjoint(there):
+            fields.append(f"{name.removeprefix('full_')} is {', '.join(here[:3])} against {', '.join(there[:3])}")
+    return "; ".join(fields) or "each field has values in common, but no cell agrees in all of them"
 
 
-def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:
+def compare(results: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:
     """Compare every cell of the baseline with the cell of the same identity; tolerances: overrides by metric name."""
-    now, then = ({identity(result.score): result for result in side} for side in (found, baseline))
-    left_out, notes = _not_compared(found, baseline)
+    now, then = ({identity(result.score): result for result in side} for side in (results, baseline))
+    left_out, notes = _not_compared(results, baseline)
     allowed = {name: tolerances.get(name, one.tolerance) for name, one in ROW_METRICS.items() if name not in left_out}
     pairs = [(old, now[key]) for key, old in then.items() if key in now]
     changes = [
@@ -174,13 +164,13 @@ def _not_compared(*sides: Sequence[Result]) -> tuple[set[str], list[str]]:
     steps = [{result.score.get("step") for result in side if FLIPS.name in result.score} for side in sides]
     other_step = all(steps) and steps[0] != steps[1]
     drivers = sorted({_driver(result) for side in sides for result in side})
-    told = (
+    reasons = (
         (other_step, "flips are not compared: one side has them after a step of the camera, the other of the light"),
         (len(drivers) > 1, f"work is not compared across renderers: {' · '.join(drivers)}"),
         (lacking, f"not compared, since one side lacks them: {', '.join(lacking)}"),
         (unknown, f"not compared, since their plug-in is not loaded: {', '.join(unknown)}"),
     )
-    return {*lacking, *([FLIPS.name] if other_step else [])}, [note for holds, note in told if holds]
+    return {*lacking, *([FLIPS.name] if other_step else [])}, [note for holds, note in reasons if holds]
 
 
 def _driver(result: Result) -> str:

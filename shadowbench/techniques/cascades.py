@@ -9,18 +9,17 @@ from pydantic import model_validator
 
 from shadowbench.geometry.convex import SceneHull, Slice, slices
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, snapped, stretched, window
-from shadowbench.gl.device import Device
-from shadowbench.gl.library import moderngl
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Value
 from shadowbench.gl.targets import DepthFormat
 from shadowbench.maps.biases import Bias, Texel
 from shadowbench.maps.caster_map import MAP_GRID, MAP_SOFT_GRID, FilteredMap, MapLayout, map_uniforms
 from shadowbench.maps.filters import Filter, Hardware
 from shadowbench.maps.fits import PracticalSplit, Split, widened
-from shadowbench.maps.presets import BEVY, GODOT, UNITY
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
+from shadowbench.techniques.shadow_map import BEVY, GODOT, UNITY
 
 _SPHERES = "count=4,box=sphere,stable=true"  # as in all engines
 
@@ -31,10 +30,9 @@ class Cascades(Technique):
     A receiver is looked up in the first cascade whose box contains it, or in the cascade of its view depth. Worse than
     one map fitted to the visible receivers if all of them are at about the same distance, since empty slices take their
     share of the texels. The change of resolution between two cascades is visible; a blend only softens it. Without
-    depth_clamp, casters in front of the map's depth range, which z_mult stretches, cast no shadow, and a bias in units
-    of depth grows with the range. With stable, shadows do not shimmer while the camera moves or turns, except on pixels
-    that change cascades; they do when its near and far planes or its field of view change. A bias from screen
-    derivatives fails where two cascades meet. Casters are drawn once per cascade.
+    depth_clamp, casters in front of the map's depth range, which z_mult stretches, cast no shadow. With stable, shadows
+    do not shimmer while the camera moves or turns, except on pixels that change cascades. Casters are drawn once per
+    cascade.
     """
 
     name = "cascades"
@@ -101,15 +99,13 @@ class Cascades(Technique):
     params: Params
 
     @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        assert isinstance(params, cls.Params)
+    def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
         if view.light.kind != "directional":
             return f"a {view.light.kind} light shines from a place; cascades follow a directional one"
         return params.layout.unsupported(device, params.bias, params.filter)
 
     @classmethod
-    def view_slices(cls, params: TechniqueParams) -> int:
-        assert isinstance(params, cls.Params)
+    def view_slices(cls, params: Params) -> int:
         return params.count
 
     def build(self, stage: Stage) -> None:
@@ -119,7 +115,7 @@ class Cascades(Technique):
         if params.layers == "geometry":
             vertex, geometry = "cascades/layers.vert", "cascades/layers.geom"
         defines = {"LAYERS": params.count, "BLENDED": int(params.blend > 0)}
-        self.map = FilteredMap(stage, params, params.layout, self.hull, "orthographic", vertex, geometry, defines)
+        self.map = FilteredMap(stage, params, params.layout, self.hull, True, vertex, geometry, defines)
         self.resolve = self.map.resolve_pass("cascades/resolve.frag")
 
     def draw(self, frame: Frame) -> moderngl.Texture:

@@ -18,8 +18,7 @@ from pydantic.fields import FieldInfo
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import NoBias, Sum
 from shadowbench.plugin.base import Subject, Technique
-from shadowbench.plugin.grammar import parse_value
-from shadowbench.plugin.params import Component, TechniqueParams, allowed
+from shadowbench.plugin.params import Component, TechniqueParams, allowed, parse_value
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.plugin.spec import Spec, format_value, parse_spec, spec_of
 from shadowbench.scenes.assumed import sun_direction

@@ -12,8 +12,8 @@ import moderngl
 import pytest
 
 from shadowbench.errors import NoGLError
-from shadowbench.gl.arithmetic import arithmetic
 from shadowbench.gl.device import SIGNATURES, Device, device_of
+from shadowbench.gl.program import arithmetic
 
 MAJOR_VERSION, MINOR_VERSION = 0x821B, 0x821C
 
@@ -76,7 +76,7 @@ def test_a_processor_without_fused_multiply_add_is_told_from_one_with_it(device)
     if "llvmpipe" not in device.renderer or not cpu.exists() or " fma " not in cpu.read_text():
         pytest.skip("Mesa's software renderer on a processor with fused multiply-add")
     program = (
-        "from shadowbench.gl.device import open_device; from shadowbench.gl.arithmetic import arithmetic;"
+        "from shadowbench.gl.device import open_device; from shadowbench.gl.program import arithmetic;"
         "print(arithmetic(open_device()))"
     )
     older = os.environ | {"GALLIUM_OVERRIDE_CPU_CAPS": "sse4.1", "LP_NATIVE_VECTOR_WIDTH": "128"}

@@ -6,8 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from shadowbench.gl.program import Sampling, ShaderError, _explained, link
-from shadowbench.gl.shaders import VERSION
+from shadowbench.gl.program import VERSION, Sampling, ShaderError, _explained, link
 
 POLYGON_OFFSET_FACTOR, POLYGON_OFFSET_UNITS, POLYGON_OFFSET_FILL = 0x8038, 0x2A00, 0x8037
 CULL_FACE, DEPTH_TEST, DEPTH_CLAMP, CLIP_DEPTH_MODE, NEGATIVE_ONE_TO_ONE = 0x0B44, 0x0B71, 0x864F, 0x935D, 0x935E

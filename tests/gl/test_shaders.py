@@ -5,7 +5,7 @@ from pathlib import Path
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from shadowbench.gl.shaders import VERSION, compose
+from shadowbench.gl.program import VERSION, compose
 
 
 def write(folder: Path, **files: str) -> None:

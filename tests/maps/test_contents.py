@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from shadowbench.maps.contents import kernel_weights
+from shadowbench.maps.caster_map import kernel_weights
 from shadowbench.scenes.model import Light, Mesh
 from tests.samples import by_turns, pairs
 

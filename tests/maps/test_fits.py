@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from shadowbench.geometry.convex import SceneHull, box_planes, corners, frustum_planes, hull_points
 from shadowbench.geometry.lights import Box, LightView, light_space, window
 from shadowbench.gl.clock import Clock
-from shadowbench.maps.fits import Fit, FitContext, SceneFit
-from shadowbench.maps.reduction import VisibleBounds
+from shadowbench.maps.fits import Fit, FitContext, SceneFit, VisibleBounds
 from shadowbench.plugin.base import Frame, Phase
 from shadowbench.scenes.model import Light, Scene
 from shadowbench.scenes.placement import IDENTITY_PLACEMENT
@@ -63,7 +62,7 @@ def test_all_receivers_in_view_lie_in_the_window_and_its_padding_is_free(
         assert points.high[:2] == pytest.approx(box.high[:2], abs=slack[:2].max())
 
 
-@pytest.mark.parametrize("name", SCENES[:2])
+@pytest.mark.parametrize("name", ["spot-lamp", "street"])
 def test_scene_shows_every_vertex(studio, build, builtin, name: str) -> None:
     shot = studio.shot(builtin(name, SIZE))
     light_view = light_view_of(build, shot, "fit=scene,filter=hard")
@@ -231,6 +230,11 @@ def test_map_and_clip_space_agree(kind: str, reversed_depth: bool) -> None:
     assert on_map[:, 2] / on_map[:, 3] == pytest.approx(1 - depth if reversed_depth else depth)
     axial = -((points[:, :3] - space.origin) @ space.basis.T)[:, 2]
     assert light_view.linear(on_map[:, 2] / on_map[:, 3], reversed_depth) == pytest.approx((axial - 1) / 4)
+
+
+def test_the_hull_of_a_scene_has_its_last_mesh(shape) -> None:
+    scene = Scene("test", (shape("box"), shape("box", 1.0, (0.0, 5.0, 0.0))), (), ())
+    assert SceneHull(scene).points.max(axis=0) == pytest.approx([0.5, 5.5, 0.5])
 
 
 # Windows in light space, compared with closed forms

@@ -135,7 +135,7 @@ BROKEN = {
     "raises": ("raise OSError('no such thing')", "OSError: no such thing"),
     "only imports the base": ("from shadowbench.plugin.base import Technique", "defines no subclass"),
     "nameless": (PLUGIN.replace('name = "{name}"', "pass"), "Dusk has no name"),
-    "a nameless filter": ("from shadowbench.maps.moments import VSM\nclass A(VSM):\n    pass", "A has no name"),
+    "a nameless filter": ("from shadowbench.maps.filters import VSM\nclass A(VSM):\n    pass", "A has no name"),
     "an incomplete filter": (
         "from shadowbench.maps.filters import Filter\nclass A(Filter):\n    name = 'a'\n",
         r"A lacks radius\(self, size: int\) -> float; the property reads -> int; shader, a file or text",

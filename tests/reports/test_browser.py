@@ -279,21 +279,6 @@ def test_the_table_is_sorted_by_any_column_both_ways(page) -> None:
 # The page as a whole
 
 
-def test_the_theme_is_the_reader_s_and_is_turned_by_a_button(page) -> None:
-    ground = "() => getComputedStyle(document.body).backgroundColor"
-    ink = "() => getComputedStyle(document.querySelector('.chart.front .role-axis-label text')).fill"
-    light, written = page.evaluate(ground), page.evaluate(ink)
-    page.locator("#theme").press("Enter")
-    dark = page.evaluate(ground)
-    assert dark != light and page.evaluate(ink) != written
-    page.locator("#theme").press("Enter")
-    assert page.evaluate(ground) == light and page.evaluate(ink) == written
-    page.emulate_media(color_scheme="dark")
-    assert page.evaluate(ground) == dark
-    page.emulate_media(media="print")
-    assert (page.evaluate(ground), page.evaluate(ink)) == (light, written), "paper is white, whatever the screen is"
-
-
 def test_every_control_is_reached_by_keys_and_named(page) -> None:
     nameless = page.evaluate(
         """[...document.querySelectorAll("button, select, input, summary, a")]
@@ -306,23 +291,6 @@ def test_every_control_is_reached_by_keys_and_named(page) -> None:
     assert page.evaluate("[...document.images].filter(image => !image.hasAttribute('alt')).length") == 0
     page.keyboard.press("Tab")
     assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
-
-
-def test_on_paper_no_text_is_smaller_than_nine_points_and_no_table_is_cut(browser, report, tmp_path) -> None:
-    with visiting(browser, report, width=703, height=1000) as page:  # A4 without its margins
-        page.pdf(path=tmp_path / "report.pdf", format="A4")
-        assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
-        assert page.evaluate("[...document.querySelectorAll('details')].every(node => node.open)")
-        page.emulate_media(media="print")
-        sizes = page.evaluate(
-            """[...document.querySelectorAll("body *")]
-            .filter(node => node.checkVisibility() && !node.closest("svg, script, style"))
-            .filter(node => [...node.childNodes].some(one => one.nodeType === 3 && one.textContent.trim()))
-            .map(node => 0.75 * parseFloat(getComputedStyle(node).fontSize))"""
-        )
-        assert len(sizes) > 200 and min(sizes) >= 9
-        for table in page.locator("table.all, table.ranges, table.matrix").all():
-            assert not table.is_visible() or table.evaluate("node => node.getBoundingClientRect().right") <= 703
 
 
 # The address
@@ -376,16 +344,6 @@ def test_a_link_opens_the_same_choices_and_back_and_forward_go_through_them(brow
 
 
 # The sweep
-
-
-def test_a_point_on_an_axis_tells_its_value_its_scores_and_its_failure(page) -> None:
-    table = page.locator(".ranges")
-    assert table.locator("tbody tr").count() == page.locator(".chart.axis").count() == 5
-    assert table.locator("td").first.evaluate("node => parseFloat(getComputedStyle(node).fontSize)") >= 12
-    chart = page.locator(".chart.axis[data-axis=map-size]")  # whose smallest maps break
-    broken = chart.locator('.mark-symbol.role-mark path[stroke]:not([stroke="none"])').first
-    said = told(page, broken)
-    assert "out of tolerance" in said and "1 − IoU" in said and "texels" in said
 
 
 def test_a_breaking_point_shows_its_picture(page) -> None:

@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from shadowbench.maps import presets
 from shadowbench.plugin.registry import engines, own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.reports.gallery import scored_cells
@@ -31,6 +30,7 @@ from shadowbench.reports.words import (
 from shadowbench.results.frame import read_runs
 from shadowbench.results.summary import Summary, Target, by_kind, over_scenes, summaries, targets_of
 from shadowbench.scores.metrics import METRICS
+from shadowbench.techniques import shadow_map as presets
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell, parts_of
 
 UNSUPPORTED = "unsupported: a lamp shines all round"
