@@ -9,7 +9,6 @@ renderings: z is the difference over both standard errors (variances of at least
 errors. Exit code 1 if a view fails.
 """
 
-import argparse
 import math
 import sys
 from dataclasses import replace
@@ -127,12 +126,6 @@ def compare(view: View) -> bool:
     return agrees
 
 
-def main() -> None:
-    """Compare all views."""
-    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
+if __name__ == "__main__":
     agree = [compare(view) for view in views()]  # all of them, whatever the first says
     sys.exit(not all(agree))
-
-
-if __name__ == "__main__":
-    main()

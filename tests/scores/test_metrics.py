@@ -1,4 +1,5 @@
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -31,21 +32,20 @@ def random_view(rng):
     return mask, view
 
 
-@pytest.mark.parametrize("size", range(1, 10))
-@pytest.mark.parametrize("soft", [False, True])
-def test_in_a_view_of_few_pixels_every_metric_is_a_number_or_none(size, soft, truth):
+def test_in_a_view_of_few_pixels_every_metric_is_a_number_or_none(truth):
     """Also where all is lit, in shadow or in penumbra; no penumbra is wide enough for a width."""
-    y, x = np.mgrid[:size, :size].astype(float)
-    ramp = np.clip((x - size / 2) / 3 + 0.5, 0, 1) if soft else (x >= size / 2) * 1.0
-    flat = [np.zeros((size, size)), np.ones((size, size)), *([np.full((size, size), 0.5)] if soft else [])]
-    positions = {"positions": lambda: np.stack([x, 0 * x, y], axis=-1)} if soft else {}
-    for exact in (ramp, ramp.T, *flat):
-        prepared = truth(exact, **positions)
-        for mask in (exact, 1 - exact, ramp, *flat):
-            found = score(mask, prepared)
-            assert list(found) == list(METRICS)
-            assert all(value is None or math.isfinite(value) for value in found.values())
-            assert found["width"] is found["hardening"] is found["hardening_intercept"] is None
+    for size, soft in [(1, True), (2, False), (5, True), (9, False)]:
+        y, x = np.mgrid[:size, :size].astype(float)
+        ramp = np.clip((x - size / 2) / 3 + 0.5, 0, 1) if soft else (x >= size / 2) * 1.0
+        flat = [np.zeros((size, size)), np.ones((size, size)), *([np.full((size, size), 0.5)] if soft else [])]
+        positions = {"positions": partial(np.stack, [x, 0 * x, y], axis=-1)} if soft else {}
+        for exact in (ramp, ramp.T, *flat):
+            prepared = truth(exact, **positions)
+            for mask in (exact, 1 - exact, ramp, *flat):
+                found = score(mask, prepared)
+                assert list(found) == list(METRICS)
+                assert all(value is None or math.isfinite(value) for value in found.values())
+                assert found["width"] is found["hardening"] is found["hardening_intercept"] is None
 
 
 def test_every_metric_has_a_row_that_explains_it():
@@ -64,18 +64,6 @@ def test_every_metric_has_a_row_that_explains_it():
     assert (METRICS["rmse"].error_label, METRICS["rmse"].error(0.75)) == ("RMSE", 0.75)
 
 
-def test_a_share_may_move_by_a_thousandth_a_width_by_a_fiftieth_an_edge_by_a_twentieth_of_a_pixel_or_half_a_one():
-    tolerances = {name: metric.tolerance for name, metric in METRICS.items()}
-    assert (tolerances.pop("edge_px"), tolerances.pop("edge_p95")) == (1 / 20, 1 / 2)
-    assert {tolerances.pop(name) for name in ("width", "hardening", "hardening_intercept")} == {1 / 50}
-    assert set(tolerances.values()) == {1 / 1000}
-
-
-def test_reports_ask_for_ever_stricter_values_of_what_ranks_shadows_and_of_the_edges_distance():
-    targets = {name: metric.targets for name, metric in METRICS.items() if metric.targets}
-    assert targets == {"iou": (0.95, 0.99, 0.999), "edge_px": (1, 1 / 2, 1 / 4), "rmse": (0.05, 0.02, 0.01)}
-
-
 def test_a_value_below_the_truths_own_error_is_printed_as_that():
     fields = {"truth_error": 0.002, "truth_error_pen": 0.004}
     shown = [METRICS["rmse"].text(value, str, fields) for value in (0.001, 0.002, 0.003, None)]
@@ -84,20 +72,17 @@ def test_a_value_below_the_truths_own_error_is_printed_as_that():
     assert METRICS["iou"].text(0.001, str, fields) == METRICS["rmse"].text(0.001, str, {}) == "0.001"
 
 
-@pytest.mark.parametrize(
-    ("name", "before", "after", "worse"),
-    [
+def test_a_change_for_the_worse_leads_away_from_the_ideal():
+    for name, before, after, worse in [
         ("iou", 0.75, 0.5, 0.25),
         ("mae", 0.5, 0.75, 0.25),
         ("bias_pen", -0.25, 0.25, 0),
         ("bias_pen", 0.25, -0.5, 0.25),
         ("hardening", 0.5, 1.5, 0),
         ("hardening", 1.25, 0.5, 0.25),
-    ],
-)
-def test_a_change_for_the_worse_leads_away_from_the_ideal(name, before, after, worse):
-    assert METRICS[name].worse(before, after) == worse
-    assert METRICS[name].worse(after, before) == -worse
+    ]:
+        assert METRICS[name].worse(before, after) == worse
+        assert METRICS[name].worse(after, before) == -worse
 
 
 def test_the_truth_itself_gets_the_best_value_of_every_metric(truth, disc):
@@ -117,8 +102,7 @@ def test_no_mask_is_better_than_the_truth(truth, seed):
             assert metric.worse(best[name], scores[name]) >= -1e-9, name
 
 
-@pytest.mark.parametrize("name", [name for name in METRICS if name not in NONE])
-def test_a_worse_mask_never_scores_better(truth, half_plane, name):
+def test_a_worse_mask_never_scores_better(truth, half_plane):
     """The shadow retreats from its occluder, and acne of the same area spreads over the lit side."""
     prepared = truth(half_plane(64), blocker=np.where(half_plane(64) < 0.5, 0.1, np.inf))
     noise = np.random.default_rng(5).random((128, 128))
@@ -126,19 +110,11 @@ def test_a_worse_mask_never_scores_better(truth, half_plane, name):
     def mask(amount):
         return np.where((half_plane(64) == 1) & (noise < amount / 200), 0, half_plane(64 - amount))
 
-    values = [score(mask(amount), prepared)[name] for amount in (0, 1, 2, 4, 8, 16)]
-    towards_worse = values[::-1] if METRICS[name].better == "higher" else values
-    assert towards_worse == sorted(towards_worse)
-    assert values[-1] != values[0]
-
-
-def test_a_mask_without_any_shadow_leaks_everywhere(truth, disc):
-    scores = score(np.ones((128, 128)), truth(disc(30), blocker=np.zeros((128, 128))))
-    assert scores["iou"] == scores["iou_soft"] == scores["boundary_iou"] == 0
-    assert scores["leak"] == scores["contact"] == 1
-    assert scores["acne"] == 0
-    assert scores["edge_px"] == scores["edge_p95"] == math.hypot(128, 128)
-    assert scores["mae"] == np.mean(disc(30) == 0)
+    scores = [score(mask(amount), prepared) for amount in (0, 1, 2, 4, 8, 16)]
+    for name in METRICS.keys() - NONE:
+        values = [each[name] for each in scores]
+        assert values == sorted(values, reverse=METRICS[name].better == "higher"), name
+        assert values[-1] != values[0], name
 
 
 def test_an_inverted_mask_is_wholly_wrong(truth, disc):
@@ -148,15 +124,14 @@ def test_an_inverted_mask_is_wholly_wrong(truth, disc):
     assert scores["ssim_edge"] < 0
 
 
-@pytest.mark.parametrize("k", [-20, -1, 0, 2, 7, 30])
-@pytest.mark.parametrize("turn", [np.asarray, np.transpose])
-def test_a_straight_edge_that_moved_by_k_pixels(truth, half_plane, turn, k):
-    scores = score(turn(half_plane(64 + k)), truth(turn(half_plane(64))))
-    assert scores["edge_px"] == scores["edge_p95"] == abs(k)
-    assert scores["iou"] == scores["iou_soft"] == (64 + min(k, 0)) / (64 + max(k, 0))
-    assert scores["mae"] == abs(k) / 128
-    width = 4  # 2% of 128 √2 is 3.6
-    assert scores["boundary_iou"] == max(width - abs(k), 0) / min(width + abs(k), 2 * width)
+def test_a_straight_edge_that_moved_by_k_pixels(truth, half_plane):
+    for k, turn in [(-20, np.asarray), (-1, np.transpose), (2, np.asarray), (30, np.transpose)]:
+        scores = score(turn(half_plane(64 + k)), truth(turn(half_plane(64))))
+        assert scores["edge_px"] == scores["edge_p95"] == abs(k)
+        assert scores["iou"] == scores["iou_soft"] == (64 + min(k, 0)) / (64 + max(k, 0))
+        assert scores["mae"] == abs(k) / 128
+        width = 4  # 2% of 128 √2 is 3.6
+        assert scores["boundary_iou"] == max(width - abs(k), 0) / min(width + abs(k), 2 * width)
 
 
 def test_a_disc_beside_its_place_and_one_in_a_larger_disc(truth, disc):
@@ -167,13 +142,6 @@ def test_a_disc_beside_its_place_and_one_in_a_larger_disc(truth, disc):
     larger = score(disc(50), truth(disc(40)))
     assert larger["iou"] == pytest.approx((40 / 50) ** 2, rel=0.01)
     assert larger["edge_px"] == pytest.approx(10, abs=0.2)
-
-
-def test_boundary_iou_does_not_forgive_a_large_shadow(truth, disc):
-    """One pixel off: IoU hardly sees it on a large shadow, boundary IoU does (Cheng et al. 2021)."""
-    small, large = (score(disc(r - 1, 256), truth(disc(r, 256))) for r in (20, 100))
-    assert large["iou"] - small["iou"] > 0.07
-    assert abs(large["boundary_iou"] - small["boundary_iou"]) < 0.1
 
 
 def test_acne_is_the_share_of_dark_pixels_in_the_lit_interior(truth, half_plane):
@@ -253,7 +221,7 @@ def test_excluded_pixels_never_matter(truth, seed):
     assert score(changed, truth(**view | other)) == score(mask, truth(**view))
 
 
-@pytest.mark.parametrize("turn", [np.flipud, np.fliplr, np.transpose, np.rot90])
+@pytest.mark.parametrize("turn", [np.flipud, np.rot90])
 @given(seed=seeds)
 def test_turning_both_images_changes_no_score(truth, turn, seed):
     mask, view = random_view(np.random.default_rng(seed))
@@ -303,12 +271,12 @@ def test_without_receivers_nothing_is_known(truth):
     )
 
 
-@pytest.mark.parametrize("side", [6, 10])
-def test_an_image_smaller_than_a_window_has_no_ssim(truth, half_plane, side):
-    scores = score(half_plane(4, side, side), truth(half_plane(4, side, side)))
-    assert scores["ssim"] is None
-    assert scores["ssim_edge"] is None
-    assert scores["edge_px"] == 0
+def test_an_image_smaller_than_a_window_has_no_ssim(truth, half_plane):
+    for side in [6, 10]:
+        scores = score(half_plane(4, side, side), truth(half_plane(4, side, side)))
+        assert scores["ssim"] is None
+        assert scores["ssim_edge"] is None
+        assert scores["edge_px"] == 0
 
 
 def test_a_mask_of_another_size_is_refused(truth):

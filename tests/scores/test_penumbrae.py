@@ -57,83 +57,77 @@ def test_of_many_edge_pixels_a_thousand_are_taken_at_even_ranks() -> None:
     assert found.lines[:, :, 80 // 4].T.tolist() == starts.tolist()
 
 
-@pytest.mark.parametrize(("dark", "lit", "found"), [(40, 120, 1), (39, 120, 0), (40, 121, 0)])
-def test_a_line_reaches_a_quarter_of_the_image_to_either_side(dark, lit, found) -> None:
+def test_a_line_reaches_a_quarter_of_the_image_to_either_side() -> None:
     """From column 80 of 160 to the first pixels darker than 0.1 and lighter than 0.9."""
-    knots = (dark, 0.05), (dark + 1, 0.2), (lit - 1, 0.8), (lit, 0.95)
-    assert crossed(rising(*knots, columns=160), 80) == found
+    for dark, lit, found in [(40, 120, 1), (39, 120, 0), (40, 121, 0)]:
+        knots = (dark, 0.05), (dark + 1, 0.2), (lit - 1, 0.8), (lit, 0.95)
+        assert crossed(rising(*knots, columns=160), 80) == found
 
 
-@pytest.mark.parametrize(("low", "high", "found"), [(25, 55, 1), (26, 55, 0), (25, 54, 0)])
-def test_a_line_ends_with_the_last_valid_pixel(low, high, found) -> None:
+def test_a_line_ends_with_the_last_valid_pixel() -> None:
     """The first pixels darker than 0.1 and lighter than 0.9 are 25 and 55."""
-    column = np.tile(np.arange(81), (3, 1))
-    profile = rising((25, 0.05), (26, 0.2), (54, 0.8), (55, 0.95))
-    assert crossed(profile, valid=(column >= low) & (column <= high)) == found
+    for low, high, found in [(25, 55, 1), (26, 55, 0), (25, 54, 0)]:
+        column = np.tile(np.arange(81), (3, 1))
+        profile = rising((25, 0.05), (26, 0.2), (54, 0.8), (55, 0.95))
+        assert crossed(profile, valid=(column >= low) & (column <= high)) == found
 
 
-@pytest.mark.parametrize("start", [38, 46])
-@pytest.mark.parametrize(
-    ("fall", "error", "found"),
-    [
-        (0.0399, 0.01, 1),
-        (0.0402, 0.01, 0),
-        (0.95 / LEVELS, 0, 1),
-        (1.05 / LEVELS, 0, 0),
-        (0.25, (0.25 - 1 / LEVELS) / 4, 1),
-    ],
-)
-def test_the_truth_may_fall_by_four_standard_errors_and_a_level(start, fall, error, found) -> None:
+def test_the_truth_may_fall_by_four_standard_errors_and_a_level() -> None:
     """From column 42 to 43, on the line's lit side or on its dark one."""
-    assert crossed(rising((30, 0), (42, 0.75), (43, 0.75 - fall), (55, 1)), start, error) == found
+    for start in [38, 46]:
+        for fall, error, found in [
+            (0.0399, 0.01, 1),
+            (0.0402, 0.01, 0),
+            (0.95 / LEVELS, 0, 1),
+            (1.05 / LEVELS, 0, 0),
+            (0.25, (0.25 - 1 / LEVELS) / 4, 1),
+        ]:
+            assert crossed(rising((30, 0), (42, 0.75), (43, 0.75 - fall), (55, 1)), start, error) == found
 
 
-@pytest.mark.parametrize(("height", "found"), [(0.95e-3, 1), (1.05e-3, 0)])
-def test_a_line_ends_a_thousandth_of_its_length_off_the_plane(height, found) -> None:
+def test_a_line_ends_a_thousandth_of_its_length_off_the_plane() -> None:
     """A step, up or down, five pixels from the start; beyond it the line comes nearer to the plane."""
-    for up in (-1, 1):
-        stepped = floor(3, 81)
-        stepped[:, 45:, 1] = up * height * 5 * METRES
-        assert crossed(rising((30, 0), (50, 1)), positions=stepped) == found
+    for height, found in [(0.95e-3, 1), (1.05e-3, 0)]:
+        for up in (-1, 1):
+            stepped = floor(3, 81)
+            stepped[:, 45:, 1] = up * height * 5 * METRES
+            assert crossed(rising((30, 0), (50, 1)), positions=stepped) == found
 
 
-@pytest.mark.parametrize(
-    ("dark", "lit", "found"),
-    [(0.095, 1, 1), (0.1, 1, 0), (0.105, 1, 0), (0, 0.905, 1), (0, 0.9, 0), (0, 0.895, 0)],
-)
-def test_a_penumbra_goes_from_below_a_tenth_to_above_nine_tenths(dark, lit, found) -> None:
-    assert crossed(rising((30, dark), (50, lit))) == found
+def test_a_penumbra_goes_from_below_a_tenth_to_above_nine_tenths() -> None:
+    for dark, lit, found in [(0.095, 1, 1), (0.1, 1, 0), (0.105, 1, 0), (0, 0.905, 1), (0, 0.9, 0), (0, 0.895, 0)]:
+        assert crossed(rising((30, dark), (50, lit))) == found
 
 
-@pytest.mark.parametrize(("width", "found"), [(2.95, 0), (3.05, 1)])
-def test_a_penumbra_is_at_least_three_pixels_wide(width, found) -> None:
+def test_a_penumbra_is_at_least_three_pixels_wide() -> None:
     """Visibility 0, b, ½, 1 − b and 1 by column: 0.1 lies 0.1/b pixels from the one end, 0.9 as far from the other."""
-    b = 0.2 / (4 - width)
-    assert crossed(rising((38, 0), (39, b), (40, 0.5), (41, 1 - b), (42, 1))) == found
+    for width, found in [(2.95, 0), (3.05, 1)]:
+        b = 0.2 / (4 - width)
+        assert crossed(rising((38, 0), (39, b), (40, 0.5), (41, 1 - b), (42, 1))) == found
 
 
-@pytest.mark.parametrize("towards", [(0.8, 0.6), (-0.6, 0.8), (0.0, -1.0)])
-@pytest.mark.parametrize("down", [(0.0, 0.4), (0.07, 0.2)], ids=["foreshortened", "sheared"])
-def test_a_width_is_measured_along_the_steepest_line_on_the_plane(towards, down) -> None:
+def test_a_width_is_measured_along_the_steepest_line_on_the_plane() -> None:
     """Eight tenths of a penumbra of 20 px, between straight lines; steepest in metres, not by pixels.
 
     A pixel to the right is 0.1 m along x, one down is `down` along x and z. If p = J q is the point at the pixel q and
     visibility rises by s·q / 20, it rises by J⁻ᵀs·p / 20: in that direction, and as fast as that vector is long.
     """
-    y, x = np.mgrid[:90, :110].astype(float)
-    positions = np.stack([METRES * x + down[0] * y, 0 * x, down[1] * y], axis=-1)
-    right_of, below = x - 54, y - 45
-    visibility = np.clip((towards[0] * right_of + towards[1] * below) / 20 + 0.5, 0, 1).astype(np.float32)
-    gradient = np.stack([towards[1] + 0 * x, towards[0] + 0 * x]).astype(np.float32)
-    edge = (np.abs(right_of) < 3) & (np.abs(below) < 3)
-    found = crossings(visibility, 0 * visibility, x >= 0, edge, gradient, positions)
-    to_metres = np.array([[METRES, down[0]], [0, down[1]]])
-    steepest = np.linalg.solve(to_metres.T, towards)
-    by_pixels = np.linalg.solve(to_metres, steepest)
-    assert len(found.width) == found.tried == 25
-    assert found.width == pytest.approx(16 / np.linalg.norm(steepest), rel=1e-5)
-    assert found.width_px == pytest.approx(16 * np.linalg.norm(by_pixels) / (by_pixels @ towards), rel=1e-5)
-    assert found.pixel == pytest.approx(found.width / found.width_px, rel=1e-5)
+    for towards in [(0.8, 0.6), (-0.6, 0.8), (0.0, -1.0)]:
+        for down in [(0.0, 0.4), (0.07, 0.2)]:
+            y, x = np.mgrid[:90, :110].astype(float)
+            positions = np.stack([METRES * x + down[0] * y, 0 * x, down[1] * y], axis=-1)
+            right_of, below = x - 54, y - 45
+            visibility = np.clip((towards[0] * right_of + towards[1] * below) / 20 + 0.5, 0, 1).astype(np.float32)
+            gradient = np.stack([towards[1] + 0 * x, towards[0] + 0 * x]).astype(np.float32)
+            edge = (np.abs(right_of) < 3) & (np.abs(below) < 3)
+            found = crossings(visibility, 0 * visibility, x >= 0, edge, gradient, positions)
+            to_metres = np.array([[METRES, down[0]], [0, down[1]]])
+            steepest = np.linalg.solve(to_metres.T, towards)
+            by_pixels = np.linalg.solve(to_metres, steepest)
+            assert len(found.width) == found.tried == 25
+            assert found.width == pytest.approx(16 / np.linalg.norm(steepest), rel=1e-5)
+            assert found.width_px == pytest.approx(16 * np.linalg.norm(by_pixels) / (by_pixels @ towards), rel=1e-5)
+            assert found.pixel == pytest.approx(found.width / found.width_px, rel=1e-5)
 
 
 def drawn(*rows: list[float], first: int = 0, last: int | None = None) -> float:
@@ -194,11 +188,11 @@ def test_hardening_is_judged_by_penumbrae_wider_than_four_pixels() -> None:
     assert hardening(true, true, pixels=4) is None
 
 
-@pytest.mark.parametrize(("high", "found"), [(30, (1, 0)), (29.9, None)])
-def test_hardening_needs_widths_that_vary_by_a_factor_of_three(high, found) -> None:
+def test_hardening_needs_widths_that_vary_by_a_factor_of_three() -> None:
     """Of 41 widths in order, the fifth is the 10th percentile, the fifth but last is the 90th."""
-    true = np.array([5] * 4 + [10] + [20] * 31 + [high] + [40] * 4)
-    assert hardening(true, true) == (found and pytest.approx(found))
+    for high, found in [(30, (1, 0)), (29.9, None)]:
+        true = np.array([5] * 4 + [10] + [20] * 31 + [high] + [40] * 4)
+        assert hardening(true, true) == (found and pytest.approx(found))
 
 
 SIZE = 15
@@ -241,29 +235,27 @@ def test_the_gradient_of_an_edge_is_that_of_a_gaussian_of_one_and_a_half_pixels(
     assert down == pytest.approx(0, abs=1e-6)
 
 
-@pytest.mark.parametrize(("slope", "found"), [(0.95e-6, 0), (1e-6, 0), (1.05e-6, 1)])
-def test_a_gradient_of_a_millionth_a_pixel_has_no_direction(slope, found) -> None:
-    assert len(along(slope)[0].rows) == len(along(0, slope)[0].rows) == found
+def test_a_gradient_of_a_millionth_a_pixel_has_no_direction() -> None:
+    for slope, found in [(0.95e-6, 0), (1e-6, 0), (1.05e-6, 1)]:
+        assert len(along(slope)[0].rows) == len(along(0, slope)[0].rows) == found
 
 
-@pytest.mark.parametrize(
-    ("radius", "straight"), [(3 / math.tan(math.radians(29)), 1), (3 / math.tan(math.radians(31)), 0)]
-)
-def test_a_circle_is_straight_over_a_segment_that_turns_by_less_than_30_degrees(radius, straight) -> None:
-    y, x = np.mgrid[:SIZE, :SIZE] - MIDDLE
-    middle = (x == 0) & (y == 0)
-    gradient = np.stack([y, x + radius]).astype(np.float32)
-    assert len(Isolines.of(gradient, middle).rows) == straight
+def test_a_circle_is_straight_over_a_segment_that_turns_by_less_than_30_degrees() -> None:
+    for radius, straight in [(3 / math.tan(math.radians(29)), 1), (3 / math.tan(math.radians(31)), 0)]:
+        y, x = np.mgrid[:SIZE, :SIZE] - MIDDLE
+        middle = (x == 0) & (y == 0)
+        gradient = np.stack([y, x + radius]).astype(np.float32)
+        assert len(Isolines.of(gradient, middle).rows) == straight
 
 
-@pytest.mark.parametrize(("distance", "expected"), [(0, 6 / 7), (1, 1 / 42), (2, 1 / 42), (3, 1 / 42), (4, 0)])
-def test_one_value_among_seven_pixels(distance, expected) -> None:
+def test_one_value_among_seven_pixels() -> None:
     """Their mean is 1/7, from which the middle one differs by 6/7 or 1/7; squared, 7/6 times."""
-    values = np.zeros((SIZE, SIZE))
-    values[MIDDLE + distance, MIDDLE] = 1
-    assert variance(values) == pytest.approx(expected)
-    assert variance(values[::-1]) == pytest.approx(expected)
-    assert variance(values.T) == pytest.approx(0 if distance else 6 / 7), "across the isoline"
+    for distance, expected in [(0, 6 / 7), (1, 1 / 42), (2, 1 / 42), (3, 1 / 42), (4, 0)]:
+        values = np.zeros((SIZE, SIZE))
+        values[MIDDLE + distance, MIDDLE] = 1
+        assert variance(values) == pytest.approx(expected)
+        assert variance(values[::-1]) == pytest.approx(expected)
+        assert variance(values.T) == pytest.approx(0 if distance else 6 / 7), "across the isoline"
 
 
 def test_the_known_variance_is_taken_off() -> None:
@@ -282,11 +274,11 @@ def test_a_constant_has_no_variance_whichever_pixels_are_valid(seed, angle) -> N
     assert variance(values, math.cos(angle), math.sin(angle), valid) in (None, pytest.approx(0, abs=1e-10))
 
 
-@pytest.mark.parametrize(("slant", "counts"), [(0.45, True), (0.5, False), (0.55, False)])
-def test_a_segment_with_no_more_than_half_a_pair_does_not_count(slant, counts) -> None:
+def test_a_segment_with_no_more_than_half_a_pair_does_not_count() -> None:
     """Of the rows, only those from the middle down are valid.
 
     The points above the middle lie k times `slant` rows higher, and so on valid pixels by 1 − k · slant, if at all.
     """
-    valid = np.arange(SIZE)[:, np.newaxis] >= MIDDLE + np.zeros(SIZE)
-    assert (variance(np.zeros((SIZE, SIZE)), slant, math.sqrt(1 - slant**2), valid) is not None) == counts
+    for slant, counts in [(0.45, True), (0.5, False), (0.55, False)]:
+        valid = np.arange(SIZE)[:, np.newaxis] >= MIDDLE + np.zeros(SIZE)
+        assert (variance(np.zeros((SIZE, SIZE)), slant, math.sqrt(1 - slant**2), valid) is not None) == counts

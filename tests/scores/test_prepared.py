@@ -49,21 +49,19 @@ def test_neither_a_gap_of_invalid_pixels_nor_the_border_of_the_image_is_an_edge(
     assert not truth(np.zeros((16, 16))).edge.any()
 
 
-@pytest.mark.parametrize(("side", "width"), [(8, 1), (52, 1), (54, 2), (128, 4)])
-def test_the_boundary_is_a_fiftieth_of_the_diagonal_wide_and_at_least_a_pixel(truth, half_plane, side, width):
-    prepared = truth(half_plane(side // 2, side, side))
-    assert prepared.boundary_width == width
-    assert np.flatnonzero(prepared.boundary[0]).tolist() == list(range(side // 2 - width, side // 2))
+def test_the_boundary_is_a_fiftieth_of_the_diagonal_wide_and_at_least_a_pixel(truth, half_plane):
+    for side, width in [(8, 1), (52, 1), (54, 2), (128, 4)]:
+        prepared = truth(half_plane(side // 2, side, side))
+        assert prepared.boundary_width == width
+        assert np.flatnonzero(prepared.boundary[0]).tolist() == list(range(side // 2 - width, side // 2))
 
 
-@pytest.mark.parametrize(
-    ("part", "outside", "inside"),
-    [("penumbra", 1310, 1311), ("penumbra", 64225, 64224), ("umbra", 656, 655), ("full_light", 64879, 64880)],
-)
-def test_penumbra_umbra_and_full_light_begin_between_two_levels(truth, part, outside, inside):
+def test_penumbra_umbra_and_full_light_begin_between_two_levels(truth):
     """Of levels from 0 to 65535, 1310.7 are 0.02, 64224.3 are 0.98, 655.35 are 0.01 and 64879.65 are 0.99."""
-    assert not getattr(truth([[outside / 65535]]), part).any()
-    assert getattr(truth([[inside / 65535]]), part).all()
+    levels = {"penumbra": ((1310, 1311), (64225, 64224)), "umbra": ((656, 655),), "full_light": ((64879, 64880),)}
+    for part, outside, inside in ((part, *pair) for part, pairs in levels.items() for pair in pairs):
+        assert not getattr(truth([[outside / 65535]]), part).any()
+        assert getattr(truth([[inside / 65535]]), part).all()
 
 
 def test_contact_is_shadow_with_a_near_blocker(truth, half_plane):
@@ -74,19 +72,11 @@ def test_contact_is_shadow_with_a_near_blocker(truth, half_plane):
     assert np.flatnonzero(prepared.contact[0]).tolist() == list(range(10))
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
+def test_a_truth_that_contradicts_itself_is_refused(truth):
+    for wrong, message in [
         ({"area": np.ones((4, 5))}, r"area has shape \(4, 5\), visibility \(4, 4\)"),
         ({"receivers": np.ones((4, 1), bool), "undecided": np.zeros((4, 1), bool)}, "undecided has shape"),
         ({"visibility": np.full((4, 4), 2.0)}, "outside"),
-    ],
-)
-def test_a_truth_that_contradicts_itself_is_refused(truth, wrong, message):
-    with pytest.raises(ValueError, match=message):
-        truth(**({"visibility": np.ones((4, 4))} | wrong))
-
-
-def test_scenes_of_any_size_are_supported(truth):
-    for diagonal in (1e-6, 1.0, 1e6):
-        assert truth([[0.0, 1.0]], diagonal=diagonal, blocker=np.full((1, 2), diagonal / 51)).contact[0, 0]
+    ]:
+        with pytest.raises(ValueError, match=message):
+            truth(**({"visibility": np.ones((4, 4))} | wrong))

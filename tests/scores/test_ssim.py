@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter
 from skimage.metrics import structural_similarity
 
 from shadowbench.scores import quantise, score
@@ -34,10 +33,10 @@ def pictures():
     }
 
 
-@pytest.mark.parametrize("name", pictures())
-def test_ssim_equals_that_of_scikit_image_without_excluded_pixels(truth, name):
-    mask, visibility = pictures()[name]
-    assert score(mask, truth(visibility))["ssim"] == pytest.approx(scikit_image(mask, visibility), abs=1e-7)
+def test_ssim_equals_that_of_scikit_image_without_excluded_pixels(truth):
+    for name in pictures():
+        mask, visibility = pictures()[name]
+        assert score(mask, truth(visibility))["ssim"] == pytest.approx(scikit_image(mask, visibility), abs=1e-7)
 
 
 def test_ssim_edge_is_scikit_images_map_within_the_edge_zone(truth, half_plane):
@@ -70,17 +69,3 @@ def test_empty_regions_do_not_dilute_ssim(truth, half_plane):
     _, similarity = scikit_image(half_plane(66), half_plane(64), full=True)
     expected = similarity[INSIDE][receivers[INSIDE]].mean()
     assert score(half_plane(66), prepared)["ssim"] == pytest.approx(expected, abs=1e-7)
-
-
-def test_ssim_prefers_a_displaced_edge_to_a_smooth_one_as_its_help_states(truth, disc):
-    """This is why ssim_edge and edge_px exist as well."""
-    smooth = score(uniform_filter(disc(40), 5), truth(disc(40)))
-    displaced = score(disc(40, right=1), truth(disc(40)))
-    assert displaced["ssim"] > smooth["ssim"]
-    assert displaced["iou"] < smooth["iou"]
-
-
-def test_lit_ground_dilutes_ssim_but_not_ssim_edge(truth, disc):
-    near, far = (score(disc(30, size, right=2), truth(disc(30, size))) for size in (96, 288))
-    assert far["ssim"] > near["ssim"] + 0.01
-    assert far["ssim_edge"] == pytest.approx(near["ssim_edge"], abs=0.005)

@@ -16,8 +16,12 @@ ALONG = np.array([math.cos(AZIMUTH), 0.0, math.sin(AZIMUTH)])
 ASIDE = np.array([-math.sin(AZIMUTH), 0.0, math.cos(AZIMUTH)])
 UP = np.array([0.0, 1.0, 0.0])
 
-ELEVATIONS = [0.1, 1.0, 5.0, 20.0, 45.0, 85.0]
-GROUNDS = [20.0, 200.0]
+PAIRS = [  # each caster, light and ground with each other, and each elevation, in degrees, with two of each
+    ("box", "directional", 0.1, 20.0), ("sphere", "spot", 0.1, 200.0), ("sphere", "point", 1.0, 20.0),
+    ("box", "spot", 1.0, 200.0), ("box", "point", 5.0, 200.0), ("sphere", "directional", 5.0, 20.0),
+    ("sphere", "directional", 20.0, 200.0), ("box", "spot", 20.0, 20.0), ("box", "point", 45.0, 20.0),
+    ("sphere", "spot", 45.0, 200.0), ("sphere", "point", 85.0, 200.0), ("box", "directional", 85.0, 20.0),
+]  # fmt: skip
 SIZE = 256
 GROUND_FACES = 2
 
@@ -71,10 +75,7 @@ def ground_points(view: View, truth: Truth, pixel_rays: Callable[..., tuple[Floa
     return pixels, eye - rays * (eye[1] / rays[:, 1:2])
 
 
-@pytest.mark.parametrize("side", GROUNDS)
-@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
-@pytest.mark.parametrize("body", ["box", "sphere"])
-@pytest.mark.parametrize("degrees", ELEVATIONS)
+@pytest.mark.parametrize(("body", "kind", "degrees", "side"), PAIRS)
 def test_shadow_on_a_plane_is_the_hull_of_projected_vertices(
     body, kind, degrees, side, shape, looking, pixel_rays
 ) -> None:

@@ -14,15 +14,13 @@ from shadowbench.truths.embree import INFINITE
 from shadowbench.truths.hard import NearCasters
 from shadowbench.truths.rays import GRAZING, Receivers
 from shadowbench.truths.trace import OFFSET, Truth, trace
-from tests.samples import sampled
 
 from .conftest import near_edges
 
-RECEIVERS = 100  # that are asked of each view
+RECEIVERS = 100  # that are compared of each view
 LOW, LOWEST = 0.01, 0.002  # N·L
 PLANE = 8.0
 SIZE = 2048
-FILES = ["armadillo.obj", "retroufo.gltf", "2CylinderEngine.glb", "bgfx_tree.obj"]
 Judge = Callable[..., Any]
 DIAGONAL = math.hypot(PLANE, PLANE)
 
@@ -34,9 +32,19 @@ def wall(height: float, at: float = 0.0) -> Mesh:
     return Mesh("wall", np.array(corners), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
 
 
-@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
-@pytest.mark.parametrize("slope", [0.0002, 0.0005, 0.005, 0.015, 0.03, 0.09])
-@pytest.mark.parametrize("height", [0.1, 0.2, 0.6, 3.0])
+@pytest.mark.parametrize(
+    ("height", "slope", "kind"),
+    [
+        (0.1, 0.0002, "directional"),
+        (0.2, 0.0005, "point"),
+        (0.6, 0.0002, "spot"),
+        (3.0, 0.005, "directional"),
+        (0.1, 0.015, "point"),
+        (0.2, 0.03, "spot"),
+        (0.6, 0.09, "directional"),
+        (3.0, 0.09, "point"),
+    ],
+)
 def test_shadow_of_a_wall_no_higher_than_the_offset_is_right_and_decided(
     height, slope, kind, shape, looking, judged
 ) -> None:
@@ -46,11 +54,11 @@ def test_shadow_of_a_wall_no_higher_than_the_offset_is_right_and_decided(
     middle = (0.9 * length, 0.0, 0.0)
     fov = math.degrees(2 * math.atan(length))
     view = looking([shape("plane", PLANE), wall(height)], light, 32, (0.9 * length, 1.0, 1e-3), middle, fov)
-    found = judged(view, trace(view, pixel_samples=1), pixels=np.arange(32 * 32))
-    assert found.receiver.mean() > 0.9
-    assert (~found.lit).sum() > 200 and found.lit.sum() > 200
-    assert found.decided.mean() > 0.9
-    assert found.wrong == 0
+    against = judged(view, trace(view, pixel_samples=1), pixels=np.arange(32 * 32))
+    assert against.receiver.mean() > 0.9
+    assert (~against.lit).sum() > 200 and against.lit.sum() > 200
+    assert against.decided.mean() > 0.9
+    assert against.wrong == 0
 
 
 def test_receivers_about_which_there_are_a_thousand_casters_are_decided_as_by_one(shape, looking) -> None:
@@ -68,10 +76,9 @@ def test_receivers_about_which_there_are_a_thousand_casters_are_decided_as_by_on
     assert (over.visibility == few.visibility).all() and (over.undecided == few.undecided).all()
 
 
-@pytest.mark.parametrize("count", [10, 1000])
-def test_long_casters_block_only_where_they_are_low(count) -> None:
+def test_long_casters_block_only_where_they_are_low() -> None:
     """Hairs along the diagonal rise from the ground: their boxes hold every receiver, their low ends none or one."""
-    hairs = np.linspace(-0.1, 0.1, count)[:, None] * [1.0, 0.0, -1.0]
+    hairs = np.linspace(-0.1, 0.1, 1000)[:, None] * [1.0, 0.0, -1.0]
     low, high, aside = [-0.5, 1e-7, -0.5], [0.5, 0.1, 0.5], [1e-6, 1e-7, -0.5e-6]
     triangles = np.stack([hairs + low, hairs + high, hairs + low + aside], axis=1)
     ground = np.array([[[-1.0, 0.0, -1.0], [-1.0, 0.0, 3.0], [3.0, 0.0, -1.0]]])
@@ -91,7 +98,7 @@ def test_long_casters_block_only_where_they_are_low(count) -> None:
 LOW_SUN = Light("sun", "directional", (1.0, -0.0007, 0.2))
 
 
-@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+@pytest.mark.parametrize("kind", ["directional", "point"])
 def test_second_copy_of_a_surface_leaves_it_lit_and_decided(kind, shape, looking) -> None:
     light = Light(kind, kind, LOW_SUN.direction, (-3.9, 0.004, -0.5), math.radians(60.0))
     copies = [shape("terrain", (PLANE, 0.001, PLANE), cells=16, waves=1.0, seed=3) for _ in range(2)]
@@ -101,19 +108,19 @@ def test_second_copy_of_a_surface_leaves_it_lit_and_decided(kind, shape, looking
     assert (alone.receivers & (alone.cosine < LOW) & (alone.visibility == 1) & ~alone.undecided).sum() > 1000
 
 
-@pytest.mark.parametrize("above", [1e-9, 1e-8, 5e-8, 3e-7])
+@pytest.mark.parametrize("above", [1e-9, 5e-8, 3e-7])
 def test_sheet_that_float32_cannot_tell_from_what_it_lies_on_is_right_or_undecided(
     above, shape, looking, judged
 ) -> None:
     """Above the ground by that share of the diagonal: its own surface is lit, the ground below it is not seen."""
     sheet = shape("plane", PLANE / 2, (0.0, above * DIAGONAL, 0.0))
     view = looking([shape("plane", PLANE), sheet], LOW_SUN, 64)
-    found = judged(view, trace(view, pixel_samples=1), pixels=np.arange(64 * 64))
-    assert found.wrong == 0
-    assert found.lit.sum() > 1000
+    against = judged(view, trace(view, pixel_samples=1), pixels=np.arange(64 * 64))
+    assert against.wrong == 0
+    assert against.lit.sum() > 1000
 
 
-SAMPLE: list[tuple[str, Any, float]] = [  # each kind of light, on meshes of others and on ours
+VIEWS: list[tuple[str, Any, float]] = [  # each kind of light, on meshes of others and on ours
     ("armadillo.obj", "as given", 0.0),
     ("bgfx_tree.obj", "spot", 0.02),
     ("2CylinderEngine.glb", "directional", 0.3),
@@ -121,20 +128,6 @@ SAMPLE: list[tuple[str, Any, float]] = [  # each kind of light, on meshes of oth
     ("railings", "directional", 0.3),
     ("sphere-and-torus", "point", 0.005),
     ("spot-lamp", "spot", 0.01),
-]
-VIEWS: list[tuple[str, Any, float]] = [
-    *((file, "as given", 0.0) for file in FILES),
-    *((file, "directional", 0.3) for file in FILES),
-    ("armadillo.obj", "point", 0.05),
-    ("bgfx_tree.obj", "spot", 0.02),
-    *((name, "directional", 0.1) for name in ("cube-on-plane", "stairs", "statue", "sphere-and-torus", "street")),
-    *((name, "directional", 0.3) for name in ("pebbles", "terrain", "railings")),
-    ("cube-on-plane", "point", 0.004),
-    ("sphere-and-torus", "point", 0.005),
-    ("spot-lamp", "spot", 0.01),
-    ("statue", "spot", 0.01),
-    ("pebbles", "spot", 0.006),
-    ("table-top", "point", 0.76),
 ]
 
 
@@ -165,16 +158,16 @@ def grazing_pixels(truth: Truth) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize(("name", "kind", "low"), sampled(VIEWS, SAMPLE))
+@pytest.mark.parametrize(("name", "kind", "low"), VIEWS)
 def test_no_decided_receiver_in_grazing_light_is_wrong(name, kind, low, shared_scenes, judged) -> None:
     scene = load_scene(shared_scenes / name if "." in name else name)
     light = scene.lights[0] if kind == "as given" else low_light(scene, kind, low)
     view = view_of(scene, scene.cameras[0], light, SIZE)
     truth = trace(view, pixel_samples=1)
     pixels = grazing_pixels(truth)
-    found = judged(view, truth, pixels=pixels)
+    against = judged(view, truth, pixels=pixels)
     lowest = truth.cosine.ravel()[pixels] < LOWEST
     assert len(pixels) >= RECEIVERS // 4
-    assert found.wrong == 0
-    assert found.decided.mean() >= 0.9
-    assert not lowest.any() or found.decided[lowest].mean() >= 0.9
+    assert against.wrong == 0
+    assert against.decided.mean() >= 0.9
+    assert not lowest.any() or against.decided[lowest].mean() >= 0.9

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import maximum_filter, minimum_filter
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Light
@@ -28,10 +27,10 @@ def test_receivers_face_the_light(light, shape, looking) -> None:
         assert (truth.receivers == expected).all()
 
 
-def test_cosine_is_of_the_angle_between_normal_and_light(light, shape, looking, on_ground, toward) -> None:
-    view = looking([shape("plane", 8.0)], light, size=96)
+def test_cosine_is_of_the_angle_between_normal_and_light(sun, shape, looking, on_ground, toward) -> None:
+    view = looking([shape("plane", 8.0)], sun, size=96)
     truth = trace(view)
-    ways = np.broadcast_to(toward(light, on_ground(view)), (96, 96, 3))
+    ways = np.broadcast_to(toward(sun, on_ground(view)), (96, 96, 3))
     assert truth.cosine[truth.receivers] == pytest.approx(ways[truth.receivers][:, 1], rel=1e-6)
 
 
@@ -47,16 +46,15 @@ def test_receivers_lie_inside_a_spots_cone(shape, looking, on_ground, toward) ->
     assert (truth.receivers != inside).sum() == 0
 
 
-@pytest.mark.parametrize("kind", ["directional", "spot"])
-@pytest.mark.parametrize("length", [1e-320, 1e-170, 1e200])
+@pytest.mark.parametrize(("kind", "length"), [("directional", 1e-320), ("spot", 1e-170), ("directional", 1e200)])
 def test_the_length_of_a_direction_changes_nothing(shape, looking, kind, length) -> None:
     meshes = [shape("plane", 8.0), shape("box", at=(0, 0.5, 0))]
     usual = Light("light", kind, (-0.5, -1.0, 0.25), (1.0, 2.0, -0.4), math.radians(40.0))
     light = replace(usual, direction=(-0.5 * length, -1.0 * length, 0.25 * length))
-    found, expected = (trace(looking(meshes, one, size=96)) for one in (light, usual))
-    assert found.receivers.any()
+    other, expected = (trace(looking(meshes, each, size=96)) for each in (light, usual))
+    assert other.receivers.any()
     for name in ("receivers", "visibility", "triangle"):
-        same = getattr(found, name) == getattr(expected, name)
+        same = getattr(other, name) == getattr(expected, name)
         assert same[~expected.undecided].all()
 
 
@@ -78,16 +76,16 @@ def test_mesh_that_does_not_receive_has_no_receivers(shape, looking, sun) -> Non
     assert truth.receivers[~ground].any()
 
 
-def test_mesh_that_does_not_cast_casts_nothing(light, shape, looking) -> None:
+def test_mesh_that_does_not_cast_casts_nothing(sun, shape, looking) -> None:
     ground, box = shape("plane", 8.0), shape("box", at=(0, 1.0, 0))
-    casting = trace(looking([ground, box], light, size=96))
-    silent = trace(looking([ground, replace(box, casts=False)], light, size=96))
+    casting = trace(looking([ground, box], sun, size=96))
+    silent = trace(looking([ground, replace(box, casts=False)], sun, size=96))
     assert (casting.visibility == 0).any()
     assert (silent.visibility == 1).all()
     assert np.isinf(silent.blocker).all()
     assert (silent.triangle == casting.triangle).all()
     nothing_casts = [replace(mesh, casts=False) for mesh in (ground, box)]
-    assert (trace(looking(nothing_casts, light, size=96)).visibility == 1).all()
+    assert (trace(looking(nothing_casts, sun, size=96)).visibility == 1).all()
 
 
 def test_sky_is_no_part_of_the_scene_s_size(shape, looking, sun) -> None:
@@ -111,28 +109,17 @@ def test_what_a_lamp_on_a_plate_lights_is_undecided(shape, looking) -> None:
         assert (truth.undecided[truth.receivers]).mean() > 0.99
 
 
-def test_one_receiver_is_as_good_as_many(light, shape, looking) -> None:
+def test_one_receiver_is_as_good_as_many(sun, shape, looking) -> None:
     """Two pixels see the ground at their centres, and only one of them does at its lower samples."""
     ground = shape("plane", 8.0, (4.0, 0.0, -3.7))
-    truth = trace(looking([ground], light, 2, (0.0, 1.0, 0.0), (0.0, 0.0, -1e-4), math.degrees(2 * math.atan(0.5))))
+    truth = trace(looking([ground], sun, 2, (0.0, 1.0, 0.0), (0.0, 0.0, -1e-4), math.degrees(2 * math.atan(0.5))))
     assert (truth.receivers == [[False, True], [False, True]]).all()
     assert (truth.visibility == 1).all() and (truth.area == 1).all()
 
 
-def test_shapes_and_types(shape, looking, sun) -> None:
-    truth = trace(looking([shape("plane", 8.0), shape("box", at=(0, 0.5, 0))], sun, size=48))
-    types = dict.fromkeys(("visibility", "standard_error", "irradiance", "area", "blocker", "cosine"), np.float32)
-    types |= {"receivers": np.bool_, "undecided": np.bool_, "triangle": np.int32}
-    arrays = truth.arrays()
-    assert arrays.keys() == {*types, "diagonal"}
-    assert {name: arrays[name].dtype for name in types} == types
-    assert all(arrays[name].shape == (48, 48) for name in types)
-    assert set(np.unique(truth.visibility)) == {0.0, 1.0}
-
-
-def test_outside_receivers_nothing_is_in_shadow_and_no_sample_counts(light, shape, looking) -> None:
-    assert (trace(looking([shape("plane", 2.0)], light, size=96)).area == 1).all()  # also at the rim of a lit ground
-    truth = trace(looking([shape("plane", 3.0), shape("box", at=(0, 0.5, 0))], light, size=96))
+def test_outside_receivers_nothing_is_in_shadow_and_no_sample_counts(sun, shape, looking) -> None:
+    assert (trace(looking([shape("plane", 2.0)], sun, size=96)).area == 1).all()  # also at the rim of a lit ground
+    truth = trace(looking([shape("plane", 3.0), shape("box", at=(0, 0.5, 0))], sun, size=96))
     outside = ~truth.receivers
     assert (truth.triangle[outside] >= 0).any()
     assert (truth.triangle[outside] < 0).any()
@@ -143,21 +130,11 @@ def test_outside_receivers_nothing_is_in_shadow_and_no_sample_counts(light, shap
     assert (truth.cosine[truth.receivers] > 0).all()
 
 
-def test_area_is_visibility_where_no_edge_is_near(shape, looking, sun) -> None:
-    truth = trace(looking([shape("plane", 8.0), shape("box", at=(0, 0.5, 0))], sun, size=128))
-    code = truth.receivers + 2 * truth.visibility
-    flat = maximum_filter(code, 3) == minimum_filter(code, 3)
-    assert flat.mean() > 0.8
-    assert (truth.area == truth.visibility)[flat].all()
-    assert ((truth.area > 0) & (truth.area < 1)).any()
-
-
-@pytest.mark.parametrize("samples", [4, 8])
-def test_area_of_a_straight_edge_is_its_coverage(samples, shape, looking, on_ground, sun) -> None:
+def test_area_of_a_straight_edge_is_its_coverage(shape, looking, on_ground, sun) -> None:
     """A row of an n × n grid misjudges a straight edge by half a sample at most."""
     plate = shape("plane", (20.0, 1.0, 10.0), (0.0, 2.0, 5.0))  # its edge over z = 0 casts one straight shadow
     view = looking([shape("plane", 40.0), plate], sun, eye=(0.3, 1.5, 0.3), target=(0.6, 0.0, -0.6))
-    truth = trace(view, pixel_samples=samples)
+    truth = trace(view, pixel_samples=4)
     fine = 32
     points = on_ground(replace(view, size=view.size * fine))
     crossing = points + (2.0 / -sun.direction[1]) * -np.asarray(sun.direction)
@@ -166,7 +143,7 @@ def test_area_of_a_straight_edge_is_its_coverage(samples, shape, looking, on_gro
     assert at_edge.sum() > view.size / 2
     assert truth.receivers.all()
     error = truth.area - lit
-    assert np.abs(error).max() <= 0.5 / samples + 0.5 / fine
+    assert np.abs(error).max() <= 0.5 / 4 + 0.5 / fine
     assert np.abs(error[at_edge].mean()) < 0.02
     assert np.abs(error[~at_edge]).max() == 0
 
@@ -187,56 +164,11 @@ def test_blocker_is_the_distance_to_the_near_side_of_a_box(light, shape, looking
     assert np.isinf(truth.blocker[truth.visibility == 1]).all()
 
 
-def test_triangles_are_counted_over_meshes_in_file_order(shape, looking, sun) -> None:
-    ground, box, sphere = shape("plane", 3.0), shape("box", at=(-0.8, 0.5, 0)), shape("sphere", at=(0.8, 0.5, 0))
-    view = looking([ground, box, sphere], sun, size=128)
-    truth = trace(view)
-    ends = np.cumsum([len(mesh.faces) for mesh in view.scene.meshes])
-    mesh_of = np.searchsorted(ends, truth.triangle, side="right")
-    assert set(np.unique(mesh_of)) == {0, 1, 2}
-    assert truth.triangle.min() == -1
-    half = view.size // 2
-    assert (mesh_of[:, :half] == 2).sum() < (mesh_of[:, half:] == 2).sum()  # the sphere stands on the right
-    assert (mesh_of[:, :half] == 1).sum() > (mesh_of[:, half:] == 1).sum()
-
-
 def test_diagonal_is_of_casters_and_visible_receivers(shape, looking, sun) -> None:
     ground, box = shape("plane", 1000.0, casts=False), shape("box", at=(0, 0.5, 0))
     seen = trace(looking([ground, box], sun, target=(0.0, -1.0, 0.0), fov=30.0)).diagonal
     assert seen < 20
     assert trace(looking([replace(ground, casts=True), box], sun)).diagonal == pytest.approx(1000 * math.sqrt(2))
-
-
-def test_camera_inside_a_mesh(shape, looking, sun) -> None:
-    lamp = Light("lamp", "point", position=(0.3, 0.2, -0.1))
-    truth = trace(looking([shape("box", 2.0)], lamp, eye=(0.5, 0.4, 0.6)))
-    assert truth.receivers.all()
-    assert (truth.visibility == 1).all()
-    dark = trace(looking([shape("box", 2.0)], sun, eye=(0.5, 0.4, 0.6)))
-    assert (dark.visibility == 0)[dark.receivers].all()
-    assert dark.receivers.any()
-
-
-@pytest.mark.parametrize("size", [1, 65])
-def test_ground_alone_is_lit_in_any_size_and_seen_along_up(size, light, shape, looking) -> None:
-    for eye in ((0.0, 6.0, 0.0), (2.3, 4.0, 3.4)):
-        truth = trace(looking([shape("plane", 8.0)], light, size, eye))
-        assert truth.visibility.shape == (size, size)
-        assert truth.receivers[size // 2, size // 2]
-        assert (truth.visibility == 1).all() and (truth.area == 1).all()
-        assert np.isinf(truth.blocker).all()
-
-
-def test_light_along_up(shape, looking, on_ground) -> None:
-    """The shadow of a box under the zenith is its footprint."""
-    noon = Light("sun", "directional", (0.0, -1.0, 0.0))
-    view = looking([shape("plane", 8.0), shape("box", at=(0, 1.5, 0))], noon, size=128)
-    truth = trace(view)
-    ground = (truth.triangle == 0) | (truth.triangle == 1)
-    under = (np.abs(on_ground(view)[..., [0, 2]]) < 0.5).all(axis=-1)
-    decided = ground & ~truth.undecided
-    assert (under & decided).any()
-    assert ((truth.visibility == 0) == under)[decided].all()
 
 
 def test_camera_looking_at_nothing_is_refused(shape, looking, sun) -> None:
@@ -258,10 +190,3 @@ def test_mesh_before_near_is_not_seen_but_casts(shape, looking, sun) -> None:
     assert cut.triangle.max() < 2
     assert cut.triangle[32, 32] >= 0
     assert (cut.visibility == 0).any()
-
-
-def test_mesh_beyond_far_is_not_seen(shape, looking, sun) -> None:
-    cut = between_planes(shape, looking, sun, far=4.0)
-    assert cut.triangle[32, 32] >= 2
-    assert (cut.triangle[0] == -1).all()
-    assert not cut.receivers[0].any()

@@ -18,8 +18,6 @@ AZIMUTH = math.radians(23.0)
 ASIDE = np.array([3.0, 4.0, 1.0])  # of the camera from its target
 TOWARD = np.array([-math.cos(AZIMUTH) * math.cos(ELEVATION), math.sin(ELEVATION), math.sin(AZIMUTH) * 0.5])
 
-SCALES = [pytest.param(1e-3, marks=pytest.mark.slow), 1.0, pytest.param(1e3, marks=pytest.mark.slow)]
-
 Shape = Callable[..., Mesh]
 Looking = Callable[..., View]
 Rays = Callable[[View], tuple[Floats, Floats]]
@@ -109,8 +107,7 @@ def check(truth: Truth, shown: np.ndarray, expected: Floats) -> None:
     assert wrong[~sampled].max(initial=0) < STANDARD_ERROR
 
 
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("degrees", [0.01, 0.2665, 3.0, 15.0, 29.0])
+@pytest.mark.parametrize(("degrees", "scale"), [(0.01, 1.0), (0.2665, 1e3), (3.0, 1e-3), (15.0, 1.0), (29.0, 1.0)])
 def test_an_edge_before_a_sun(degrees, scale, shape, looking, pixel_rays) -> None:
     radius = math.radians(degrees)
     light = Light("sun", "directional", direction=vec3(-unit(TOWARD)), radius=radius)
@@ -128,8 +125,7 @@ def test_an_edge_before_a_sun(degrees, scale, shape, looking, pixel_rays) -> Non
     check(truth, shown, 1 - cap_beyond(away, radius))
 
 
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("size", [(0.02, 0.03), (1.0, 0.5), (6.0, 3.0)])
+@pytest.mark.parametrize(("size", "scale"), [((0.02, 0.03), 1e-3), ((1.0, 0.5), 1e3), ((6.0, 3.0), 1.0)])
 def test_an_edge_before_a_rectangle(size, scale, shape, looking, pixel_rays) -> None:
     center = np.array([-2.0, 7.0, 0.5])
     direction, up = unit([0.5, -1.0, -0.1]), (0.0, 0.3, 1.0)
@@ -154,7 +150,7 @@ def test_an_edge_before_a_rectangle(size, scale, shape, looking, pixel_rays) -> 
     check(truth, shown, share)
 
 
-@pytest.mark.parametrize("radius", [0.1, *(pytest.param(wide, marks=pytest.mark.slow) for wide in (0.5, 2.0))])
+@pytest.mark.parametrize("radius", [0.1, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_a_sphere_before_a_disc_on_its_axis(radius, shape, looking, pixel_rays) -> None:
     light = Light("disc", "disc", (0.0, -1.0, 0.0), (0.0, 4.0, 0.0), radius=radius)
     ball, middle = 0.4, np.array([0.0, 1.5, 0.0])

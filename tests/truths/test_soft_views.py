@@ -50,22 +50,13 @@ CASES: dict[str, tuple[Light, Fact]] = {
         lambda truth, *_: bool(truth.receivers.any() and truth.visibility.min() > 0.45),
     ),
     "a lamp around a part of the ground": (LAMP, undecided_within),
-    "a lamp around the scene": (
-        Light("lamp", "point", position=ABOVE, radius=1e15),
-        lambda truth, *_: bool(truth.receivers.any() and truth.undecided[truth.receivers].all()),
-    ),
     "a panel seen from behind": (Light("panel", "rectangle", UP, ABOVE, size=(1.0, 2.0), up=ACROSS), nothing),
-    "a disc seen from behind": (Light("disc", "disc", UP, ABOVE, radius=1.0), nothing),
     "a panel across the ground": (
         Light("panel", "rectangle", ACROSS, (0.9, 1.0, 0.0), size=(1.0, 1.0)),
         lambda truth, _, points: bool(truth.receivers.any() and (points[truth.receivers][:, 0] > 0.9).all()),
     ),
     "a panel on the face of the box": (
         Light("panel", "rectangle", ACROSS, (0.5, 0.5, 0.0), size=(0.6, 0.6)),
-        lambda truth, *_: bool((truth.visibility[truth.receivers] == 1).all() and lights_the_ground(truth)),
-    ),
-    "a disc on the face of the box": (
-        Light("disc", "disc", ACROSS, (0.5, 0.5, 0.0), radius=0.3),
         lambda truth, *_: bool((truth.visibility[truth.receivers] == 1).all() and lights_the_ground(truth)),
     ),
     "a disc through the wall of the box": (
@@ -97,11 +88,10 @@ def test_an_odd_light_has_a_truth(light, fact, scene, looking, on_ground) -> Non
     assert fact(truth, ground, on_ground(view))
 
 
-@pytest.mark.parametrize("up", [DOWN, UP])
-def test_a_panel_whose_up_is_its_direction_takes_an_axis_instead(up, scene, looking) -> None:
+def test_a_panel_whose_up_is_its_direction_takes_an_axis_instead(scene, looking) -> None:
     one, other = (
         trace(looking(scene, Light("panel", "rectangle", DOWN, ABOVE, size=(0.5, 2.0), up=way), 32), pixel_samples=1)
-        for way in (up, ACROSS)
+        for way in (DOWN, ACROSS)
     )
     assert (one.visibility < 0.9).any()
     assert np.array_equal(one.visibility, other.visibility)

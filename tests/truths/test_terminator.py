@@ -2,16 +2,14 @@
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.scenes.geometry import Triangles
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
-from shadowbench.scenes.normals import mean_normals, unit_normals
+from shadowbench.scenes.normals import unit_normals
 from shadowbench.scenes.shapes import sphere
 from shadowbench.scores.metrics import score
 from shadowbench.truths.cache import read_truth, write_truth
@@ -48,7 +46,7 @@ def terminator(truth: Truth) -> float | None:
     return score(truth.visibility, prepare_truth(truth))["terminator"]
 
 
-@pytest.mark.parametrize("beyond", [0.02, 0.15, 0.3])
+@pytest.mark.parametrize("beyond", [0.02, 0.3])
 def test_a_facet_hides_the_light_from_its_lit_edge_to_the_terminator(beyond: float) -> None:
     """Its middle lies beyond the terminator by a share of α, the angle of a facet: so does (½ − share) of it before.
 
@@ -81,14 +79,6 @@ def test_a_facet_hides_the_light_from_its_lit_edge_to_the_terminator(beyond: flo
         lit_by_facet = math.cos(ends.mean() - toward) > 0
         found[lit_by_facet] += span * float(np.maximum(light, 0).mean())
     assert terminator(truth) == pytest.approx(found[False] / (found[False] + found[True]), rel=0.05)
-
-
-def test_each_subdivision_takes_a_quarter_of_it() -> None:
-    """Facets of half the angle hide half the width of light that is half as strong."""
-    scores = [terminator(trace(looked_at(ball(level), size=300), pixel_samples=1)) for level in (1, 2, 3)]
-    assert scores[0] > 0.04
-    for coarse, fine in pairwise(scores):
-        assert 0.15 * coarse < fine < 0.4 * coarse
 
 
 def test_a_coarse_sphere_lit_from_behind_loses_what_was_measured() -> None:
@@ -164,13 +154,6 @@ def test_lifted_points_lie_above_the_chord_by_its_depth_twice() -> None:
     assert found.normal[:, 0] == pytest.approx([0, 1, 0])
     turned = smooth_points(middle, corners, -normals, np.array([[0.0], [1.0], [0.0]]))
     assert np.array_equal(turned.position, found.position) and np.array_equal(turned.normal, found.normal)
-
-
-def test_mean_normals_give_nearly_the_same_facets() -> None:
-    exact = ball(2)
-    mean = replace(exact, normals=mean_normals(Triangles(exact.vertices, exact.faces)))
-    one, other = (terminator(trace(looked_at(mesh), pixel_samples=1)) for mesh in (exact, mean))
-    assert other == pytest.approx(one, rel=0.2)
 
 
 def _turn(angle: float) -> Floats:
