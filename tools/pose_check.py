@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from shadowbench.scenes.geometry import Triangles, transformed
 from shadowbench.scenes.gltf import read_gltf
-from shadowbench.scenes.gltf_animation import Moment
+from shadowbench.scenes.gltf_pose import Moment
+from shadowbench.scenes.triangles import Triangles, transformed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.scenes.pose_reference import Reference

@@ -15,7 +15,7 @@ from shadowbench.errors import InputError, printable
 from shadowbench.measure.scoring import depths, points_at, prepare_truth
 from shadowbench.options import ViewOptions
 from shadowbench.scenes.model import LONGEST_VIEW_NAME, Camera, Light, Scene, View, view_digest
-from shadowbench.scenes.tables import LIGHT_TABLES, NAME
+from shadowbench.scenes.scene_tables import LIGHT_TABLES, NAME
 from shadowbench.scenes.vectors import vec3
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.strict import short

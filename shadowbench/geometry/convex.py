@@ -10,8 +10,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.geometry import Faces, Geometry, bounds_of, in_slices, used_by
 from shadowbench.scenes.model import Camera, Light, Scene, View
+from shadowbench.scenes.triangles import Faces, Geometry, bounds_of, in_slices, used_by
 from shadowbench.scenes.vectors import Floats
 
 PRACTICAL_WEIGHT = 0.9

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.geometry import Geometry, in_slices
+from shadowbench.scenes.triangles import Geometry, in_slices
 from shadowbench.scenes.vectors import Floats
 
 LEAST_SHARE = 0.0005  # of the searched area

@@ -14,7 +14,7 @@ from typing import Literal, get_args
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.library import moderngl
-from shadowbench.scenes.tables import LONGEST_NAME
+from shadowbench.scenes.scene_tables import LONGEST_NAME
 
 Changes = Literal["light", "view", "frame"]
 QUERIES = "gl_time_elapsed"

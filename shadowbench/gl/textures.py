@@ -11,9 +11,8 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.geometry import TRIANGLE_ROW, triangle_texels
 from shadowbench.gl.program import Sampling, Textures
 from shadowbench.scenes.cutouts import WRAPS
-from shadowbench.scenes.geometry import Geometry, in_slices
 from shadowbench.scenes.images import opened_image, read_square
-from shadowbench.scenes.textures import Texture
+from shadowbench.scenes.triangles import Geometry, Texture, in_slices
 
 LARGEST_SIDE = 1024
 """Limit in texels on the sides to which textures are shrunk; all have the same."""

@@ -25,8 +25,7 @@ from shadowbench.gl.clock import Changes
 from shadowbench.maps.reduction import VisibleBounds
 from shadowbench.plugin.base import Frame, Stage
 from shadowbench.plugin.params import Component, TechniqueParams, param
-from shadowbench.scenes.model import Light, View
-from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.model import Light, Placement, View
 from shadowbench.scenes.vectors import Floats
 
 

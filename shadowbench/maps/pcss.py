@@ -6,8 +6,7 @@ from typing import Literal
 from shadowbench.maps.biases import ALL_MAPS
 from shadowbench.maps.filters import Contents, Filter
 from shadowbench.plugin.params import param
-from shadowbench.scenes.model import Light
-from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.model import Light, Placement
 
 
 class Disc(Filter):

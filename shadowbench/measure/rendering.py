@@ -20,9 +20,8 @@ from shadowbench.maps.filters import Filter
 from shadowbench.plugin.base import Stage, Technique
 from shadowbench.plugin.registry import shader_folder
 from shadowbench.plugin.spec import Spec
-from shadowbench.scenes.model import Coordinates, Scene, View
-from shadowbench.scenes.placement import IDENTITY_PLACEMENT
-from shadowbench.scenes.tables import LONGEST_NAME
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
+from shadowbench.scenes.scene_tables import LONGEST_NAME
 from shadowbench.scores.masks import quantise
 
 

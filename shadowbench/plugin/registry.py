@@ -24,7 +24,7 @@ from shadowbench.plugin.engine import Engine
 from shadowbench.plugin.grammar import WORD
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.spec import forget_parsed, parse_spec
-from shadowbench.scenes.tables import LONGEST_NAME
+from shadowbench.scenes.scene_tables import LONGEST_NAME
 from shadowbench.scores.metric import Metric
 from shadowbench.scores.metrics import METRICS, plug_in
 

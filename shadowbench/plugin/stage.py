@@ -20,8 +20,7 @@ from shadowbench.gl.program import Drawable, Program, Textures, link
 from shadowbench.gl.shaders import compose
 from shadowbench.gl.targets import FACES, Color, DepthFormat, DepthTarget, DepthTexture, Kind, StencilTarget
 from shadowbench.plugin.params import Component, TechniqueParams, components_of, in_metres
-from shadowbench.scenes.model import Scene
-from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.model import Placement, Scene
 
 Resource = TypeVar("Resource", bound=Releasable)
 _COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4, "nu2": 2}

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import bounds_of, in_slices
 from shadowbench.scenes.model import SUN_RADIUS, Camera, Light, Mesh, Scene
+from shadowbench.scenes.triangles import bounds_of, in_slices
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 
 VIEW_FROM = (1.25, 1.2, 2.7)

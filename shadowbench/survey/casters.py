@@ -10,8 +10,8 @@ from itertools import product
 import numpy as np
 
 from shadowbench.geometry.topology import topology_of
-from shadowbench.scenes.geometry import Geometry, in_slices
 from shadowbench.scenes.model import View
+from shadowbench.scenes.triangles import Geometry, in_slices
 from shadowbench.scenes.vectors import Floats
 from shadowbench.survey.maps import FittedMap, Footprint
 from shadowbench.truths.rays import Indices, Mask

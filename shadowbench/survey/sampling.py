@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import View
-from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.model import Placement, View
 from shadowbench.scenes.vectors import Floats, unit
 from shadowbench.truths.embree import INFINITE, Tracer, over_slices
 from shadowbench.truths.rays import EDGE_ON, GRAZING, SUBPIXEL, Indices, Mask, Receivers, dot

@@ -7,8 +7,8 @@ import numpy as np
 
 from shadowbench.geometry.convex import caster_and_receiver_vertices, practical_depths, slices
 from shadowbench.geometry.lights import LightSpace
-from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import View
+from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats
 from shadowbench.survey.depth import occluder_gap
 from shadowbench.survey.maps import FLAT, REFERENCE_SIZE, FittedMap

@@ -14,8 +14,8 @@ from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, State, Textures
 from shadowbench.maps.culling import box_corners, kept_ranges, may_shadow, visible_region
 from shadowbench.plugin.base import Frame, Stage, TechniqueParams, param
-from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 
 Count = Literal["z-pass", "z-fail"]

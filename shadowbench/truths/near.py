@@ -10,7 +10,7 @@ import numpy as np
 
 from shadowbench.compiled import compiled
 from shadowbench.geometry.tree import Tree, build_tree
-from shadowbench.scenes.geometry import Geometry, facet_normals
+from shadowbench.scenes.triangles import Geometry, facet_normals
 from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.cutouts import NO_CUTOUTS, OPAQUE, CutoutArrays, cutout_arrays, decide_at
 from shadowbench.truths.rays import Mask, Receivers

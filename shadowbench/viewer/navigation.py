@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import NEAREST_TARGET, Camera
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 
 LEAST_TILT = math.radians(1.0)

@@ -14,9 +14,9 @@ from shadowbench.engines.external_mask import decode_srgb
 from shadowbench.gl.picture import Shading
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.assumed import sun_direction
-from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightKind, LightShape
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.studies.artefacts import Artefact, artefacts
 from shadowbench.viewer.app import Viewer

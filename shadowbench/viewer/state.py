@@ -11,8 +11,7 @@ from shadowbench.gl.picture import Shading
 from shadowbench.options import FIRST, SceneOptions
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.library import builtin_names
-from shadowbench.scenes.mesh import triangle_colors
-from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
+from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, triangle_colors, view_of
 from shadowbench.scenes.opening import Named, opened
 from shadowbench.scenes.vectors import Floats, Vec3
 from shadowbench.truths.embree import tracer_of

@@ -20,11 +20,10 @@ from shadowbench.measure.row_store import read_run_file, stream_rows
 from shadowbench.measure.rows import Record
 from shadowbench.options import PLACES, VIEW_SIZE, SceneOptions
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.scenes.files import read_document
-from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.library import builtin_names, load_scene, read_document
 from shadowbench.scenes.model import Mesh
 from shadowbench.scenes.opening import named
-from shadowbench.scenes.tables import LIGHT_TABLES, Color
+from shadowbench.scenes.scene_tables import LIGHT_TABLES, Color
 from shadowbench.strict import Strict, explain
 from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer.state import Layout, Origin, Overlay, Source, ViewerState

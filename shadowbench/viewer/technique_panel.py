@@ -17,7 +17,7 @@ from shadowbench.plugin.grammar import parse_value
 from shadowbench.plugin.params import Component, TechniqueParams, allowed
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.plugin.spec import Spec, format_value, spec_of
-from shadowbench.scenes.geometry import LARGEST
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.strict import explain
 from shadowbench.studies.crossing import Techniques
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from shadowbench.errors import InputError
 from shadowbench.files import data_folder
-from shadowbench.scenes.files import read_document
+from shadowbench.scenes.library import read_document
 from shadowbench.viewer.state import Origin
 
 SHADERS = (".glsl", ".vert", ".frag", ".geom")

@@ -13,7 +13,7 @@ from shadowbench.gl.gbuffer import download
 from shadowbench.gl.picture import PicturePass, Shading
 from shadowbench.scenes.cutouts import WRAPS, Cutout
 from shadowbench.scenes.model import Light, Mesh
-from shadowbench.scenes.textures import Texture
+from shadowbench.scenes.triangles import Texture
 
 BARE = Shading(ambient=0.0, specular=0.0, light_color=(1.0, 1.0, 1.0))
 """A surface that faces the light has its base colour."""

@@ -8,8 +8,7 @@ import pytest
 from shadowbench.geometry.convex import SceneHull
 from shadowbench.geometry.lights import Box, light_space, window
 from shadowbench.maps.fits import FitContext, SceneFit, VisibleFit
-from shadowbench.scenes.model import Light, Scene
-from shadowbench.scenes.placement import IDENTITY_PLACEMENT
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Scene
 
 SUN = light_space(Light("sun", "directional", (0.0, -1.0, 0.0)))
 SPOT = light_space(Light("spot", "spot", (0.0, -1.0, 0.0), (0.0, 0.0, 0.0), math.radians(90)))  # base window: ±1

@@ -15,10 +15,10 @@ from shadowbench.options import ViewOptions
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.assumed import without_ground
-from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_digest
 from shadowbench.scenes.opening import chosen_view
+from shadowbench.scenes.triangles import bounds_of
 from shadowbench.studies.study import Study
 from shadowbench.survey.explanations import explanations_of
 from shadowbench.survey.survey import needs

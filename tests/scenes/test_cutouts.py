@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.scenes.cutouts import WRAPS, Cutout, Wrap
-from shadowbench.scenes.geometry import Triangles
 from shadowbench.scenes.meshes import placed
 from shadowbench.scenes.model import Mesh, Scene
+from shadowbench.scenes.triangles import Triangles
 
 CHEQUER = np.array([[255, 0], [0, 255]], dtype=np.uint8)
 

@@ -11,11 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.files import transform_of
-from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.library import load_scene, transform_of
 from shadowbench.scenes.model import Mesh, Scene
+from shadowbench.scenes.scene_tables import MeshTable
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.scenes.tables import MeshTable
 from tests.scenes.conftest import refused
 
 SceneFile = Callable[..., Path]

@@ -9,9 +9,16 @@ import trimesh
 from trimesh.exchange.gltf import export_glb
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.gltf_accessors import Data, floats_of, integers_of
-from shadowbench.scenes.gltf_bytes import TrianglePrimitive, read_buffers, read_json, read_primitives
 from shadowbench.scenes.gltf_layout import Layout
+from shadowbench.scenes.gltf_storage import (
+    Data,
+    TrianglePrimitive,
+    floats_of,
+    integers_of,
+    read_buffers,
+    read_json,
+    read_primitives,
+)
 from shadowbench.strict import validated
 
 

@@ -182,7 +182,7 @@ def test_an_image_is_decoded_and_kept_once_however_many_materials_use_it(
 ) -> None:
     decoded: list[str] = []
     monkeypatch.setattr(
-        "shadowbench.scenes.gltf_materials.read_image",
+        "shadowbench.scenes.gltf.read_image",
         lambda data, where: decoded.append(where) or read_image(data, where),
     )
     path = card(masked({"index": 0}))
@@ -274,12 +274,12 @@ def test_a_texture_of_an_opaque_surface_that_is_not_read_is_told(
 
 
 def test_more_image_files_than_memory_is_spent_on_are_told(card: Written, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shadowbench.scenes.gltf_materials.MOST_BYTES", 99)
+    monkeypatch.setattr("shadowbench.scenes.gltf.MOST_BYTES", 99)
     contents = read_meshes(card({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}))
     assert contents.meshes[0].texture is None
     assert any("above 0 MiB of images" in note for note in contents.notes)
 
 
 def test_masks_of_too_many_texels_together_are_refused(card: Written, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shadowbench.scenes.gltf_materials.MOST_MASKED", 31)
+    monkeypatch.setattr("shadowbench.scenes.gltf.MOST_MASKED", 31)
     refused(card(masked({"index": 0})), "images 1", "32 texels of masks", "31")

@@ -15,13 +15,13 @@ from shadowbench.errors import InputError
 from shadowbench.options import ViewOptions
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.scenes.contents import Chosen
-from shadowbench.scenes.geometry import Triangles, transformed
+from shadowbench.scenes.file_contents import Chosen
 from shadowbench.scenes.gltf import read_gltf
-from shadowbench.scenes.gltf_animation import slerp
+from shadowbench.scenes.gltf_pose import slerp
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.opening import chosen_view
+from shadowbench.scenes.triangles import Triangles, transformed
 from shadowbench.studies.study import Study, study_from_options
 from tests.scenes.conftest import refused
 from tests.scenes.pose_reference import Reference

@@ -12,11 +12,11 @@ import trimesh
 from trimesh.exchange.gltf import export_glb
 
 from shadowbench.scenes.draco import decode
-from shadowbench.scenes.gltf_accessors import stored
+from shadowbench.scenes.gltf_storage import stored
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
-from tests.fuzz.corrupt import glb_of
 from tests.scenes.conftest import TRIANGLE, refused
+from tests.scenes.rigs import glb_of
 
 BOX = '[[mesh]]\nshape = "box"\n'
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -26,7 +26,6 @@ Write = Callable[..., Path]
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("a." * 100_000 + "b = 1\n" + BOX, ["line 1", "100000 dots", "200"]),
         ("[" + "a." * 150 + "a]\n" + "b." * 150 + "b = 1\n" + BOX, ["nested deeper than 20"]),
         ("a = " + "[" * 30 + "]" * 30 + "\n" + BOX, ["nested deeper than 20"]),
         ("a = " + "[" * 20_000 + "\n", ["not TOML"]),
@@ -38,7 +37,7 @@ Write = Callable[..., Path]
         (f'"{"k" * 5000}" = 1\n' + BOX, ["unknown field"]),
     ],
     ids=[
-        "a key of 100,000 parts", "tables in tables", "lists in lists", "lists without end", "5,000 digits",
+        "tables in tables", "lists in lists", "lists without end", "5,000 digits",
         "2 MB of nothing", "1,001 cameras", "1,001 lights", "50,001 meshes", "a key of 5,000 letters",
     ],
 )  # fmt: skip
@@ -54,7 +53,7 @@ def test_a_file_that_many_tables_name_is_read_once(
     mesh_file("a.obj", OBJ)
     asked: list[Path] = []
     monkeypatch.setattr(
-        "shadowbench.scenes.files.read_meshes", lambda path, *how: asked.append(path) or read_meshes(path, *how)
+        "shadowbench.scenes.library.read_meshes", lambda path, *how: asked.append(path) or read_meshes(path, *how)
     )
     scene = load_scene(scene_file('[[mesh]]\nfile = "a.obj"\n' * 50))
     assert len(scene.meshes) == 50
@@ -124,7 +123,7 @@ def test_few_bytes_do_not_stand_for_more_triangles_than_a_scene_has(gltf_file: W
     many = np.zeros((30_000, 3), dtype=np.float32)
     primitive = {"attributes": {"POSITION": 0}, "indices": 1}
     refused(gltf_file(positions=many, meshes=[{"primitives": [primitive] * 2000}]), "60000000 vertices", "30000000")
-    refused(gltf_file(positions=many, nodes=[{"mesh": 0}] * 20_010), "600300000 vertices", "600000000")
+    refused(gltf_file(positions=many, nodes=[{"mesh": 0}] * 20_010), "600300000 vertices", "30000000")
 
 
 @pytest.mark.slow
@@ -219,7 +218,7 @@ def test_of_an_accessor_that_many_channels_share_the_rows_at_a_time_are_read_onc
     )  # fmt: skip
     sizes: list[int] = []
     monkeypatch.setattr(
-        "shadowbench.scenes.gltf_animation.stored",
+        "shadowbench.scenes.gltf_pose.stored",
         lambda *which, **rows: (sizes.append(len(found := stored(*which, **rows))), found)[1],
     )
     load_scene(path)
@@ -235,7 +234,8 @@ def test_shared_accessors_are_decoded_once(tmp_path: Path, monkeypatch: pytest.M
     path.write_bytes(glb_of(document, data[28 + length :]))
     decoded: list[int] = []
     monkeypatch.setattr(
-        "shadowbench.scenes.gltf_bytes.decode", lambda blobs, where: decoded.append(len(blobs)) or decode(blobs, where)
+        "shadowbench.scenes.gltf_storage.decode",
+        lambda blobs, where: decoded.append(len(blobs)) or decode(blobs, where),
     )
     meshes = read_meshes(path).meshes
     assert decoded == [1]

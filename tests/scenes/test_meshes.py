@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from shadowbench.scenes.mesh import Mesh
+from shadowbench.scenes.file_contents import placed
 from shadowbench.scenes.meshes import read_meshes
-from shadowbench.scenes.placed import placed
+from shadowbench.scenes.model import Mesh
 from tests.scenes.conftest import refused
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
@@ -335,7 +335,7 @@ def test_tiny_meshes_in_batches_are_what_they_are_one_by_one(monkeypatch: pytest
     instances = [(Mesh("quad", quad, faces), matrix) for matrix in matrices]
     results = []
     for size in (1, 4, 1 << 12):
-        monkeypatch.setattr("shadowbench.scenes.placed._BATCH", size)
+        monkeypatch.setattr("shadowbench.scenes.file_contents._BATCH", size)
         meshes, dropped = placed(instances, "quads")
         assert (len(meshes), dropped) == (4, 4 + 3)
         results.append([(mesh.vertices.tobytes(), mesh.faces.tobytes()) for mesh in meshes])
@@ -344,5 +344,5 @@ def test_tiny_meshes_in_batches_are_what_they_are_one_by_one(monkeypatch: pytest
 
 def test_each_copy_counts_as_triangles_of_a_scene(scene_file, monkeypatch: pytest.MonkeyPatch) -> None:
     path = scene_file('[[mesh]]\nshape = "box"\nrepeat = [{ count = 9, step = [2, 0, 0] }]')
-    monkeypatch.setattr("shadowbench.scenes.placed.MOST_TRIANGLES", 100)
+    monkeypatch.setattr("shadowbench.scenes.file_contents.MOST_TRIANGLES", 100)
     refused(path, "scene.toml: 108 triangles, each copy of a mesh counted; a scene may have 100")

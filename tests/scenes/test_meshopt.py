@@ -11,8 +11,8 @@ import pytest
 import trimesh
 
 from shadowbench.scenes.meshes import read_meshes
-from tests.fuzz.corrupt import compressed_glb
 from tests.scenes.conftest import refused
+from tests.scenes.rigs import compressed_glb
 
 BALL = trimesh.creation.icosphere(subdivisions=2)
 

@@ -12,7 +12,7 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View, view_of
-from shadowbench.scenes.tables import NAME
+from shadowbench.scenes.scene_tables import NAME
 from tests.scenes.conftest import refused
 
 BOX = '[[mesh]]\nshape = "box"\n'

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from shadowbench.scenes.contents import Chosen
+from shadowbench.scenes.file_contents import Chosen
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import placed, read_meshes
 from shadowbench.scenes.model import Mesh
-from shadowbench.scenes.normals import mean_normals, normal_matrices, unit_normals
 from shadowbench.scenes.shapes import SHAPES
+from shadowbench.scenes.triangles import mean_normals, normal_matrices, unit_normals
 from tests.scenes.conftest import refused
 from tests.scenes.rigs import Rig
 

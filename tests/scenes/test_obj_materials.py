@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shadowbench.scenes.contents import BY_DEFAULT, Chosen
 from shadowbench.scenes.cutouts import ROUNDED
+from shadowbench.scenes.file_contents import BY_DEFAULT, Chosen
 from shadowbench.scenes.images import read_image
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import GREY, Mesh, Scene

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import Triangles, bounds_of, without_zero_area
 from shadowbench.scenes.shapes import SHAPES, build_shape
+from shadowbench.scenes.triangles import Triangles, bounds_of, without_zero_area
 
 EXTENTS = {"plane": (1, 0, 1), "torus": (4 / 3, 1 / 3, 4 / 3), "capsule": (1, 2, 1)}
 EXTENTS |= dict.fromkeys(("box", "sphere", "cylinder", "cone", "stairs", "terrain"), (1, 1, 1))

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.scenes.strips import fan_faces, strip_faces
+from shadowbench.scenes.polygons import fan_faces, strip_faces
 
 RESTART = 255
 

@@ -14,8 +14,7 @@ from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import hard_names, load_scene
-from shadowbench.scenes.model import Light, Mesh, Scene, View, view_of
-from shadowbench.scenes.placement import IDENTITY_PLACEMENT
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.vectors import vec3
 from shadowbench.techniques.planar_projection import flattening
 from shadowbench.truths.trace import trace

@@ -11,10 +11,9 @@ from shadowbench.errors import InputError
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.folder import IDENTITY, identity
-from shadowbench.scenes.files import transform_of
-from shadowbench.scenes.library import hard_names, load_scene
+from shadowbench.scenes.library import hard_names, load_scene, transform_of
 from shadowbench.scenes.model import Light, Mesh, view_of
-from shadowbench.scenes.tables import MeshTable
+from shadowbench.scenes.scene_tables import MeshTable
 from shadowbench.scenes.vectors import unit
 from shadowbench.truths.trace import trace
 from tests.samples import sampled

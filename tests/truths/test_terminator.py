@@ -9,10 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.scenes.geometry import Triangles
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
-from shadowbench.scenes.normals import mean_normals, unit_normals
 from shadowbench.scenes.shapes import sphere
+from shadowbench.scenes.triangles import Triangles, mean_normals, unit_normals
 from shadowbench.scores.metrics import score
 from shadowbench.truths.cache import read_truth, write_truth
 from shadowbench.truths.terminator import smooth_points

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import Camera
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import vec3
 from shadowbench.viewer.navigation import LEAST_TILT, distance, looked, orbited, panned, projected, ray, walked, zoomed
 

@@ -14,8 +14,8 @@ from shadowbench.plugin.base import Technique
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
-from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import Light
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.viewer.scene_panels import _edited
 from shadowbench.viewer.technique_panel import (
