@@ -1,6 +1,6 @@
 # Everything runs from .venv, which `setup` keeps ready; nothing needs to be installed before `make`.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo view test test-slow test-all lint docs site published dataset wheel clean
+.PHONY: help setup demo view test test-slow test-all lint docs site published wheel clean
 
 # `make test PYTHON=python3.13` tests that Python, in an environment beside the usual one.
 ifeq ($(origin PYTHON),command line)
@@ -34,9 +34,8 @@ help:
 	@echo "make test-all   both, with every value of what test-slow takes samples of, and all GL tests as OpenGL 4.1"
 	@echo "make lint       format, ruff, mypy, the arrows between the packages, the ledger of lines"
 	@echo "make docs       the documentation into build/docs/, a warning or a broken link being an error"
-	@echo "make site       the published results as a site, build/site/index.html, and the documentation in it"
+	@echo "make site       the documentation and the reports of results/published/, build/site/index.html"
 	@echo "make published  measure what results/published/ lacks of benchmarks/published/: some minutes for all of it"
-	@echo "make dataset    truths, masks and scenes as a data set, build/dataset/, measured first: some seven minutes"
 	@echo "make wheel      sdist and wheel into dist/, once the wheel has run in an empty environment"
 	@echo "make setup      what the others do first: system packages and .venv"
 	@echo "make clean      remove .venv, caches, and the folders that commands write into results/"
@@ -85,21 +84,14 @@ docs: setup
 	$(bin)/sphinx-build -W --keep-going -n -q -d build/doctrees docs build/docs
 	@echo "Documentation: build/docs/index.html"
 
+published := $(patsubst results/published/%/,%,$(wildcard results/published/*/))
 site: setup
-	$(bin)/python tools/site.py
-	$(bin)/sphinx-build -A site=1 -W --keep-going -n -q -d build/site-doctrees docs build/site/docs
+	$(bin)/sphinx-build -A "reports=$(published)" -W --keep-going -n -q -d build/site-doctrees docs build/site
+	for name in $(published); do $(bin)/shadowbench report results/published/$$name -o build/site/$$name.html -q; done
 	@echo "Site: build/site/index.html"
 
 published: setup
 	$(bin)/python tools/publish.py
-
-measured := build/measured
-run := $(bin)/shadowbench run --rounds 0 --quiet >/dev/null
-dataset: setup
-	$(run) -s benchmarks/published/techniques.toml -o $(measured)/techniques
-	$(run) -s benchmarks/published/plants.toml -o $(measured)/plants
-	$(run) -s filters --view-size 512 -o $(measured)/soft
-	$(bin)/python tools/dataset.py $(measured)/techniques $(measured)/plants $(measured)/soft -o build/dataset
 
 wheel: setup
 	$(bin)/python tools/wheel.py

@@ -34,11 +34,11 @@ def test_many_cells(
 
 
 @pytest.mark.benchmark(group="folders")
-def test_a_split_report_opens(
+def test_a_report_of_many_cells_opens(
     browser: Any, tmp_path: Path, smallest: bool, cost: Callable[..., Any], benchmark: BenchmarkFixture
 ) -> None:
     run, file = write_folder(tmp_path / "run", FEW if smallest else SHOWN, pictures=True), tmp_path / "report.html"
-    assert cost("-m", "shadowbench", "report", run, "--split", "-o", file).returncode == 0
+    assert cost("-m", "shadowbench", "report", run, "-o", file).returncode == 0
 
     def open_page() -> None:
         page = browser.new_page(viewport={"width": 1280, "height": 900})

@@ -11,7 +11,7 @@ html_show_copyright = False
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 html_theme = "furo"
 templates_path = ["_templates"]
-html_sidebars = {  # the theme's, below a link to the site of results when they are built into it
+html_sidebars = {  # the theme's, below links to the reports that `make site` puts beside these pages
     "**": [
         "results.html",
         *(f"sidebar/{one}.html" for one in ("brand", "search", "scroll-start", "navigation", "scroll-end")),

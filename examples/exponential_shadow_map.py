@@ -3,8 +3,7 @@
 shadowbench run stairs -t "shadow-map:filter=layered-esm" -t shadow-map --plugin examples/exponential_shadow_map.py
 """
 
-from shadowbench.maps.filters import Contents
-from shadowbench.maps.moments import Filterable
+from shadowbench.maps.filters import Contents, Filterable
 from shadowbench.plugin.params import param
 
 SHADER = """

@@ -3,8 +3,7 @@
 shadowbench run spot-lamp -t "shadow-map:filter=variance" -t shadow-map --plugin examples/variance_shadow_map.py
 """
 
-from shadowbench.maps.filters import Contents
-from shadowbench.maps.moments import Filterable
+from shadowbench.maps.filters import Contents, Filterable
 from shadowbench.plugin.params import param
 
 SHADER = """

@@ -28,9 +28,11 @@ from shadowbench.advice.recommend import Recommendation, has_penumbra
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.space import technique_names
 from shadowbench.advice.target import target_of
-from shadowbench.engines.external_mask import visibility_of
+from shadowbench.campaigns import campaign_in, shared_worker
+from shadowbench.campaigns import close as close
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
+from shadowbench.masks.inputs import visibility_of
 from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import subjects_with, techniques_with
 from shadowbench.measure.rendering import Rendering
@@ -44,8 +46,6 @@ from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.opening import chosen_view, opened
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
-from shadowbench.shared_worker import campaign, shared_worker
-from shadowbench.shared_worker import close as close
 from shadowbench.studies.catalogue import entries
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.run import measure
@@ -204,8 +204,8 @@ def run(
         measuring=options.Measuring(view_size, rounds, phases, step),
         view=options.ViewOptions(view=view, light=light),
     )
-    with shared_worker(files, chosen.limits) as worker, campaign(_kept_in(folder), worker) as made:
-        return Results.of(measure(chosen, [made]).run.last, each_phase)
+    with shared_worker(files, chosen.limits) as worker, campaign_in(_kept_in(folder), worker=worker) as made:
+        return Results.of(measure(chosen, made).run.last, each_phase)
 
 
 def catalogue(kind: str, plugins: Files = ()) -> pd.DataFrame:
@@ -255,7 +255,7 @@ def recommend(
     among = technique_names(options.as_list(techniques, "techniques", "names of techniques", str), known)
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
-    with shared_worker(files) as worker, campaign(_kept_in(folder), worker) as made:
+    with shared_worker(files) as worker, campaign_in(_kept_in(folder), worker=worker) as made:
         return measure_recommendation(chosen, target, known, made, by=by_of(by), among=among, device=device)[0]
 
 
@@ -276,7 +276,7 @@ def stress(
     chosen = select_axes(options.as_list(axes, "axes", "names of axes", str))
     known = subjects_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
-    with shared_worker(files, LIMITS) as worker, campaign(_kept_in(folder), worker, **SWEEPING) as made:
+    with shared_worker(files, LIMITS) as worker, campaign_in(_kept_in(folder), worker=worker, **SWEEPING) as made:
         found = sweep(specs, chosen, made, quick=quick)
     return ranges_frame(found.ranges)
 

@@ -1,7 +1,6 @@
 """The pytest fixture `shadow_accuracy`, for the test suites of engines. Imports nothing heavy until it is used."""
 
 import hashlib
-import logging
 import re
 from collections.abc import Callable
 from dataclasses import fields
@@ -16,10 +15,9 @@ from shadowbench.options import ViewOptions
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from shadowbench.engines.accuracy import Accuracy
+    from shadowbench.masks.accuracy import Accuracy
 
 _OPTIONS = [field.name for field in fields(ViewOptions)]
-_log = logging.getLogger("shadowbench")
 
 
 class Score(float):
@@ -43,31 +41,22 @@ class ShadowAccuracy:
         if name not in metrics:
             raise AttributeError(f"{name!r} is not a metric; allowed: {', '.join(metrics)}")
         value = metrics[name]
-        if value is None:  # pytest shows the log of a test that compares it with a number
-            _log.warning("%s is None (%r): %s", name, self, self._empty())
+        if value is None:
             return None
         score = Score(value)
         score.name, score.accuracy = name, self
         return score
 
-    def _empty(self) -> str:
-        """Why a metric is undefined in this view."""
-        comparison = self.accuracy.comparison
-        scored, truth, mask = comparison.truth.pixels, int(comparison.truth.shadow.sum()), int(comparison.shadow.sum())
-        if not truth and not mask:
-            return f"neither the truth nor the mask has a shadow in the {scored} pixels scored"
-        return f"undefined here; of {scored} scored pixels {truth} are in shadow, in the mask {mask}"
-
     def __repr__(self) -> str:
         return f"accuracy of {self.accuracy.external.name} on {self.accuracy.view.scene.name}"
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """A line each for a shifted, encoded, clipped or uniform mask."""
+    def warnings(self) -> list[str]:
+        """A line for each fault of the whole mask: a shift, an sRGB encoding, ambient light."""
         return self.accuracy.warnings
 
     def explain(self) -> list[str]:
-        """What is wrong, by kind of error, and the path of the difference picture, which this writes."""
+        """What is wrong, in words, and the path of the difference picture, which this writes."""
         from shadowbench.scores.difference import write_difference
 
         self.file.parent.mkdir(parents=True, exist_ok=True)
@@ -87,7 +76,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:
-    """Explain a failed comparison with a Score: the values, the kinds of error, the difference picture."""
+    """Explain a failed comparison with a Score: the values, the errors in words, the difference picture."""
     score = next((side for side in (left, right) if isinstance(side, Score)), None)
     if score is None:
         return None
@@ -103,8 +92,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
     `no_ground`, `time`, `clip`, `camera`, `target`, `lamp` and `sun_at`, and `lit`, `shadowed`, `ambient`
     and `linear` in place of a mask, all as `shadowbench score` takes them. mask: a PNG, or an (N, N) array, bool or
     float in [0, 1], uint8 or uint16, row 0 at the top, white is lit; N is taken for the view's size. A mask that is
-    flipped, inverted or not square fails the test. A metric that is undefined in the view is None: comparing it with a
-    number raises TypeError, and the log says why.
+    flipped, inverted or not square fails the test. A metric that is undefined in the view is None.
     """
     folder = request.config.getoption("--shadow-diffs") or tmp_path
     node = request.node
@@ -113,9 +101,9 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
     numbers = count(1)
 
     def measure(mask: "str | Path | ArrayLike | None" = None, *, scene: str | Path, **others: Any) -> ShadowAccuracy:
-        from shadowbench.engines.accuracy import accuracy_of
-        from shadowbench.engines.stored_truth import stored_truth_of
         from shadowbench.errors import InputError
+        from shadowbench.masks.accuracy import accuracy_of
+        from shadowbench.masks.inputs import stored_truth_of
         from shadowbench.scenes.opening import chosen_view
         from shadowbench.truths.embree import tracer_of
 
@@ -134,7 +122,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
 
 def _handed(mask: Any, screenshots: dict[str, Any]) -> Any:
     """The mask, or visibility from the screenshots; TypeError for both, neither or an unknown keyword."""
-    from shadowbench.engines.external_mask import from_screenshots, mask_from_array, mask_from_file
+    from shadowbench.masks.inputs import from_screenshots, mask_from_array, mask_from_file
 
     if mask is None:
         linear = screenshots.pop("linear", False)

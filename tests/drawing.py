@@ -30,10 +30,11 @@ class Built:
     clock: Clock
     frames: int = field(default=0)
 
-    def draw(self, shot, phase: int = 0) -> np.ndarray:
+    def draw(self, shot, phase: int | Phase = 0) -> np.ndarray:
         """Visibility of a view of the same scene as float32, row 0 at the top."""
         surface = surface_of(self.technique, shot.surface)
-        texture = self.technique.draw(Frame(shot.view, Phase(phase), self.frames, surface, self.clock))
+        phase = Phase(phase) if isinstance(phase, int) else phase
+        texture = self.technique.draw(Frame(shot.view, phase, self.frames, surface, self.clock))
         self.frames += 1
         self.stage.device.check(f"drawing {self.technique.name}")
         return download(texture)[..., 0].astype(np.float32)

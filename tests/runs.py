@@ -22,8 +22,8 @@ from shadowbench.measure.worker import Worker
 from shadowbench.plugin import spec
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import techniques
-from shadowbench.results.configurations import Section, sections
-from shadowbench.results.folder import Run
+from shadowbench.results.frame import Run
+from shadowbench.results.summary import Summary, summaries
 
 SMALL = """
 scenes = ["cube-on-plane"]
@@ -416,9 +416,9 @@ def records() -> Callable[..., list[dict[str, Any]]]:
     return read
 
 
-def sections_of(*results: Result) -> dict[str, Section]:
-    """The sections of a run with these cells, by scene."""
+def summaries_of(*results: Result) -> dict[str, Summary]:
+    """The summaries of a run with these cells, by scene."""
     keyed = [({**one.score, "key": str(number)}, one.last_time) for number, one in enumerate(results)]
     times = {score["key"]: time for score, time in keyed if time is not None}
-    run = Run("run", Path("run"), {}, tuple(score for score, _ in keyed), 0, False, times, {}, 0, frozenset())
-    return {section.scene: section for parts in sections([run]).values() for section in parts}
+    run = Run("run", Path("run"), {}, tuple(score for score, _ in keyed), times, frozenset(), 0, 0, False)
+    return {summary.scene: summary for summary in summaries(run)}

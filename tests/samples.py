@@ -1,6 +1,7 @@
-"""The subset of long parameter lists that `make test-slow` runs; `make test-all` runs every parameter."""
+"""Subsets of long parameter lists: pairs in place of products, and what `make test-slow` runs of a list."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
+from itertools import combinations, product
 from typing import Any
 
 import pytest
@@ -16,3 +17,23 @@ def sampled(values: Iterable[Any], sample: Collection[Any]) -> list[Any]:
         )
         for value in values
     ]
+
+
+def pairs(*factors: Iterable[Any]) -> list[tuple[Any, ...]]:
+    """Rows in which each two values of different factors meet at least once, far fewer than the product."""
+    rows = list(product(*factors))
+    places = list(combinations(range(len(factors)), 2))
+
+    def met(row: tuple[Any, ...]) -> set[tuple[Any, ...]]:
+        return {(i, j, row[i], row[j]) for i, j in places}
+
+    missing, chosen = set().union(*map(met, rows)), []
+    while missing:
+        chosen.append(max(rows, key=lambda row: len(met(row) & missing)))
+        missing -= met(chosen[-1])
+    return chosen
+
+
+def by_turns(values: Iterable[Any], *others: Sequence[Any]) -> list[tuple[Any, ...]]:
+    """Each value once, with the others' values in turn."""
+    return [(value, *(other[turn % len(other)] for other in others)) for turn, value in enumerate(values)]

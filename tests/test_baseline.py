@@ -15,7 +15,7 @@ from shadowbench.maps.filters import Filter
 from shadowbench.maps.fits import Fit, Split
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import techniques
-from shadowbench.results.folder import IDENTITY, identity
+from shadowbench.results.frame import IDENTITY, identity
 from shadowbench.studies.study import read_study
 
 BASELINE = Path(__file__).resolve().parents[1] / "results" / "baseline"

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PLUGINS = {"exponential_shadow_map.py", "sphere_proxies.py", "variance_shadow_map.py"}
 BALL = """
 name = "ball"
 camera = { position = [2.0, 3.0, 4.0], target = [0.3, 0.3, 0.0] }

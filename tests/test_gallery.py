@@ -18,13 +18,13 @@ import shadowbench as sb
 from shadowbench.maps.biases import Bias
 from shadowbench.maps.filters import Filter
 from shadowbench.maps.fits import Fit, Split
-from shadowbench.maps.presets import ENGINES
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.studies.artefacts import folder
+from shadowbench.techniques.shadow_map import ENGINES
 
 ARTEFACTS = {one.scene: one for one in gallery.artefacts()}
 SIZE = 128

@@ -36,6 +36,6 @@ def test_a_worker_is_started_and_a_study_read_without_slow_packages() -> None:
     assert not {"pandas", "numba", "trimesh", "networkx", "scipy"} & imported_by(
         "import shadowbench.measure.serve, shadowbench.studies.run, shadowbench.plugin.registry"
     )
-    assert "trimesh" not in imported_by("import shadowbench.engines.drawer"), "only engines draw what it writes"
+    assert "trimesh" not in imported_by("import shadowbench.engines.engine_drawer"), "only engines draw what it writes"
     told = imported_by("import shadowbench.measure.worker")
     assert "numpy" in told and not {"pydantic", "moderngl"} & told

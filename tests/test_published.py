@@ -10,12 +10,11 @@ import publish
 import pytest
 
 from shadowbench.plugin.registry import techniques
-from shadowbench.reports.engines_page import write_engines_page
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from shadowbench.scores.masks import read_mask
 from shadowbench.studies.study import read_study
+from tests.engine_rows import ROWS, row
 from tests.reports.conftest import CELLS, run_file, write_folder
-from tests.reports.test_engines_page import ROWS, row
 
 FOLDERS = sorted(folder for folder in publish.PUBLISHED.iterdir() if folder.is_dir())
 MOST = 3_600_000  # bytes of all that is published
@@ -75,8 +74,6 @@ def test_of_a_cell_in_several_folders_the_last_row_is_kept(tmp_path: Path) -> No
     assert len(kept) == len(ROWS) and kept["three", "street"]["engine"]["version"] == "2"
     assert {one["command"] for one in kept.values()} == {f"measure -o {target}"} and {*kept[min(kept)]} >= {"commit"}
     assert json.loads((target / "run.json").read_text())["machine"]["system"] == "Linux x86_64"
-    write_engines_page(read_runs([target]), {}, tmp_path / "engines.md")
-    assert "No picture" not in (tmp_path / "engines.md").read_text(encoding="utf-8")
     assert len(list((target / "masks").iterdir())) < len(ROWS)
 
 

@@ -14,9 +14,9 @@ from pages import compare
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import own_techniques, preset_names
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from shadowbench.results.law import SHORTEST_MS, Law, law_on_record
-from shadowbench.results.ranking import Target
+from shadowbench.results.summary import Target
 from shadowbench.scenes.library import builtin_light
 from shadowbench.scores.metrics import METRICS, is_soft
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from shadowbench.gl.clock import QUERIES
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from shadowbench.results.law import FLOOR, OWN, SHARED, SHORTEST_MS, counts_of, kind_of
 from shadowbench.scenes.library import load_scene
 

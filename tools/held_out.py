@@ -21,7 +21,7 @@ import pandas as pd
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import preset_names
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scores.metrics import is_soft, ranking
 

@@ -20,7 +20,7 @@ from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.survey.depth import TOLERATED
-from shadowbench.survey.maps import REFERENCE_SIZE
+from shadowbench.survey.samples import REFERENCE_SIZE
 from shadowbench.survey.survey import Needs, needs
 from shadowbench.truths.cache import cached_truth
 
@@ -113,12 +113,12 @@ def check(view: View, worker: Worker) -> SceneCheck:
     edges, cascades = predicted.texels.edge_size, predicted.cascades
     return SceneCheck(
         scene=view.scene.name,
-        map_size=Pair(edges.value if edges else None, edge_size(technique) if edges else None),
+        map_size=Pair(edges, edge_size(technique) if edges else None),
         cascade_size=Pair(
             cascades.edge_size.get(CASCADES) if cascades else None,
             edge_size(f"cascades:count={CASCADES}") if cascades else None,
         ),
-        bias=Pair(predicted.bias.needed.value if predicted.bias else None, _bias(measure, technique, predicted)),
+        bias=Pair(predicted.bias.needed if predicted.bias else None, _bias(measure, technique, predicted)),
         bits=Pair(predicted.bits.bits if predicted.bits else None, _bits(measure, technique)),
     )
 
@@ -153,7 +153,7 @@ def _bias(measure: Callable[[str], Metrics], technique: str, predicted: Needs) -
     """Smallest constant bias with acne below TOLERATED, without filtering."""
     if predicted.bias is None:
         return None
-    needed = predicted.bias.needed.value
+    needed = predicted.bias.needed
     return first_below(
         [needed * factor for factor in BIASES],
         TOLERATED,

@@ -26,10 +26,7 @@ import numpy as np
 from PIL import Image
 
 from shadowbench.measure.rows import Record
-from shadowbench.reports.defect_text import cured_row, defect_of
-from shadowbench.reports.engine_defects import strip_rows
-from shadowbench.results.engine_settings import engine_results
-from shadowbench.results.folder import identity, read_runs, view_name
+from shadowbench.results.frame import identity, read_runs, view_name
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import is_soft
 
@@ -119,22 +116,22 @@ def _kept(row: Record, names: dict[str, str]) -> dict[str, Any]:
 
 
 def _pictured(folder: Path) -> list[str]:
-    """Keys of the rows whose masks are kept: of techniques at SHOWN, of engines those on their page."""
+    """Keys of the rows whose masks are kept: of techniques at SHOWN, of engines as shipped."""
     (run,) = read_runs([folder])
-    found = list(engine_results([run]).values())
-    strips = {row["key"] for one in found for row in strip_rows(one).values()}
-    defects = [defect for one in found if (defect := defect_of(one, found))]
-    strips |= {row["key"] for defect in defects for row in (defect.row, cured_row(defect)) if row}
     drawn = [row for row in run.rows if row["status"] == "ok"]
-    return [row["key"] for row in drawn if row["key"] in strips or ("engine" not in row and row["map_size"] in SHOWN)]
+    return [
+        row["key"]
+        for row in drawn
+        if (row["spec"] == row["technique"] if "engine" in row else row["map_size"] in SHOWN)
+    ]
 
 
 def _keep_truth(folder: Path, target: Path, row: Record) -> None:
-    """Keep the images of a row's view that are not kept yet: of an engine's the truth, which its page shows."""
+    """Keep the images of a row's view that are not kept yet."""
     view = view_name(row)
     grey = dict.fromkeys((".png", ".undecided.png", ".facets.png"), _grey)
     ends = grey | {".lit.png": _color, ".ambient.png": _color}
-    for end, keep in list(ends.items())[: 1 if "engine" in row else None]:
+    for end, keep in ends.items():
         before, after = folder / "truth" / f"{view}{end}", target / "truth" / f"{view}{end}"
         if before.exists() and not after.exists():
             after.parent.mkdir(exist_ok=True)

@@ -10,8 +10,8 @@ from shadowbench.errors import InputError
 from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rows import Result
 from shadowbench.plugin.spec import Spec
+from shadowbench.results.frame import cells_frame
 from shadowbench.results.law import SHORTEST_MS, Law, counts_of, find_law, kind_of, law_on_record
-from shadowbench.results.tables import cells_frame
 from shadowbench.results.times import ReferenceTime, normalise_times
 from shadowbench.scenes.model import View
 
@@ -126,7 +126,7 @@ def cost_of(
     if law is not None and by not in (None, "device"):
         raise InputError(f"--device: found with --by {by}; allowed: --by device")
     if by == "time" and not timed:
-        raise InputError("--by time: nothing is timed with --dask; allowed: with --time-on WORKER")
+        raise InputError("--by time: nothing is timed with --dask; allowed: without it")
     if by == "time" or (by is None and law is None and timed and not info.software):
         return Cost("ms")
     asked, law = law is not None or by == "device", law or law_on_record()

@@ -25,7 +25,7 @@ from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.plugin.spec import Spec
-from shadowbench.results.folder import write_cells
+from shadowbench.results.frame import write_cells
 from shadowbench.results.law import Law
 from shadowbench.results.times import ReferenceTime
 from shadowbench.scenes.model import View

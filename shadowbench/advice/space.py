@@ -124,14 +124,15 @@ def _planar_rule(needs: Needs, least_iou: float | None) -> Rule:
     the reason says what is seen.
     """
     seen = needs.receivers
-    curved, shadow = 1 - seen.planar.value, seen.shadowed.value
+    curved, shadow = 1 - seen.planar, seen.shadowed
     most = 1 - max(curved + shadow - 1, 0.0) / shadow if shadow > 0 else 1.0
     why = None
     if seen.planes == 0:
         why = "no receiver that is seen is a plane"
     elif least_iou is not None and most < least_iou:
-        lost = seen.lost.value
-        why = f"by `needs` it would leave {lost:.1%} of the shadow lit: its IoU is at most about {1 - lost:.3g}"
+        why = (
+            f"by `needs` it would leave {seen.lost:.1%} of the shadow lit: its IoU is at most about {1 - seen.lost:.3g}"
+        )
     return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.catalogue.only_planes else None
 
 
@@ -140,4 +141,4 @@ def start_size(spec: Spec, needs: Needs) -> float:
     texels, several, slices = needs.texels, needs.cascades, spec.technique.view_slices(spec.params)
     if slices > 1 and several is not None:
         return several.edge_size.get(slices, several.edge_size[several.best])
-    return (texels.edge_size or texels.size).value
+    return texels.edge_size or texels.size

@@ -21,7 +21,6 @@ from shadowbench.commands import (
     recommend,
     render,
     report,
-    repro,
     run,
     score,
     stress,
@@ -68,7 +67,7 @@ app = typer.Typer(
 _PANELS = {  # as --help lists them
     "Measure techniques": (run.run, stress.stress, score.score, truth.truth),
     "Decide what a scene needs": (recommend.recommend, recommend.needs),
-    "Check results and the machine": (check.check, merge.merge, repro.repro, doctor.doctor),
+    "Check results and the machine": (check.check, merge.merge, doctor.doctor),
     "Look": (report.report, render.render, view.view, listing.list_things),
     "Extend with a technique or an engine": (engines.engines, extend.new_technique, extend.export),
 }

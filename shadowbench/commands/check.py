@@ -1,15 +1,15 @@
-"""`check`: compare a run with a baseline; `--update` makes the run the baseline, `--repeat` compares two equal runs."""
+"""`check`: compare a run with a baseline; `--update` makes the run the baseline."""
 
 import json as json_module
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from shadowbench.commands import console, options
-from shadowbench.errors import InputError, alternatives, counted, number
+from shadowbench.errors import InputError, alternatives, counted
 from shadowbench.options import option
 
 if TYPE_CHECKING:
@@ -20,16 +20,12 @@ if TYPE_CHECKING:
 class CheckOptions:
     """What a run is compared with, and how strictly."""
 
-    baseline: Path | None = option("The baseline, or another run folder, to compare with  [only of --repeat].", "DIR")
+    baseline: Path | None = option("The baseline, or another run folder, to compare with.", "DIR")
     time: bool = options.flag("Also fail if a cell is slower, on the same machine.")
     update: bool = options.flag("Make this run the baseline, and print the changes.")
     masks: bool = options.flag("With --update: keep the masks too, so that pictures show them beside later ones.")
     github: bool = options.flag(
         "Also print errors as annotations of a GitHub workflow, and append the summary to $GITHUB_STEP_SUMMARY."
-    )
-    repeat: bool = options.flag(
-        "Instead, fail if two runs of one study on one machine rank cells differently by time, or differ in work: DIR "
-        "and the baseline, or the last two times of each cell in DIR (`run --time-again`)."
     )
     tolerance: list[str] = option(
         "Tolerance of a metric, instead of its default; repeatable  [see `shadowbench list metrics`].",
@@ -42,8 +38,7 @@ class CheckOptions:
 @options.command(
     "\b\nFor example\n"
     "  shadowbench check results/latest --baseline results/baseline\n"
-    "  shadowbench check results/latest --baseline results/baseline --update\n"
-    "  shadowbench run -s demo --time-again && shadowbench check results/latest --repeat"
+    "  shadowbench check results/latest --baseline results/baseline --update"
 )
 def check(
     folder: Annotated[Path, options.argument("DIR", "The run folder to check.")],
@@ -61,22 +56,12 @@ def check(
     Work is compared on the same renderer only: draws, primitives, texture reads, rays and GPU memory exactly, shader
     invocations within 2%. Times are compared on the same machine only, as ratios to the reference.
 
-    With --repeat, exit code 1 if Kendall's tau of any ranking is below 0.95, or if work differs.
-
     \b
     Columns
       what         the metric, work counter or `status` that changed most, or of acne, leak and contact that
                    which takes the largest share of its region, if it changed and is 1% or more
       × tolerance  the change as a multiple of the tolerance
       also         the other values of the cell that changed
-
-    \b
-    Columns of --repeat
-      cells           cells with a time in both runs
-      pairs           pairs of cells whose times differ significantly in both runs
-      swapped         pairs that the two runs order differently
-      τ               Kendall's tau over these pairs; 1 is the same order
-      τ of all pairs  Kendall's tau over all pairs, noise included
     """
     from shadowbench.measure.plugin_output import subjects_with, techniques_with
     from shadowbench.results.baseline import check as compared
@@ -84,12 +69,8 @@ def check(
     from shadowbench.studies.study_copy import copy_study
 
     techniques_with(asked.plugin)  # whose metrics are compared too
-    if asked.repeat:
-        if asked.update or asked.time or asked.tolerance:
-            raise InputError("--repeat: found --update, --time or --tolerance; allowed: without")
-        return _check_repeat(folder, asked.baseline, json, quiet)
     if asked.baseline is None:
-        raise InputError("check: found no --baseline; allowed: --baseline DIR, or --repeat")
+        raise InputError("check: found no --baseline; allowed: --baseline DIR")
     if asked.github and json:
         raise InputError("--github: found with --json; allowed: one of them, DIR/check/summary.json has the same")
     if asked.masks and not asked.update:
@@ -177,35 +158,6 @@ def _tolerances(texts: Sequence[str]) -> dict[str, float]:
         if not 0 <= found[name] < math.inf:
             raise InputError(f"--tolerance {name}: found {value!r:.40}; allowed: a number, 0 or more")
     return found
-
-
-def _check_repeat(folder: Path, other: Path | None, json: bool, quiet: bool) -> int:
-    """Compare two runs of a study, the other one first, and print the result; the exit code."""
-    from shadowbench.results.repeat import LEAST_RATIO, LEAST_TAU, compare_folders
-
-    found = compare_folders(folder) if other is None else compare_folders(other, folder)
-    code = 0 if found.agrees else 1
-    if json:
-        rankings = [asdict(ranking) | {"tau": ranking.tau} for ranking in found.rankings]
-        console.print_json({**asdict(found), "rankings": rankings, "holds": found.agrees})
-        return code
-    block, numbers = "scene, view, light, phase", ("cells", "pairs", "swapped", "τ", "τ of all pairs")
-    rows = [
-        (one.block, str(one.cells), str(one.sharp), str(one.swapped), *map(number, (one.tau, one.tau_of_all)))
-        for one in found.rankings
-    ]
-    console.print_table("", (block, *numbers), rows, numbers=numbers, whole=(block,))
-    for name in found.unequal:
-        console.print_line(f"  work differs: {name}")
-    if not quiet:
-        agree = "at least" if found.rankings_agree else "not everywhere at least"
-        console.print_line(
-            f"τ: Kendall's tau over the pairs whose times differ by more than {100 * (LEAST_RATIO - 1):.0f}%, with "
-            f"interquartile ranges that do not overlap, in both runs; {agree} {LEAST_TAU}"
-        )
-        equal = found.counted - len(found.unequal)
-        console.print_line(f"work: exactly the same in {equal} of {found.counted} cells")
-    return code
 
 
 def _print(findings: "Findings", baseline: Path, time: bool) -> None:

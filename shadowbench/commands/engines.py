@@ -1,22 +1,26 @@
 """`engines`: what other engines there are, their installation, whether they draw here, and how well."""
 
 from collections.abc import Mapping
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
-from shadowbench.commands import console, engines_measured, options
+from shadowbench.commands import console, options
 from shadowbench.errors import InputError, ShadowbenchError, alternatives
 from shadowbench.options import MAP_SIZE, PHASES, option, view_size
 
 if TYPE_CHECKING:
     from shadowbench.plugin.engine import Engine
+    from shadowbench.plugin.spec import Spec
+
+    Engines = Mapping[str, type[Engine]]
 
 _ALL = "all"
 _ACTIONS = ("list", "install", "doctor", "measure", "page")
 _OF_ACTIONS = {"json": ("list",), "output": ("measure", "page")}  # others are of `measure`
-_SIZE = 128  # of the probe that `doctor` draws
+_PROBE_SIZE = 128  # pixels along a side of what `doctor` draws
+_PAGE = "report.html"
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,7 @@ class MeasureOptions:
     """What `measure` draws, and where it and `page` write."""
 
     output: Path | None = options.output(
-        "measure: folder for rows, pictures and the page engines.md; page: its file  [engines.md in the first folder].",
+        "measure: folder for rows, pictures and report.html; page: its file  [report.html in the first folder].",
         metavar="DIR|FILE",
     )
     view_size: int | None = view_size()
@@ -45,7 +49,7 @@ class MeasureOptions:
     "  shadowbench engines install three ogre\n"
     "  shadowbench engines install all\n"
     "  shadowbench engines measure -o results/engines\n"
-    "  shadowbench engines page results/engines results/engines-before -o engines.md\n"
+    "  shadowbench engines page results/engines results/engines-before -o engines.html\n"
     "  shadowbench run stairs -t three -t three:bias=-0.0005 -t shadow-map:preset=three --map-size 1024"
 )
 def engines(
@@ -71,105 +75,169 @@ def engines(
     what the engine ships with.
 
     `measure` draws each preset of each engine, with single- and with double-sided materials, in scenes with hard
-    shadows, and writes a page with tables and pictures; repeated, it goes on where it was stopped. `page` writes it
-    again, also of several folders, such as those of two versions.
+    shadows, and writes the report; repeated, it goes on where it was stopped. `page` writes the report again, also of
+    several folders, such as those of two versions.
     """
     from shadowbench.plugin.registry import engines as known_engines
 
     known = known_engines()
     if action not in _ACTIONS:
-        raise InputError(f"engines: found {action!r:.60}{alternatives(action, _ACTIONS)}")
-    for name in (one.name for one in (*fields(asked), *fields(printed)) if one.name != "quiet"):
+        raise InputError(f"engines: found {action!r}{alternatives(action, _ACTIONS)}")
+    for name in (field.name for field in (*fields(asked), *fields(printed)) if field.name != "quiet"):
         allowed = _OF_ACTIONS.get(name, ("measure",))
         if action not in allowed and (getattr(asked, name, None) or getattr(printed, name, None)):
             shown = "-o" if name == "output" else f"--{name.replace('_', '-')}"
             raise InputError(f"engines {action}: found {shown}; allowed for: {' and '.join(allowed)}")
     if action == "page":
-        return engines_measured.page(known, list(map(Path, names or ())), asked.output)
+        return _write_page(names or [], asked.output, printed.quiet)
     if action == "install" and names == [_ALL]:
         names = list(known)
     for name in names or ():
         if name not in known:
-            raise InputError(f"engines {action}: found {name!r:.60}{alternatives(name, known)}")
+            raise InputError(f"engines {action}: found {name!r}{alternatives(name, known)}")
     chosen = {name: known[name] for name in names or known}
     if action == "install":
         if not names:
             raise InputError(f"engines install: found no name; allowed: {_ALL}, {', '.join(known)}")
         return _install(chosen, printed.quiet)
     if action == "measure":
-        if asked.output is None:
-            raise InputError("engines measure: found no -o; allowed: a folder for rows, pictures and the page")
-        what = engines_measured.What(asked.view_size, asked.map_size, options.listed(asked.scenes), asked.phases)
-        return engines_measured.measure_engines(known, list(names or ()), asked.output, what, printed.quiet)
+        return _measure(chosen, bool(names), asked, printed.quiet)
     return _list(chosen, printed.json) if action == "list" else _doctor(chosen, bool(names))
 
 
-def _list(chosen: "Mapping[str, type[Engine]]", json: bool) -> int:
-    from shadowbench.engines.environment import locked_version, what_lacks
+def _list(chosen: "Engines", json: bool) -> int:
+    from shadowbench.engines.programs import locked_version, what_lacks
 
     entries: list[dict[str, Any]] = [
         {
             "name": name,
-            "version": locked_version(one),
-            "lights": sorted(one.lights),
-            "presets": list(one.presets),
-            "ready": what_lacks(one) is None,
-            "lacks": what_lacks(one),
+            "version": locked_version(engine),
+            "lights": sorted(engine.lights),
+            "presets": list(engine.presets),
+            "ready": what_lacks(engine) is None,
+            "lacks": what_lacks(engine),
         }
-        for name, one in chosen.items()
+        for name, engine in chosen.items()
     ]
     if json:
         console.print_json(entries)
         return 0
     rows = [
-        (one["name"], one["version"], " ".join(one["lights"]), " ".join(one["presets"]), one["lacks"] or "ready")
-        for one in entries
+        (
+            entry["name"],
+            entry["version"],
+            " ".join(entry["lights"]),
+            " ".join(entry["presets"]),
+            entry["lacks"] or "ready",
+        )
+        for entry in entries
     ]
     console.print_table("", ("engine", "version", "lights", "presets", ""), rows, whole=("engine", "version"))
     return 0
 
 
-def _install(chosen: "Mapping[str, type[Engine]]", quiet: bool) -> int:
+def _install(chosen: "Engines", quiet: bool) -> int:
     """Install engines one after the other; exit code 1 if one failed."""
-    from shadowbench.engines.environment import check_lock, install, what_lacks
+    from shadowbench.engines.programs import check_lock, install, what_lacks
 
     failed = False
-    for one in chosen.values():
-        check_lock(one)
-    for name, one in chosen.items():
+    for engine in chosen.values():
+        check_lock(engine)
+    for name, engine in chosen.items():
         if not quiet:
             console.print_error(f"{name}: installing")
         try:
-            folder = install(one)
+            folder = install(engine)
         except ShadowbenchError as error:
             failed = True
             console.print_error(f"{name}: {error}")
             continue
         console.print_line(f"{name}: {folder}")
-        if lacking := what_lacks(one):
+        if lacking := what_lacks(engine):
             console.print_error(f"{name}: {lacking}")
     return int(failed)
 
 
-def _doctor(chosen: "Mapping[str, type[Engine]]", named: bool) -> int:
+def _doctor(chosen: "Engines", named: bool) -> int:
     """Have engines draw a probe and a shadow of each kind of light; exit code 1 if one does not."""
-    from shadowbench.engines.environment import what_lacks
-    from shadowbench.engines.session import EngineSession
-    from shadowbench.engines.trial import shadows_drawn
+    from shadowbench.engines.engine_session import EngineSession
+    from shadowbench.engines.programs import what_lacks
     from shadowbench.measure.drawer import CellFailed
 
     failed = False
-    for name, one in chosen.items():
-        lacking = what_lacks(one)
+    for name, engine in chosen.items():
+        lacking = what_lacks(engine)
         if lacking is not None:
             failed |= named
             console.print_line(f"{name}: {lacking}")
             continue
         try:
-            with closing(EngineSession(one, _SIZE)) as session:
-                drawn = [f"{light} {share:.0%}" for light, share in shadows_drawn(session).items()]
-            console.print_line(f"{name}: draws; {session.version}, {session.renderer}; shadows: {', '.join(drawn)}")
+            with closing(EngineSession(engine, _PROBE_SIZE)) as session:
+                shares = [f"{light} {share:.0%}" for light, share in session.shadows_drawn().items()]
+            console.print_line(f"{name}: draws; {session.version}, {session.renderer}; shadows: {', '.join(shares)}")
         except CellFailed as error:
             failed = True
             console.print_line(f"{name}: {error}")
     return int(failed)
+
+
+def _measure(chosen: "Engines", named: bool, asked: MeasureOptions, quiet: bool) -> int:
+    """Measure the presets of engines into a folder, and write its report.
+
+    Engines that cannot draw here are named on stderr; exit code 1 if one of them was asked for, or if none can draw.
+    Raises InputError without a folder, and for scenes with soft shadows.
+    """
+    from shadowbench.campaigns import campaign_in
+    from shadowbench.commands.study_tables import print_study
+    from shadowbench.engines.programs import what_lacks
+    from shadowbench.scenes.library import hard_names, load_scene
+    from shadowbench.studies.run import measure
+    from shadowbench.studies.study import Study
+
+    if asked.output is None:
+        raise InputError("engines measure: found no -o; allowed: a folder for rows, pictures and the report")
+    scenes = options.listed(asked.scenes)
+    for scene in scenes:
+        if any(light.soft for light in load_scene(scene).lights):
+            raise InputError(
+                f"--scenes: {scene} has soft shadows; allowed: {', '.join(hard_names())}, or a file with hard ones"
+            )
+    lacking = {name: reason for name, engine in chosen.items() if (reason := what_lacks(engine))}
+    for name, reason in lacking.items():
+        if named or not quiet:
+            console.print_error(f"{name}: {reason}")
+    ready = [engine for name, engine in chosen.items() if name not in lacking]
+    code = int(not ready or (named and bool(lacking)))
+    if not ready:
+        return code
+    specs = [spec for engine in ready for spec in _preset_specs(engine, asked.map_size or 1024)]
+    study = Study.of(
+        scenes or hard_names(), specs, view_size=asked.view_size or 512, phases=asked.phases or 1, rounds=0
+    )
+    with ExitStack() as stack:
+        reporter = stack.enter_context(console.Reporter(quiet))
+        campaign = stack.enter_context(campaign_in(asked.output, reporter, limits=study.limits))
+        result = measure(study, campaign)
+    print_study(result, asked.output, quiet)
+    _write_page([str(asked.output)], asked.output / _PAGE, quiet)
+    return console.exit_code_of(result.run.last.results, result.failures) or code
+
+
+def _preset_specs(engine: "type[Engine]", map_size: int) -> "list[Spec]":
+    """The specs of an engine's presets, with materials single- and double-sided; those that are equal are one."""
+    from shadowbench.plugin.engine import Sides
+    from shadowbench.plugin.spec import parse_spec
+
+    texts = [f"{engine.name}:preset={preset},sides={sides}" for preset in engine.presets for sides in get_args(Sides)]
+    specs = [parse_spec(text, {engine.name: engine}) for text in texts]
+    return list(dict.fromkeys(spec.with_(size=map_size) if spec.has_size else spec for spec in specs))
+
+
+def _write_page(folders: list[str], target: Path | None, quiet: bool) -> int:
+    """Write the report of folders. Raises InputError."""
+    from shadowbench.commands import app
+
+    if not folders:
+        raise InputError("engines page: found no folder; allowed: those of `engines measure` or `run`")
+    page = target or Path(folders[0], _PAGE)
+    return int(app(["report", *folders, "-o", str(page), *(["-q"] if quiet else [])], standalone_mode=False) or 0)

@@ -62,8 +62,8 @@ def export(
     view.json  view and projection matrices, size, pixel convention, the light's box
     truth.png  the ray-traced shadow mask, as an example of a mask for `score`
     """
-    from shadowbench.engines.export import DESCRIPTION, export_view, inexpressible_in_gltf
     from shadowbench.files import check_folder
+    from shadowbench.masks.export import DESCRIPTION, export_view, inexpressible_in_gltf
     from shadowbench.truths.cache import cached_truth
 
     check_folder(folder, DESCRIPTION)

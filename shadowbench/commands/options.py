@@ -65,37 +65,16 @@ class Machines:
 
     dask: str | None = option(
         "Measure on the workers of the Dask cluster with this scheduler, such as tcp://host:8786, or on N workers on "
-        "this machine; needs the extra `dask`.",
+        "this machine; nothing is timed. Needs the extra `dask`.",
         "ADDRESS|local:N",
     )
     renderer: str | None = option(
-        "With --dask, the renderer of the workers that measure; others are left out  [that of most of them].", "NAME"
+        "With --dask, the renderer of the workers that measure; others are left out  [that of the first].", "NAME"
     )
 
     def __post_init__(self) -> None:
-        others = [field.name for field in fields(self)[1:] if getattr(self, field.name)]
-        if self.dask is None and others:
-            raise InputError(f"--{others[0].replace('_', '-')}: is for --dask, which is not given")
-
-
-@dataclass(frozen=True)
-class TimingMachines(Machines):
-    """Also the worker that takes times."""
-
-    time_on: str | None = option(
-        "With --dask, where cells are timed, after all are scored: in this process, or on one worker, by its address "
-        "or machine  [nowhere].",
-        "here|WORKER",
-    )
-
-
-@dataclass(frozen=True)
-class StudyMachines(TimingMachines):
-    """Also whether workers of any renderer are used."""
-
-    any_renderer: bool = option(
-        "With --dask, use workers of every renderer; each makes rows and tables of its own.", default=False
-    )
+        if self.dask is None and self.renderer is not None:
+            raise InputError("--renderer: is for --dask, which is not given")
 
 
 _HEADINGS = {SceneOptions: "Scene", Measuring: "Measurement", Machines: "Machines", Printed: "Output"}

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import campaigns
 from shadowbench.options import ViewOptions, option, view_size
 
 if TYPE_CHECKING:
@@ -21,9 +20,8 @@ def needs(
     """Predict map size, cascades, bias and depth bits.
 
     Map size, cascades, depth bits, bias, the width of penumbrae and the error of hard shadows. Nothing is drawn: they
-    follow from the geometry and from shadow rays for the visible pixels, or for a sample of them; ± is then the
-    standard error. The error of hard shadows is that of the ray-traced truth, which `run` reads too. Each prediction
-    has its reason. Needs no OpenGL.
+    follow from the geometry and from the ray-traced truth, which `run` reads too, of at most 512 × 512 of the pixels.
+    Each prediction has its reason. Needs no OpenGL.
     """
     from shadowbench.survey.explanations import explanations_of, verdict_of
     from shadowbench.survey.survey import needs as needs_of
@@ -32,18 +30,16 @@ def needs(
         chosen = reporter.view(scene, view_size, view)
         found = needs_of(chosen)
         if found.pixels < found.view_size**2:
-            part = found.pixels / found.view_size**2
-            reporter.note(f"{part:.1%} of the pixels were sampled; ± is one standard error")
+            reporter.note(f"{found.pixels / found.view_size**2:.1%} of the pixels were sampled")
     rows = explanations_of(found)
     if printed.json:
         values = asdict(found)
         values["reach"].pop("matters")
         names = {"scene": chosen.scene.name, "view": chosen.camera.name, "verdict": verdict_of(found)}
-        console.print_json(names | values | {"told": [asdict(row) for row in rows]})
+        console.print_json(names | values | {"told": [row._asdict() for row in rows]})
         return
     title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels: {verdict_of(found)}"
-    lines = [(row.need, row.number, row.reason) for row in rows]
-    console.print_table(title, ("need", "number", "why"), lines, padded=True)
+    console.print_table(title, ("need", "number", "why"), rows, padded=True)
 
 
 @dataclass(frozen=True)
@@ -96,7 +92,7 @@ def recommend(
     scene: options.Scene,
     asked: RecommendOptions,
     view: ViewOptions,
-    machines: options.TimingMachines,
+    machines: options.Machines,
     printed: options.Printed,
 ) -> int:
     """Search for the cheapest technique that meets a target.
@@ -132,6 +128,7 @@ def recommend(
     from shadowbench.advice.space import technique_names
     from shadowbench.advice.target import target_of
     from shadowbench.advice.words import export_choice, values
+    from shadowbench.campaigns import campaign_in
     from shadowbench.files import make_folder
     from shadowbench.measure.plugin_output import techniques_with
 
@@ -144,7 +141,7 @@ def recommend(
         make_folder(asked.export, "--export ")
     with (
         console.Reporter(printed.quiet) as reporter,
-        campaigns(asked.output, machines, asked.plugin, None, reporter) as (*_, campaign),
+        campaign_in(asked.output, reporter, asked.plugin, **asdict(machines)) as campaign,
     ):
         chosen = reporter.view(scene, asked.view_size, view)
         found, info = measure_recommendation(
@@ -153,7 +150,7 @@ def recommend(
             known,
             campaign,
             by=by,
-            timed=machines.dask is None or machines.time_on is not None,
+            timed=machines.dask is None,
             among=among,
             device=asked.device,
         )

@@ -8,8 +8,6 @@ from shadowbench.commands import console, options
 from shadowbench.errors import counted
 from shadowbench.options import option
 
-_LARGE = 20e6  # bytes of a page
-
 
 @dataclass(frozen=True)
 class ReportOptions:
@@ -22,21 +20,10 @@ class ReportOptions:
     format: str = option(
         "html: a single page that needs no network; md, tex: tables; csv: one row per cell. png, svg, pdf: figures, "
         "SCENE.VIEW-SIZE.front (error against time), .sizes (error against map size), .passes (time of each pass), "
-        ".strip.png (pictures beside the truth, the worst place enlarged), from `stress` stability and "
-        "stability.AXIS; captions.md has their captions, which only png charts also show.",
+        "from `stress` stability and stability.AXIS; captions.md has their captions, which only png charts also show.",
         "FORMAT",
         default="html",
         words=("html", "md", "csv", "tex", "png", "svg", "pdf"),
-    )
-    picture: list[str] = option(
-        'What strips show beside the truth, as tables name it, such as "shadow-map at 1024"; repeatable  [the cheapest '
-        "real-time setting for each accuracy].",
-        "SETTING",
-        default=(),
-    )
-    split: bool = options.flag(
-        "Write pictures, charts and tables into files beside the page (report.files/), which it loads when it shows "
-        "them: for thousands of cells."
     )
     plugin: list[Path] = options.plugins()
 
@@ -68,34 +55,31 @@ def report(
     from shadowbench.commands.study_tables import print_verdict
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.reports.report import FIGURES, report_target, write_report
-    from shadowbench.results.configurations import sections
-    from shadowbench.results.folder import read_folders
+    from shadowbench.results.frame import read_folders
     from shadowbench.results.law import law_on_record
+    from shadowbench.results.summary import summaries
 
-    target = report_target(asked.output, asked.format, asked.split)
+    target = report_target(asked.output, asked.format)
     techniques_with(asked.plugin)  # whose metrics are columns too
     with console.Reporter(quiet) as reporter:
         reporter.stage("reading", 1)
         runs, sweeps = read_folders(folders)
         reporter.stage("charts and pictures", 1)
-        scenes = sections(runs, law_on_record())
-        count = write_report(runs, scenes, sweeps, target, asked.format, asked.split, asked.picture)
+        law = law_on_record()
+        summarised = [(run, summaries(run, law)) for run in runs]
+        count = write_report(summarised, sweeps, target, asked.format)
     if quiet:
         return
-    for run in runs:
+    for run, scenes in summarised:
         if run.earlier:
             which = f"{len(run.earlier)} of {len(run.rows)} cells are of earlier commands"
             console.print_error(f"note: {run.folder}: {which}")
         if len(runs) > 1:
             console.print_line(f"{run.label}, on {run.renderer}")
-        print_verdict([section for parts in scenes.values() for section in parts if section.run is run])
+        print_verdict(scenes)
     if asked.format in FIGURES:
         console.print_line(f"{target}: {counted(count, 'figure')}")
         return
     size = target.stat().st_size
-    if asked.format == "html" and not asked.split and size > _LARGE:
-        console.print_error(
-            f"note: {target}: {size / 1e6:.0f} MB are slow to open; with --split the pictures are files beside it"
-        )
     cells = counted(sum(len(one.rows) for one in (*runs, *sweeps)), "cell")
     console.print_line(f"{target}: {cells}, {f'{size / 1e6:.1f} MB' if size >= 1e6 else f'{size / 1e3:.0f} kB'}")

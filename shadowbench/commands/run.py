@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import campaigns
 from shadowbench.commands.study_tables import print_study
 from shadowbench.errors import InputError, counted
 from shadowbench.options import Measuring, ViewOptions, option
 
 if TYPE_CHECKING:
-    from shadowbench.results.folder import Run
+    from shadowbench.results.frame import Run
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class RunOptions:
     output: Path = options.output("Folder for the table, masks and pictures.", default=Path("results/latest"))
     plugin: list[Path] = options.plugins()
     time_again: bool = option(
-        "Time cells again that have been timed before; `check DIR --repeat` compares the two times.",
+        "Time cells again that have been timed before.",
         default=False,
         heading="Measurement",
     )
@@ -72,7 +71,7 @@ def run(
     *,
     measuring: Measuring,
     view: ViewOptions,
-    machines: options.StudyMachines,
+    machines: options.Machines,
     printed: options.Printed,
     asked: RunOptions,
 ) -> int:
@@ -97,6 +96,7 @@ def run(
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
         worker = None if machines.dask is not None else stack.enter_context(Worker(asked.plugin))
+        from shadowbench.campaigns import campaign_in
         from shadowbench.measure.plugin_output import subjects_with
         from shadowbench.plugin.spec import parse_spec
         from shadowbench.studies.run import Part, estimate, measure
@@ -107,26 +107,30 @@ def run(
         specs = [parse_spec(text, known) for text in asked.techniques]
         sizes = options.map_sizes(asked.map_size)
         reporter = stack.enter_context(console.Reporter(printed.quiet))
-        if machines.dask is not None and machines.time_on is None and measuring.rounds != 0:
+        if machines.dask is not None:
             if measuring.rounds:
-                given = f"--rounds {measuring.rounds} with --dask: times belong to one machine"
-                raise InputError(f"{given}; allowed: --rounds 0, or --time-on here or a worker")
-            reporter.note("nothing is timed: --time-on says on which machine")
+                raise InputError(f"--rounds {measuring.rounds}: nothing is timed with --dask; allowed: 0")
             measuring = replace(measuring, rounds=0)
         study = study_from_options(
             known, scenes or (), specs, study=asked.study, map_size=sizes, measuring=measuring, view=view
         )
-        if machines.time_on is not None and study.rounds == 0:
-            raise InputError(f"--time-on {machines.time_on}: found 0 rounds; allowed: 1 or more")
         if not scenes and not asked.study and asked.part is None:
             cells, seconds = estimate(study)
             on = f"{len(study.scenes)} scenes"
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         if worker is not None:
             worker.limits = study.limits
-        where = (asked.output, machines, asked.plugin, study.limits, reporter, worker)
-        at = stack.enter_context(campaigns(*where, time_again=asked.time_again, keep_going=asked.keep_going))
-        found = measure(study, at, chosen_part)
+        where = campaign_in(
+            asked.output,
+            reporter,
+            asked.plugin,
+            study.limits,
+            worker=worker,
+            **asdict(machines),
+            time_again=asked.time_again,
+            keep_going=asked.keep_going,
+        )
+        found = measure(study, stack.enter_context(where), chosen_part)
     if found.run.earlier and not printed.quiet:
         console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
     if found.run.older and not printed.quiet:
@@ -134,11 +138,11 @@ def run(
         why = "of cells with these names, but of another file, setting or version; another -o keeps both"
         console.print_error(f"note: {asked.output}: table.csv and reports leave out {rows}: {why}")
     if printed.json:
-        from shadowbench.results.configurations import sections
         from shadowbench.results.law import law_on_record
+        from shadowbench.results.summary import summaries
 
-        made = [section for parts in sections([found.run.last], law_on_record()).values() for section in parts]
-        console.print_json({section.scene: [asdict(one) for one in section.configurations] for section in made})
+        shown = summaries(found.run.last, law_on_record())
+        console.print_json({summary.scene: summary.records() for summary in shown})
     else:
         print_study(found, asked.output, printed.quiet)
     results = found.run.last.results

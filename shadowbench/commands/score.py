@@ -9,7 +9,7 @@ from shadowbench.errors import InputError, number
 from shadowbench.options import ViewOptions, option
 
 if TYPE_CHECKING:
-    from shadowbench.engines.accuracy import Accuracy
+    from shadowbench.masks.accuracy import Accuracy
 
 
 @dataclass(frozen=True)
@@ -47,55 +47,42 @@ def score(
 
     Compares them with the ray-traced shadows of the scene; needs no OpenGL, and with a file of `shadowbench truth` in
     place of the scene no Embree either. `shadowbench export` writes the scene to draw. A mask that is flipped, inverted
-    or not square is refused; one that seems shifted or sRGB-encoded is scored unchanged, with a warning. Below the
-    metrics, faults of the whole mask are named, and the wrong pixels that are left once these are undone are listed by
-    kind of error: first that of acne, leak and contact which takes the largest share of its region, if that is 1% or
-    more, then most pixels first; the line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover
-    all edges, also of leaks. Under a light with a size, the errors that stand out are listed instead: causes (a
-    shift, an sRGB encoding, a blur, a wrong width of penumbrae) before errors of penumbra, umbra and full light, the
-    larger first. The column `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or
-    both.
+    or not square is refused; one that seems shifted, sRGB-encoded or lit by ambient light is scored unchanged, with a
+    warning. Below the metrics the errors are said in words, the leading one first. The column `shadows` says
+    whether a metric is for hard shadows, soft ones (of a light with a size) or both.
     """
-    from shadowbench.engines.accuracy import accuracy_of
-    from shadowbench.engines.export import size_mismatch
-    from shadowbench.engines.external_mask import external_mask
-    from shadowbench.engines.store import append_row
-    from shadowbench.engines.stored_truth import stored_truth_of
+    from shadowbench.masks.accuracy import accuracy_of, append_row
+    from shadowbench.masks.inputs import external_mask, stored_truth_of
     from shadowbench.scores.difference import write_difference
 
     _check_outputs(asked, mask)
-    handed = external_mask(scene, mask, asked.lit, asked.shadowed, asked.ambient, linear=asked.linear)
+    picture = external_mask(scene, mask, asked.lit, asked.shadowed, asked.ambient, linear=asked.linear)
     with console.Reporter(printed.quiet) as reporter:
-        against = stored_truth_of(scene, view) or reporter.view(scene, handed.size, view)
-        accuracy = accuracy_of(handed, against)
-    drawn = mask or asked.shadowed
-    sized = size_mismatch(drawn, accuracy.view) if drawn is not None else None
-    warnings = [*accuracy.warnings, *([sized] if sized else [])]
-    told = []
+        against = stored_truth_of(scene, view) or reporter.view(scene, picture.size, view)
+        accuracy = accuracy_of(picture, against)
+    notes = []
     if asked.diff is not None:
         write_difference(asked.diff, accuracy.difference())
-        told.append(f"{asked.diff}: false shadow orange, false light blue")
+        notes.append(f"{asked.diff}: false shadow orange, false light blue")
     if asked.output is not None and asked.name is not None:
-        new = append_row(accuracy, asked.name, asked.output)
-        row = (
-            f"score, mask and difference of {asked.name} added" if new else f"already holds this score of {asked.name}"
-        )
-        told.append(f"{asked.output}: {row}")
+        added = append_row(accuracy, asked.name, asked.output)
+        row = f"score, mask and difference of {asked.name} added"
+        notes.append(f"{asked.output}: {row if added else f'already holds this score of {asked.name}'}")
     if printed.json:
-        console.print_json(accuracy.values() | {"warnings": warnings})
+        console.print_json(accuracy.values())
         return
     _print(accuracy)
     if not printed.quiet:
-        for warning in warnings:
+        for warning in accuracy.warnings:
             console.print_error(f"warning: {warning}")
-        for line in told:
+        for line in notes:
             console.print_line(line)
 
 
 def _check_outputs(asked: ScoreOptions, mask: Path | None) -> None:
     """Raises InputError if what is asked for cannot be written."""
-    from shadowbench.engines.store import check_name
     from shadowbench.files import check_folder, check_outputs
+    from shadowbench.masks.accuracy import check_name
 
     if (asked.output is None) != (asked.name is None):
         raise InputError("-o DIR and --name NAME: found one of them; allowed: both, for a row in a run folder, or none")

@@ -1,12 +1,11 @@
 """`stress`: vary one parameter of the scene at a time until a technique fails, and print the operating ranges."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
-from shadowbench.commands.executors import campaigns
 from shadowbench.options import option
 
 if TYPE_CHECKING:
@@ -57,6 +56,7 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
       refused: 1e5              values that the technique does not support
       3 of 20 values            number of values measured, with --quick
     """
+    from shadowbench.campaigns import campaign_in
     from shadowbench.measure.plugin_output import subjects_with
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.results.ranges import ranges_frame
@@ -70,9 +70,9 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
     specs = tuple(dict.fromkeys(parse_spec(text, known) for text in asked.techniques)) or default_specs(known.values())
     with (
         console.Reporter(printed.quiet) as reporter,
-        campaigns(asked.output, machines, asked.plugin, LIMITS, reporter, keep_going=asked.keep_going, **SWEEPING) as (
-            campaign,
-        ),
+        campaign_in(
+            asked.output, reporter, asked.plugin, LIMITS, **asdict(machines), keep_going=asked.keep_going, **SWEEPING
+        ) as campaign,
     ):
         found = walk(specs, axes, campaign, quick=asked.quick, part=chosen_part)
     if printed.json:

@@ -47,8 +47,8 @@ def truth(scene: options.Scene, asked: TruthOptions, quiet: options.Quiet = Fals
 
     `shadowbench score` takes the file in place of the scene.
     """
-    from shadowbench.engines.stored_truth import write_stored_truth
     from shadowbench.files import check_outputs
+    from shadowbench.masks.inputs import write_stored_truth
     from shadowbench.truths.cache import cached_truth
 
     check_outputs(".npz", asked.output)

@@ -1,14 +1,16 @@
 """`view`: a window in which what is seen is what is scored."""
 
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from shadowbench.commands import console, options
 from shadowbench.errors import NOT_EVERYWHERE, InputError, how_to_install
 from shadowbench.options import FIRST, ViewOptions, option, view_size
+
+if TYPE_CHECKING:
+    from shadowbench.viewer.window import ViewerWindow
 
 _MOST = 2
 LIBRARIES = "libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
@@ -39,7 +41,7 @@ def view(
         options.argument("[SCENE]", f"The scene: {options.SCENE}; with --cell the folder of a run.", options.scenes),
     ] = None,
     *,
-    asked: WindowOptions,
+    window: WindowOptions,
     quiet: options.Quiet = False,
     view: ViewOptions,
 ) -> None:
@@ -52,53 +54,48 @@ def view(
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.scenes.opening import named
-    from shadowbench.viewer.state import Origin, ViewerState
-    from shadowbench.viewer.state_files import holds_state, read_state
+    from shadowbench.viewer.state import Origin, ViewerState, cell_state, holds_state, read_state
 
-    _check(scene, asked, view)
+    _check(scene, window, view)
     show = _window()
-    known = techniques_with(asked.plugin)
-    specs = tuple(parse_spec(text, known) for text in asked.technique)
-    state = asked.state
-    if scene is not None and asked.cell is None and replace(view, assets=None) == FIRST and holds_state(Path(scene)):
-        state = Path(scene)
-    if state is not None:
-        shown = read_state(state, known, view.assets)
-    elif asked.cell is not None:
-        from shadowbench.viewer.state_files import cell_state  # with pandas, only when it is needed
-
-        shown = cell_state(Path(str(scene)), asked.cell, known, view.assets)
+    known = techniques_with(window.plugin)
+    specs = tuple(parse_spec(text, known) for text in window.technique)
+    is_plain = scene is not None and window.cell is None and replace(view, assets=None) == FIRST
+    if window.state is not None or (is_plain and holds_state(Path(str(scene)))):
+        state = read_state(window.state or Path(str(scene)), known, view.assets)
+    elif window.cell is not None:
+        state = cell_state(Path(str(scene)), window.cell, known, view.assets)
     else:
         with console.Reporter(quiet) as reporter:
-            chosen = reporter.view(str(scene), asked.view_size, view)
+            chosen = reporter.view(str(scene), window.view_size, view)
         camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
         first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
-        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, Origin(str(scene), view))
-    show(replace(shown, specs=specs or shown.specs, size=asked.view_size or shown.size), known, asked.plugin)
+        state = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, Origin(str(scene), view))
+    show(replace(state, specs=specs or state.specs, size=window.view_size or state.size), known).run()
 
 
-def _check(scene: str | None, asked: WindowOptions, view: ViewOptions) -> None:
+def _check(scene: str | None, window: WindowOptions, view: ViewOptions) -> None:
     """Raises InputError for arguments that exclude each other."""
-    if len(asked.technique) > _MOST:
-        raise InputError(f"--technique: found {len(asked.technique)}; allowed: one or two, A and B")
-    if (scene is None) == (asked.state is None):
-        found = "no scene" if scene is None else "SCENE and --state"
+    if len(window.technique) > _MOST:
+        raise InputError(f"--technique: found {len(window.technique)}; allowed: one or two, A and B")
+    if (scene is None) == (window.state is None):
+        given = "no scene" if scene is None else "SCENE and --state"
         allowed = "SCENE, such as sphere-and-torus or a mesh file, or --state FILE.toml"
-        raise InputError(f"view: found {found}; allowed: {allowed}")
-    if asked.cell is None and scene is not None and Path(scene).is_dir():
+        raise InputError(f"view: found {given}; allowed: {allowed}")
+    if window.cell is None and scene is not None and Path(scene).is_dir():
         raise InputError(f"{scene}: found a folder; allowed with --cell KEY, a key of its rows.jsonl or its report")
-    if asked.state is not None and asked.cell is not None:
+    if window.state is not None and window.cell is not None:
         raise InputError("view: found --state and --cell; allowed: one")
-    if (asked.state or asked.cell) and replace(view, assets=None) != FIRST:
+    if (window.state or window.cell) and replace(view, assets=None) != FIRST:
         raise InputError(
             "options on how a SCENE is read, such as --view or --sun, are for one; a state and a cell have their own"
         )
 
 
-def _window() -> "Callable[..., None]":
-    """The function that shows the window. Raises InputError if what it needs is not installed."""
+def _window() -> "type[ViewerWindow]":
+    """The window's class. Raises InputError if what it needs is not installed."""
     try:
-        from shadowbench.viewer.window import show
+        from shadowbench.viewer.window import ViewerWindow
     except ModuleNotFoundError as error:
         if error.name in NOT_EVERYWHERE:
             raise
@@ -111,4 +108,4 @@ def _window() -> "Callable[..., None]":
         raise InputError(
             f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}"
         ) from None
-    return show
+    return ViewerWindow

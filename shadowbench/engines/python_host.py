@@ -2,14 +2,16 @@
 
 `python python_host.py DRAW.py` reads calls from standard input and writes answers to what was standard output; what the
 engine prints goes to standard error. Each is the length of a message in 8 bytes, little-endian, and the message, as
-`pack` in hosts.py makes it.
+`pack` in programs.py makes it.
 """
 
 import importlib.util
 import json
 import os
 import sys
+import tempfile
 import traceback
+from pathlib import Path
 from typing import Any
 
 
@@ -43,7 +45,9 @@ def answer_to(engine: Any, name: str, argument: Any, data: bytes) -> tuple[dict[
         version, renderer = engine.open(**argument)
         return {"version": version, "renderer": renderer}, b""
     if name == "load":
-        engine.load(data, argument)
+        with tempfile.TemporaryDirectory() as folder:
+            (model := Path(folder, "scene.glb")).write_bytes(data)
+            engine.load(model, argument)
         return {}, b""
     picture = engine.draw(**argument)
     return {"shape": picture.shape, "type": str(picture.dtype)}, picture.tobytes()

@@ -1,4 +1,7 @@
-"""The OpenGL context of a process, its driver's properties, and the entry points that moderngl lacks."""
+"""The OpenGL context of a process, its driver's properties, and the entry points that moderngl lacks.
+
+Where moderngl is not installed there are only its names, so that techniques are listed and specs and rows are read.
+"""
 
 import ctypes
 import os
@@ -7,10 +10,24 @@ import sys
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import ModuleType
 from typing import Any, Protocol
 
 from shadowbench.errors import NOT_INSTALLED, NoGLError
-from shadowbench.gl.library import MissingModule, moderngl
+
+
+class MissingModule(ModuleType):
+    """Stands for a library whose types occur in annotations and isinstance checks; nothing is an instance of them."""
+
+    def __getattr__(self, name: str) -> type:
+        return type(name, (), {})
+
+
+try:
+    import moderngl as moderngl
+except ModuleNotFoundError:  # no wheel for this platform: docs/how-to/install.md
+    moderngl = MissingModule("moderngl")
+
 
 _SUBPIXEL_BITS, _CUBE_MAP_SEAMLESS = 0x0D50, 0x884F
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "warp", "basic render")

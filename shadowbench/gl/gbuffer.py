@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pyglm import glm
 
-from shadowbench.gl.device import Device
-from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_DEFINES, DeviceGeometry
-from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Program, Sampling, State, link
-from shadowbench.gl.shaders import SHADERS, compose
+from shadowbench.gl.device import Device, moderngl
+from shadowbench.gl.geometry import CUTOUTS, SMOOTH, TRIANGLE_DEFINES, DeviceGeometry
+from shadowbench.gl.program import SHADERS, Drawable, Program, Sampling, State, compose, link
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
 
@@ -121,3 +119,24 @@ class GBufferPass:
         """Free the programs and their vertex arrays."""
         drawables = filter(None, (self.drawable, self.drawable.cut))
         self.device.free(part for one in drawables for part in (one.vertices, one.program.linked))
+
+
+class FacetPass:
+    """Darkens masks of scenes with smooth surfaces: see `facets.frag`."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        program = link(device, compose("fullscreen.vert", SHADERS), compose("facets.frag", SHADERS, SMOOTH))
+        self._drawable = Drawable(program, device.context.vertex_array(program.linked, []), count=3)
+
+    def draw(self, visibility: moderngl.Texture, surface: GBuffer, view: View) -> None:
+        """Write 0 into a mask, where it is to be."""
+        target = self._device.context.framebuffer([visibility])
+        xyz, w = view.light.homogeneous
+        self._drawable.program.set(light=(*xyz, w))
+        self._drawable.draw(target, surface.inputs)
+        self._device.free((target,))
+
+    def release(self) -> None:
+        """Free the program."""
+        self._device.free((self._drawable.vertices, self._drawable.program.linked))

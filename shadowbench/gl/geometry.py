@@ -7,8 +7,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.gl.device import Device
-from shadowbench.gl.library import moderngl
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Drawable, Program, Sampling, Textures
 from shadowbench.scenes.cutouts import CutoutFaces, PackedCutouts
 from shadowbench.scenes.triangles import Faces, Geometry

@@ -11,8 +11,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.gl.device import Device
-from shadowbench.gl.library import moderngl
+from shadowbench.gl.device import Device, moderngl
 
 DepthFormat = Literal["d16", "d24", "d32f"]
 Layers = Literal["array", "cube"]

@@ -6,8 +6,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import model_validator
 
-from shadowbench.plugin.grammar import Call, parse_value
-from shadowbench.plugin.params import Component, param
+from shadowbench.plugin.params import Call, Component, param, parse_value
 
 MapKind = Literal["2d", "array", "cube"]
 ALL_MAPS: frozenset[MapKind] = frozenset({"2d", "array", "cube"})

@@ -1,5 +1,6 @@
 """The one way to make rows: blocks are drawn, scored against their truths and timed, into a folder."""
 
+import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -24,11 +25,11 @@ from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.time_rows import time_row
 from shadowbench.scenes.model import View
 from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
-from shadowbench.truths.trace import Truth
 
 Shadows = Literal["lit", "in shadow", "with edges"]
 """What a view shows: whether all that is decided is lit, or in shadow."""
 
+_log = logging.getLogger("shadowbench")
 _FLIP_SAMPLES = 1  # along a pixel's side, of truths that flips are counted with
 
 
@@ -43,6 +44,22 @@ class Reporter(Protocol):
 
     def step(self, what: str) -> None:
         """Count one step of the stage as done."""
+
+
+class LogReporter:
+    """Reporter that logs progress."""
+
+    def note(self, line: str) -> None:
+        """See `Reporter`."""
+        _log.info(line)
+
+    def stage(self, name: str, total: int | None) -> None:
+        """See `Reporter`."""
+        _log.debug("%s: %s", name, total)
+
+    def step(self, what: str) -> None:
+        """See `Reporter`."""
+        _log.debug(what)
 
 
 class Campaign:
@@ -86,13 +103,13 @@ class Campaign:
         Raises InputError for a view that shows nothing. The campaign need not be entered yet: nothing is written.
         """
         self.reporter.stage("truth", len(blocks))
-        found: list[Shadows | None] = []
-        for block in blocks:
-            found.append(None)
-            with self._attempt("truth", block.view.name):
-                found[-1] = shadows_in(cached_truth(block.view))
-            self.reporter.step(block.view.name)
-        return found
+        shows: list[Shadows | None] = [None] * len(blocks)
+        for index, result in self._traced([block.view for block in blocks]):
+            name = blocks[index].view.name
+            with self._attempt("truth", name):
+                shows[index] = result()
+            self.reporter.step(name)
+        return shows
 
     def measure(self, blocks: Iterable[Block]) -> Iterator[list[Result]]:
         """Results of each block's cells, measured now or found. Reports a step for each cell, and one when it is timed.
@@ -134,6 +151,10 @@ class Campaign:
     def finish(self, study: StudyFacts, notes: Sequence[str], keys: Iterable[str]) -> None:
         """Write `run.json`; keys: of the cells that the command asked for."""
         write_run_file(self.folder / "run.json", self.drawer, notes, study, keys)
+
+    def _traced(self, views: Sequence[View]) -> Iterable[tuple[int, Callable[[], Shadows]]]:
+        """The index of each view, and what says or raises what it shows."""
+        return enumerate(partial(trace_view, view) for view in views)
 
     @contextmanager
     def _attempt(self, what: str, where: str) -> Iterator[None]:
@@ -255,8 +276,9 @@ class Campaign:
             self.reporter.step(f"{scene}: timed")
 
 
-def shadows_in(truth: Truth) -> Shadows:
-    """What a view with this truth shows."""
+def trace_view(view: View) -> Shadows:
+    """What a view shows, whose truth is in the cache then."""
+    truth = cached_truth(view)
     visibility = truth.visibility[truth.receivers & ~truth.undecided]
     if not (visibility < 1).any():
         return "lit"

@@ -1,11 +1,13 @@
 """Cells drawn by OpenGL: calls of a worker process, and the groups of cells that are timed together."""
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from importlib.metadata import entry_points
 from typing import Any, Concatenate
 
 from shadowbench.errors import InputError, ShadowbenchError, Unsupported
 from shadowbench.measure.cells import UNSHADOWED, Block, Cell, reference_name
-from shadowbench.measure.drawer import CellFailed, DeviceInfo, MemoryExceeded, status_of
+from shadowbench.measure.drawer import CellFailed, DeviceInfo, Drawer, MemoryExceeded, status_of
 from shadowbench.measure.rendering import Rendering, Surface
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.time_rows import Samples, Times
@@ -18,6 +20,17 @@ _GROUP_SHARE = 0.5  # share of the memory limit for the cells of a group
 _CELL_SHARE = 0.5  # share of the memory limit for the textures and buffers of a cell
 _KEPT_SHARE = 0.25  # share of the memory limit for cells that were drawn and wait to be timed
 _FLOOR = Cell(UNSHADOWED)
+DRAWERS = "shadowbench.drawers"  # group of entry points
+
+
+@contextmanager
+def drawer_of(worker: Worker) -> Iterator[Drawer]:
+    """The drawer of a worker's techniques, inside those that entry points name: they draw what is not ours."""
+    with ExitStack() as stack:
+        drawer: Drawer = GLDrawer(worker)
+        for point in entry_points(group=DRAWERS):
+            drawer = stack.enter_context(point.load()(drawer))
+        yield drawer
 
 
 class GLDrawer:

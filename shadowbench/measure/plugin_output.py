@@ -1,4 +1,4 @@
-"""Output printed by plug-ins: forwarded to stderr, apart from results, and truncated if excessive."""
+"""What plug-ins print, on stderr and apart from results; techniques and engines by name, loaded with them."""
 
 import codecs
 import io
@@ -6,38 +6,15 @@ import os
 import sys
 import threading
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stdout
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, TextIO
+from typing import IO, TYPE_CHECKING
 
 from shadowbench.errors import InputError
 from shadowbench.streams import SafeStream
 
 if TYPE_CHECKING:
     from shadowbench.plugin.base import Subject, Technique
-
-MAX_CHARACTERS = 100_000
-"""Characters forwarded from one process."""
-
-
-class TruncatedStream(io.TextIOBase):
-    """Stream that forwards its first MOST characters to another, then a notice, then nothing."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream, self._left = stream, MAX_CHARACTERS
-
-    def write(self, text: str) -> int:
-        """Forward as much as the limit allows; returns the length of `text`."""
-        kept = text[: max(self._left, 0)]
-        if len(text) > self._left >= 0:
-            kept += f"…\nwhat plug-ins print is cut here, after {MAX_CHARACTERS} characters\n"
-            self._left = -1  # the notice is out
-        elif self._left >= 0:
-            self._left -= len(text)
-        if kept:
-            self._stream.write(kept)
-            self._stream.flush()
-        return len(text)
 
 
 def forward_output(pipe: IO[bytes]) -> threading.Thread:
@@ -47,10 +24,10 @@ def forward_output(pipe: IO[bytes]) -> threading.Thread:
         decoder = codecs.getincrementaldecoder("utf-8")("replace")
         # By file descriptor: sys.stderr may be redirected by then. Read on if nobody reads stderr: plug-ins print on.
         stderr = io.BufferedWriter(SafeStream(io.FileIO(2, "w", closefd=False)))
-        with pipe, io.TextIOWrapper(stderr, encoding="utf-8") as text:
-            stream = TruncatedStream(text)
+        with pipe, io.TextIOWrapper(stderr, encoding="utf-8", write_through=True) as text:
             while data := os.read(pipe.fileno(), 1 << 16):
-                stream.write(decoder.decode(data))
+                text.write(decoder.decode(data))
+                text.flush()
 
     thread = threading.Thread(target=read, daemon=True)
     try:
@@ -62,23 +39,22 @@ def forward_output(pipe: IO[bytes]) -> threading.Thread:
 
 
 def techniques_with(plugins: Sequence[Path]) -> "Mapping[str, type[Technique]]":
-    """All techniques by name, those of plug-ins included. Output printed on loading goes to stderr, truncated.
+    """All techniques by name, those of plug-ins included. What these print on loading goes to stderr.
 
     Raises InputError for a plug-in that cannot be loaded, and for a metric that has the name of a column.
     """
     from shadowbench.plugin.registry import techniques  # the worker's start does not wait for this import
     from shadowbench.scores.metrics import plug_in, plugged_in
 
-    stream = TruncatedStream(sys.stderr)
-    with redirect_stdout(stream), redirect_stderr(stream):
-        found = techniques(plugins)
+    with redirect_stdout(sys.stderr):
+        known = techniques(plugins)
     if metrics := plugged_in():
         from shadowbench.measure.columns import is_taken
 
         for name in [metric.name for metric in metrics if is_taken(metric.name)]:
             plug_in([])  # a later call does without it
             raise InputError(f"--plugin: a metric is called {name!r}, as is a column; allowed: another name")
-    return found
+    return known
 
 
 def subjects_with(plugins: Sequence[Path]) -> "Mapping[str, type[Subject]]":

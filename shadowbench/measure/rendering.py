@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.files import png_of
-from shadowbench.gl.device import Device
-from shadowbench.gl.facets import FacetPass
-from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
+from shadowbench.gl.device import Device, moderngl
+from shadowbench.gl.gbuffer import FacetPass, GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
-from shadowbench.gl.library import moderngl
 from shadowbench.gl.picture import PicturePass
 from shadowbench.maps.filters import Filter
 from shadowbench.plugin.base import Stage, Technique

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from shadowbench.errors import Unsupported, quoted
-from shadowbench.gl.arithmetic import arithmetic
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import open_device
 from shadowbench.gl.gbuffer import GBuffer
+from shadowbench.gl.program import arithmetic
 from shadowbench.measure.drawer import DeviceInfo
 from shadowbench.measure.rendering import (
     LoadedScene,

@@ -3,8 +3,8 @@
 `build` gets geometry, device and parameters, but no camera or light pose. All work that depends on the camera or the
 light is done, and timed, in `draw`. A technique is one file with its parameters, `unsupported`, `build` and `draw`; its
 shaders are inline or files in the same folder. `shadowbench new-technique NAME` writes a working one to start from.
-Common parts, in `shadowbench.maps`: `resolve.ResolvePass`, the full-screen pass; `fits.FittedView`, the light's view;
-`caster_map.CasterMap`, the map that the casters are rendered into.
+Common parts, in `shadowbench.maps`: `caster_map.ResolvePass`, the full-screen pass; `fits.FittedView`, the light's
+view; `caster_map.CasterMap`, the map that the casters are rendered into.
 
 `stage.program(…, params=self.params)` passes a parameter `key` to the shader by its type:
 
@@ -39,9 +39,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.clock import Changes, Clock
-from shadowbench.gl.device import Device
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.gbuffer import GBuffer
-from shadowbench.gl.library import moderngl
 from shadowbench.plugin.params import TechniqueParams, components_of, param
 from shadowbench.plugin.stage import Stage
 from shadowbench.scenes.model import Camera, Light, LightKind, View
@@ -143,27 +142,27 @@ class Subject(ABC):
     catalogue: ClassVar[Entry] = Entry()
 
     @classmethod
-    def map_size(cls, params: TechniqueParams) -> int | None:
+    def map_size(cls, params: Any) -> int | None:
         """Texels along a side of the map; None for one without a map."""
         return getattr(params, "size", None)
 
     @classmethod
-    def view_slices(cls, params: TechniqueParams) -> int:
+    def view_slices(cls, params: Any) -> int:
         """Number of frustum slices with a map of their own."""
         return 1
 
     @classmethod
-    def extra_work(cls, params: TechniqueParams) -> str | None:
+    def extra_work(cls, params: Any) -> str | None:
         """Why these parameters have no cost where specs are ranked by counts of work; None if they have."""
         return None
 
     @classmethod
-    def lifts(cls, params: TechniqueParams) -> bool:
+    def lifts(cls, params: Any) -> bool:
         """Whether shadows are received on the smooth surface, not on its triangles."""
         return any(component.lifts for component in components_of(params))
 
     @classmethod
-    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
+    def draws_on_cpu(cls, params: Any) -> bool:
         """Whether the CPU does part of the drawing: timed by the wall clock on every device, not by the GPU's timer."""
         return False
 
@@ -175,12 +174,12 @@ class Technique(Subject):
         self.params = params
 
     @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+    def unsupported(cls, params: Any, view: View, device: Device) -> str | None:
         """Why these parameters cannot draw this view on this device; None if they can."""
         return None
 
     @classmethod
-    def declines(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+    def declines(cls, params: Any, view: View, device: Device) -> str | None:
         """Why the technique cannot draw this view, by `unsupported` or `lights`; None if it can."""
         kind = view.light.hard_kind
         answers = f"a {kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"

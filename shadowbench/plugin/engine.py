@@ -5,7 +5,8 @@ with `package.json`, or `requirements.txt` of pip, each with hashes and without 
 defaults are the settings that the engine ships with. `draw.js` exports, and `draw.py` defines, three functions:
 
     open(canvas and size, or size)          the engine's version; in Python its version and the name of the renderer
-    load(glb, view)                         a scene in place of the former: bytes of a .glb, and the object of view.json
+    load(model, view)                       a scene in place of the former: in Python the path of a .glb, on a page its
+                                            bytes, `glb`; and the object of view.json
     draw(light, box, params, shadows, exposure)
                                             a complete picture of that scene, with or without shadows
 
@@ -40,8 +41,7 @@ class Engine(Subject):
     its version; imports, scripts: the page's import map and classic scripts, as paths in its packages; display: whether
     it draws in a window; vulkan: whether by Vulkan; box: whether the map's box is given or the engine's own; encoding:
     of pictures; casts: whether single meshes can be kept from casting and receiving; sources: where the settings of
-    presets are from, and those that are shipped; ruled_out: scenes, by preset, whose shadows its documentation or its
-    technique rules out, so that what is wrong there is no defect; seconds: limit of a call.
+    presets are from, and those that are shipped; seconds: limit of a call.
     """
 
     own = False
@@ -57,7 +57,6 @@ class Engine(Subject):
     encoding: ClassVar[Literal["srgb", "linear"]] = "srgb"
     casts: ClassVar[bool] = False
     sources: ClassVar[Mapping[str, str]] = {}
-    ruled_out: ClassVar[Mapping[str, Sequence[str]]] = {}
     seconds: ClassVar[float] = 120.0
 
     @classmethod

@@ -1,7 +1,7 @@
 """The registry of techniques: built-in ones, those of installed packages, and files given by --plugin.
 
 Plug-ins may also define components (a bias, filter, fit or split), which register themselves where they are defined,
-and metrics: instances of `Metric`.
+and metrics: instances of `Metric`. Engines are known by the entry points of the group `shadowbench.engines` alone.
 """
 
 import hashlib
@@ -10,25 +10,27 @@ import inspect
 import logging
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
+from typing import TypeVar
 
 from shadowbench.errors import InputError, message, quoted
 from shadowbench.plugin.base import Subject, Technique
 from shadowbench.plugin.engine import Engine
-from shadowbench.plugin.grammar import WORD
-from shadowbench.plugin.params import Component
+from shadowbench.plugin.params import WORD, Component
 from shadowbench.plugin.spec import forget_parsed, parse_spec
 from shadowbench.scenes.scene_tables import LONGEST_NAME
 from shadowbench.scores.metric import Metric
 from shadowbench.scores.metrics import METRICS, plug_in
 
 GROUP = "shadowbench.techniques"
+ENGINES = "shadowbench.engines"
+T = TypeVar("T")
 Plugged = type[Technique] | type[Component]
 _KINDS = "Technique, Bias, Filter, Fit or Split"
 _SCORED = "Metric(name, function(comparison) -> float | None, better, kind, help)"
@@ -47,12 +49,9 @@ def own_techniques() -> tuple[type[Technique], ...]:
 
 @cache
 def engines() -> Mapping[str, type[Engine]]:
-    """The engines by name, in alphabetical order."""
-    room = import_module("shadowbench.engines")
-    packages = [one.name for one in iter_modules(room.__path__) if one.ispkg]
-    modules = [import_module(f"{room.__name__}.{name}") for name in packages]
-    found = [one for module in modules for one in vars(module).values() if inspect.isclass(one)]
-    return {one.name: one for one in found if issubclass(one, Engine) and one is not Engine}
+    """The engines of installed packages, this one among them, by name, in alphabetical order."""
+    loaded = _installed(ENGINES, _checked_engine)
+    return {engine.name: engine for engine in sorted(loaded, key=lambda engine: engine.name)}
 
 
 @cache
@@ -76,8 +75,9 @@ def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
         plug_in([metric for _, metrics in loaded for metric in metrics])
     except ValueError as error:
         raise InputError(f"--plugin: {error}") from None
+    installed = [one for one in _installed(GROUP, _checked) if issubclass(one, Technique)]
     found: dict[str, type[Technique]] = {}
-    for technique in [*own, *_installed(), *(one for plugged, _ in loaded for one in plugged)]:
+    for technique in [*own, *installed, *(one for plugged, _ in loaded for one in plugged)]:
         if found.setdefault(technique.name, technique) is not technique:
             places = " and ".join(str(source_file(one)) for one in (found[technique.name], technique))
             raise InputError(f"two techniques are called {technique.name!r}: {places}")
@@ -102,18 +102,21 @@ def source_file(technique: Plugged) -> Path:
     return Path(inspect.getfile(technique))
 
 
-def _installed() -> list[type[Technique]]:
-    """Techniques of other packages. One that cannot be loaded is skipped with a warning; the others still run."""
-    loaded: list[Plugged] = []
-    for point in entry_points(group=GROUP):
+def _installed(group: str, check: Callable[[object, str], T]) -> list[T]:
+    """What entry points of other packages name, as `check` returns it.
+
+    What cannot be loaded, or is refused, is skipped with a warning; the others still run.
+    """
+    loaded = []
+    for point in entry_points(group=group):
         where = f"entry point {point.name!r} of {point.dist.name if point.dist else 'a package'}"
         try:
-            loaded.append(_checked(point.load(), where))
+            loaded.append(check(point.load(), where))
         except InputError as error:
             log.warning("%s; it is left out", error)
         except (Exception, SystemExit) as error:  # importing a foreign package may raise anything
             log.warning("%s cannot be imported: %s; it is left out", where, _summary(error))
-    return [one for one in loaded if issubclass(one, Technique)]
+    return loaded
 
 
 def _from_file(file: Path) -> tuple[list[type[Technique]], list[Metric]]:
@@ -166,6 +169,12 @@ def _checked(one: object, where: str) -> Plugged:
     missing += one.missing() if issubclass(one, Component) else []
     if missing:
         raise InputError(f"{where}: {one.__name__} lacks {'; '.join(missing)}")
+    return one
+
+
+def _checked_engine(one: object, where: str) -> type[Engine]:
+    if not (inspect.isclass(one) and issubclass(one, Engine)):
+        raise InputError(f"{where}: {one!r} is not a subclass of Engine")
     return one
 
 

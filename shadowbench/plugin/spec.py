@@ -4,7 +4,6 @@
 contains no preset, and `parse_spec(spec.text, …) == spec`.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -13,8 +12,15 @@ from typing import TYPE_CHECKING, Any, cast
 from pydantic import ValidationError
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.plugin.grammar import Items, Reader, parameters_of
-from shadowbench.plugin.params import Component, TechniqueParams, components_of, format_items
+from shadowbench.plugin.params import (
+    Component,
+    Items,
+    Reader,
+    TechniqueParams,
+    components_of,
+    format_items,
+    parameters_of,
+)
 from shadowbench.plugin.params import format_value as format_value
 from shadowbench.strict import explain
 
@@ -33,10 +39,6 @@ WRITTEN = {
     **dict.fromkeys(("none", "off", "no-shadows"), "unshadowed"),
 }
 """Other names of techniques in the field, and what a spec calls them."""
-
-_RETIRED = {("shadow-volume", "build"): ("geometry", "cpu")}
-"""Parameters that specs once had, and values that made no difference to masks: read, and left out."""
-_RETIRED_ITEM = re.compile(r"(?<=[:(,])(?:build=(?:geometry|cpu)|cutouts=unsupported),")
 
 
 @dataclass(frozen=True)
@@ -159,14 +161,9 @@ def spec_of(technique: "type[Subject]", items: Items, where: str) -> Spec:
                 raise InputError(f"spec {where!r}: unknown preset {found!r}{known}")
             if preset := technique.presets[value]:  # else the defaults
                 values |= parameters_of(f"{technique.name}:{preset}")[1]
-        elif value not in _RETIRED.get((technique.name, key), ()):
+        else:
             values[key] = value
     return Spec(technique, _validated(technique, values, f"spec {where!r}"), frozenset(values))
-
-
-def without_retired(full_text: str) -> str:
-    """A spec with all parameters, without items that other versions lack and that mean the same."""
-    return _RETIRED_ITEM.sub("", full_text) if "-volume" in full_text else full_text
 
 
 def _validated(technique: "type[Subject]", values: dict[str, Any], where: str) -> TechniqueParams:

@@ -13,11 +13,9 @@ from pydantic.fields import FieldInfo
 from shadowbench.errors import Unsupported
 from shadowbench.files import data_folder
 from shadowbench.gl import targets
-from shadowbench.gl.device import Device, Releasable
+from shadowbench.gl.device import Device, Releasable, moderngl
 from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_DEFINES, DeviceGeometry
-from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Drawable, Program, Textures, link
-from shadowbench.gl.shaders import compose
+from shadowbench.gl.program import Drawable, Program, Textures, compose, link
 from shadowbench.gl.targets import FACES, Color, DepthFormat, DepthTarget, DepthTexture, Kind, StencilTarget
 from shadowbench.plugin.params import Component, TechniqueParams, components_of, in_metres
 from shadowbench.scenes.model import Placement, Scene

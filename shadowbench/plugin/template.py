@@ -20,7 +20,7 @@ A shadow map to start from. shadowbench.plugin.base documents the class and the 
 
 from shadowbench.maps.caster_map import CasterMap, MapLayout, map_uniforms
 from shadowbench.maps.fits import FittedParams, FittedView
-from shadowbench.maps.resolve import ResolvePass
+from shadowbench.maps.caster_map import ResolvePass
 from shadowbench.plugin.base import Technique, param
 
 RESOLVE = """

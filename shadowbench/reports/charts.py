@@ -1,27 +1,175 @@
-"""Charts of a section, for the interactive page and for PNG figures."""
+"""Vega-Lite charts of a summary, for the interactive page and for figures, in one style."""
 
-from collections.abc import Sequence
+import io
+import json
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
-from shadowbench.reports.vega import (
-    COLORS,
-    INK,
-    MAX_SHOWN,
-    PAPER,
-    SHOWN_ONLY,
-    TOLD,
-    Chart,
-    Styles,
-    chart_of,
-    chart_point,
-    log_axis,
-    looks,
-    mark,
-    quantity,
-)
-from shadowbench.reports.words import digits
-from shadowbench.results.configurations import Section
+from PIL import Image
+
+from shadowbench.files import replace_file
+from shadowbench.plugin.registry import preset_names
+from shadowbench.reports.words import COLUMNS, cost_text, digits, error_text, value_text
 from shadowbench.results.curves import curves
+from shadowbench.results.summary import Setting, Summary, known
+from shadowbench.techniques.unshadowed import Unshadowed
+
+Chart = dict[str, Any]
+Styles = dict[str, tuple[str, str]]
+"""Colour and shape of each spec, in the order of the legend."""
+
+# Okabe & Ito 2008, "Color Universal Design", without black and yellow, which is too faint on white, and ten more with
+# L* from 36 to 84, as far apart as possible by CIEDE2000; the first eight are also visible on black.
+COLORS = (
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8976FF", "#898989"),
+    *("#8900C4", "#626200", "#B1D83B", "#B1003B", "#FFB19D", "#006262", "#D8C4FF", "#9DD8C4"),
+)
+# SVG paths of Vega's point shapes, within ±6.
+OUTLINES = {
+    "circle": "M6,0A6,6 0 1 1 -6,0A6,6 0 1 1 6,0",
+    "square": "M-5,-5H5V5H-5Z",
+    "triangle-up": "M0,-6L6,5H-6Z",
+    "diamond": "M0,-6.5L5,0L0,6.5L-5,0Z",
+    "cross": "M-6,-2H-2V-6H2V-2H6V2H2V6H-2V2H-6Z",
+    "triangle-down": "M0,6L6,-5H-6Z",
+    "triangle-right": "M6,0L-5,6V-6Z",
+    "triangle-left": "M-6,0L5,6V-6Z",
+}
+SHAPES = tuple(OUTLINES)
+MAX_SHOWN = 8
+"""Number of specs that the charts of a page show at a time, each with a unique colour and shape."""
+
+INK, PAPER = {"expr": "ink"}, {"expr": "paper"}  # signals, which the page sets to the colours of its theme
+PARAMS: list[Chart] = [{"name": "ink", "value": "#1a1a1a"}, {"name": "paper", "value": "white"}]
+SHOWN_ONLY = {"filter": "datum.shown !== false"}  # the page shows only some specs at a time
+TOOLTIP = {"tooltip": {"field": "tooltip"}, "description": {"field": "spec"}}
+"""Channels of a mark whose data have texts, by name, in `tooltip`."""
+BASE_CHART: Chart = {
+    "$schema": "https://vega.github.io/schema/vega-lite/v6.json",
+    "params": PARAMS,
+    "config": {
+        "background": "white",
+        "font": "sans-serif",
+        "axis": {"gridColor": "#e6e6e6", "labelFontSize": 12, "titleFontSize": 12, "titleFontWeight": "normal"},
+        "legend": {"labelFontSize": 12},
+        "view": {"stroke": None},
+    },
+}
+_LEGEND = {
+    "orient": "bottom",
+    "columns": 2,
+    "columnPadding": 30,
+    "labelLimit": 300,
+    "symbolOpacity": 1,
+    "symbolSize": 80,
+}
+
+
+def chart_of(about: str, values: Iterable[Chart], layer: Iterable[Chart], height: int | Chart) -> Chart:
+    """A layered chart in the common style; about: alternative text; height: in pixels, or of a row."""
+    size = {"width": "container", "height": height, "autosize": {"type": "fit-x", "contains": "padding"}}
+    return {**BASE_CHART, "description": about, **size, "data": {"values": list(values)}, "layer": list(layer)}
+
+
+def titled(chart: Chart, title: str, *subtitle: str, width: int | None = 760) -> Chart:
+    """A chart as a standalone figure; width: None for a chart whose panels have widths."""
+    heading = {"text": title, "subtitle": subtitle, "anchor": "start", "offset": 10}
+    sized = {} if width is None else {"width": width}
+    return {**chart, **sized, "autosize": "pad", "padding": 12, "title": heading}
+
+
+def mark(kind: str, encoding: Chart, *where: Chart, **style: Any) -> Chart:
+    """A layer of marks of one kind and style; where: transforms that choose its data."""
+    return {**({"transform": list(where)} if where else {}), "mark": {"type": kind, **style}, "encoding": encoding}
+
+
+def quantity(field: str, title: str | Sequence[str] | None, **more: Any) -> Chart:
+    """A channel of numbers."""
+    return {"field": field, "type": "quantitative", "title": title, **more}
+
+
+def log_axis(channel: str, values: Sequence[float]) -> Chart:
+    """A logarithmic scale and axis with a margin; over many decades only powers of ten are labelled."""
+    decades = f"log(domain('{channel}')[1] / domain('{channel}')[0]) / LN10"
+    leading = "round(datum.value / pow(10, floor(log(datum.value) / LN10 + 1e-9)))"
+    labelled = f"{leading} == 1 || {decades} < 2.2 && indexof([2, 5], {leading}) >= 0 || {decades} < 0.8"
+    lowest = min(values) / (1.3 if channel == "x" else 2.4)
+    return {
+        "scale": {"type": "log", "domain": [lowest, max(values) * 1.8], "nice": False},
+        "axis": {
+            "grid": True,
+            "gridOpacity": {"condition": {"test": labelled, "value": 1}, "value": 0},
+            "labelExpr": f"{labelled} ? format(datum.value, '.6~r') : ''",
+            "labelOverlap": True,
+        },
+    }
+
+
+def chart_point(summary: Summary, one: Setting) -> Chart:
+    """The chart data of a scored setting: coordinates, and the texts of its tooltip."""
+    cost = one.cost / (1e6 if summary.cost == "work_cost" else 1) if known(one.cost) else None
+    if summary.cost == "frame_ms" and cost is not None:
+        spread = f"IQR {f'{digits(one.frame_iqr_ms)} ms' if known(one.frame_iqr_ms) else 'unknown'}"
+        time = f"{digits(cost)} ms, {spread}{'; rough' if one.rough else ''}"
+        costs = {"time": time, "× reference": value_text(one, "ratio")}
+    else:
+        costs = {"cost": cost_text(summary, one) if summary.cost != "map_size" else "not timed"}
+    tooltip = {
+        "spec": one.spec,
+        "full spec": one.full_spec,
+        "map": str(one.map_size) if one.map_size else one.technique,
+        summary.ranked_by.error_label: error_text(summary, one),
+        "IoU": f"{one.iou:.6g}" if known(one.iou) else "–",
+        **{title: value_text(one, name) for title, name in COLUMNS[summary.soft].items() if name != "iou"},
+        **costs,
+        "cells": one.cells,
+        "phases": one.phases,
+    }
+    ends = {"drawn": one.error, "low": one.low, "high": one.high}
+    place = {"spec": one.spec, "name": one.name, "size": one.map_size, "error": one.error, "cost": cost}
+    least = {name: max(end if known(end) else one.error, summary.least_error) for name, end in ends.items()}
+    return {**place, **least, "tooltip": tooltip}
+
+
+def styles_of(specs: Iterable[str]) -> Styles:
+    """Looks of specs, in the order of the legend: first one of each technique, then the others, `unshadowed` last."""
+    every = list(dict.fromkeys(specs))
+    first = {spec.partition(":")[0]: spec for spec in reversed(every)}.values()
+    order = sorted(every, key=lambda spec: (spec == Unshadowed.name, spec not in first))
+    return {
+        spec: (
+            COLORS[index % len(COLORS)],
+            SHAPES[(index + index // len(COLORS)) % len(SHAPES)],
+        )  # where colours repeat
+        for index, spec in enumerate(order)
+    }
+
+
+def looks(styles: Styles | None, shown: Iterable[str]) -> Chart:
+    """The channels of colour and shape, with a legend of the specs that a chart shows.
+
+    styles: None on a page, whose script adds `color`, `shape` and `shown` to each point, by its common legend.
+    """
+    if styles is None:
+        return {channel: {"field": channel, "type": "nominal", "scale": None} for channel in ("color", "shape")}
+    wanted = set(shown)
+    used = {spec: look for spec, look in styles.items() if spec in wanted}
+    named = {spec: name for spec, name in preset_names().items() if spec in used}
+    legend = {**_LEGEND, "labelExpr": f"({json.dumps(named)})[datum.label] || datum.label"}
+    return {
+        channel: {
+            "field": "spec",
+            "title": None,
+            "legend": legend,
+            "scale": {"domain": list(used), "range": [look[at] for look in used.values()]},
+        }
+        for at, channel in enumerate(("color", "shape"))
+    }
+
+
+# The charts of a summary
 
 _BAR = 36  # height in pixels
 _PASS_TIMES = [
@@ -47,20 +195,19 @@ _ZOOM = {
 _NO_ROOM = "scale('x', datum.cost) + 8 + 6.5 * length(datum.label) > width"
 
 
-def front_chart(section: Section, styles: Styles | None) -> Chart | None:
-    """Error against cost of all configurations, with the Pareto front emphasised; None without costs.
+def front_chart(summary: Summary, styles: Styles | None) -> Chart | None:
+    """Error against cost of all settings, with the Pareto front emphasised; None without costs.
 
     Its axis has no zero, so that `unshadowed`, whose predicted time is none, is left out.
     """
-    front = section.front
-    points = [{**chart_point(section, one), "front": one in front} for one in section.ranked if one.cost]
+    points = [{**chart_point(summary, one), "front": bool(one.front)} for one in summary.shown if one.cost > 0]
     if not points:
         return None
     _label(sorted((point for point in points if point["front"]), key=lambda point: point["cost"]))
-    titles = {"predicted_ms": f"ms predicted for {section.device}", "work_cost": "work, M"}
-    title = titles.get(section.cost_name, f"frame time, ms{' (software renderer)' if section.run.software else ''}")
+    titles = {"predicted_ms": f"ms predicted for {summary.device}", "work_cost": "work, M"}
+    title = titles.get(summary.cost, f"frame time, ms{' (software renderer)' if summary.run.software else ''}")
     x = quantity("cost", title, **log_axis("x", [point["cost"] for point in points]))
-    at = {"x": x, "y": _error_axis(section, [point["drawn"] for point in points])}
+    at = {"x": x, "y": _error_axis(summary, [point["drawn"] for point in points])}
     on_front, hidden = {"filter": "datum.front"}, {"filter": "datum.front && datum.shown === false"}
     look = looks(styles, (point["spec"] for point in points)) | {
         channel: {"condition": {"test": "datum.front", "value": best}, "value": other}
@@ -74,13 +221,13 @@ def front_chart(section: Section, styles: Styles | None) -> Chart | None:
     point = {"filled": True, "clip": True, "strokeWidth": 1.5, "cursor": "crosshair"}
     named = {**at, "text": {"field": "label"}}
     layer: list[Chart] = [
-        *_zero_error_rule(section, points),
+        *_zero_error_rule(summary, points),
         mark("line", {**at, "order": {"field": "cost"}}, on_front, **line),
-        mark("point", at | TOLD, hidden, filled=True, color=INK, size=25, clip=True),
-        {"params": [_ZOOM], **mark("point", at | look | TOLD, SHOWN_ONLY, **point)},
+        mark("point", at | TOOLTIP, hidden, filled=True, color=INK, size=25, clip=True),
+        {"params": [_ZOOM], **mark("point", at | look | TOOLTIP, SHOWN_ONLY, **point)},
         mark("text", named, on_front, SHOWN_ONLY, **label, fontSize=11, color=INK, clip=True),
     ]
-    return chart_of(f"Error against cost in {section.title}; the line is the Pareto front", points, layer, 430)
+    return chart_of(f"Error against cost in {summary.title}; the line is the Pareto front", points, layer, 430)
 
 
 def _label(front: Sequence[Chart]) -> None:
@@ -88,23 +235,23 @@ def _label(front: Sequence[Chart]) -> None:
     last: Chart | None = None
     for point in front:
         near = last is not None and point["cost"] < 1.2 * last["cost"] and point["drawn"] > 0.6 * last["drawn"]
-        point["label"] = "" if near else point["told"]["map"]
+        point["label"] = "" if near else point["tooltip"]["map"]
         last = last if near else point
 
 
-def _error_axis(section: Section, values: Sequence[float]) -> Chart:
+def _error_axis(summary: Summary, values: Sequence[float]) -> Chart:
     """The y channel of an error chart; values: all errors drawn."""
-    about = "root mean square error of visibility" if section.soft else "share of the shadow that is wrong"
-    return quantity("drawn", f"{section.ranked_by.error_label}: {about}", **log_axis("y", values))
+    about = "root mean square error of visibility" if summary.soft else "share of the shadow that is wrong"
+    return quantity("drawn", f"{summary.ranked_by.error_label}: {about}", **log_axis("y", values))
 
 
-def _zero_error_rule(section: Section, points: Sequence[Chart]) -> list[Chart]:
+def _zero_error_rule(summary: Summary, points: Sequence[Chart]) -> list[Chart]:
     """The labelled line at which an error of 0, or one below the truth's own, is drawn; empty if no point has one."""
-    least = section.least_error
-    if not any(point["error"] < least if section.soft else point["error"] == 0 for point in points):
+    least = summary.least_error
+    if not any(point["error"] < least if summary.soft else point["error"] == 0 for point in points):
         return []
     y = {"datum": least, "type": "quantitative"}
-    what = "below the truth's own error, drawn at it" if section.soft else "no wrong pixel: drawn at half a pixel"
+    what = "below the truth's own error, drawn at it" if summary.soft else "no wrong pixel: drawn at half a pixel"
     label = {"x": {"value": 0}, "y": y, "text": {"value": f"{what} ({digits(least)})"}}
     layers = [
         mark("rule", {"y": y}, color="#767676", strokeDash=[2, 3], clip=True),
@@ -113,15 +260,15 @@ def _zero_error_rule(section: Section, points: Sequence[Chart]) -> list[Chart]:
     return [{"data": {"values": [{}]}, **layer} for layer in layers]
 
 
-def size_chart(section: Section, styles: Styles | None) -> Chart | None:
+def size_chart(summary: Summary, styles: Styles | None) -> Chart | None:
     """Error against map size, a line per spec, with confidence intervals over its cells; None without maps."""
-    points = [chart_point(section, one) for one in section.scored]
+    points = [chart_point(summary, one) for one in summary.shown]
     sizes = sorted({point["size"] for point in points if point["size"]})
     if not sizes:
         return None
     for index, point in enumerate(points):
         point["rank"] = sum(one["drawn"] == point["drawn"] for one in points[:index] if not one["size"])
-    y = _error_axis(section, [point[end] for point in points for end in ("drawn", "low", "high")])
+    y = _error_axis(summary, [point[end] for point in points for end in ("drawn", "low", "high")])
     scale = {"type": "log", "base": 2, "domain": [sizes[0] / 1.15, sizes[-1] * 1.15], "nice": False}
     x = quantity("size", "map size, texels a side", scale=scale, axis={"values": sizes, "format": "d"})
     look = looks(styles, (point["spec"] for point in points))
@@ -131,33 +278,33 @@ def size_chart(section: Section, styles: Styles | None) -> Chart | None:
     name = {"x": {"value": {"expr": "width"}}, "y": y, "text": {"field": "name"}}
     aside = {"expr": "-4 - 96 * datum.rank"}
     layer: list[Chart] = [
-        *_zero_error_rule(section, points),
-        mark("rule", {"y": y} | color | TOLD, *unmapped, strokeDash=[6, 4], strokeWidth=2),
+        *_zero_error_rule(summary, points),
+        mark("rule", {"y": y} | color | TOOLTIP, *unmapped, strokeDash=[6, 4], strokeWidth=2),
         mark("text", name | color, *unmapped, align="right", dx=aside, dy=-7, fontSize=11),
         mark("line", at | color | {"detail": {"field": "spec"}}, *mapped, strokeWidth=1.8),
         mark("rule", interval | color, *mapped, strokeWidth=1.5),
-        mark("point", at | look | TOLD, *mapped, filled=True, size=70),
+        mark("point", at | look | TOOLTIP, *mapped, filled=True, size=70),
     ]
-    return chart_of(f"Error against map size in {section.title}", points, layer, 400)
+    return chart_of(f"Error against map size in {summary.title}", points, layer, 400)
 
 
-def bias_charts(section: Section) -> dict[str, Chart]:
+def bias_charts(summary: Summary) -> dict[str, Chart]:
     """Acne against contact over the factors of each bias sweep, by its spec; none for soft shadows."""
     points: dict[str, list[Chart]] = {}
-    for curve in [] if section.soft else curves(section.scored, section.run.sweep_positions):
+    for curve in [] if summary.soft else curves(summary, summary.run.sweep_positions):
         for factor, one in curve.points:
-            contact, acne = one.value("contact"), one.value("acne")
-            if contact is None or acne is None:
+            if not (known(one.contact) and known(one.acne)):
                 continue
-            point = chart_point(section, one)
-            told = {"spec": one.spec, "× bias": f"{factor:g}", "contact": digits(contact)} | point["told"]
-            place = {"map": told["map"], "contact": contact, "acne": acne}
-            point |= place | {"factor": factor, "label": f"×{factor:g}", "best": factor == curve.best, "told": told}
+            point = chart_point(summary, one)
+            tooltip = {"spec": one.spec, "× bias": f"{factor:g}", "contact": digits(one.contact)} | point["tooltip"]
+            place = {"map": tooltip["map"], "contact": one.contact, "acne": one.acne}
+            point |= {**place, "factor": factor, "label": f"×{factor:g}", "best": factor == curve.best}
+            point["tooltip"] = tooltip
             drawn = points.setdefault(curve.base, [])
             if drawn and place.items() <= drawn[-1].items():  # one label where points coincide, as without acne
                 point["label"], drawn[-1]["label"] = f"{drawn[-1]['label']}, {point['label']}", ""
             drawn.append(point)
-    return {base: _bias_chart(f"Acne against contact of {base} in {section.title}", of) for base, of in points.items()}
+    return {base: _bias_chart(f"Acne against contact of {base} in {summary.title}", of) for base, of in points.items()}
 
 
 def _bias_chart(about: str, points: Sequence[Chart]) -> Chart:
@@ -174,7 +321,7 @@ def _bias_chart(about: str, points: Sequence[Chart]) -> Chart:
     best = {"condition": {"test": "datum.best", "value": INK}, "value": None}
     layer: list[Chart] = [
         mark("line", {**at, "color": color, "order": {"field": "factor"}}, strokeWidth=1.5),
-        mark("point", {**at, "color": color, "stroke": best} | TOLD, filled=True, size=70, strokeWidth=2),
+        mark("point", {**at, "color": color, "stroke": best} | TOOLTIP, filled=True, size=70, strokeWidth=2),
         mark("text", {**at, "text": {"field": "label"}}, align="left", dx=7, dy=-7, fontSize=11, color=INK),
     ]
     return chart_of(about, points, layer, 320)
@@ -188,39 +335,28 @@ def _share(points: Sequence[Chart], field: str, title: str) -> Chart:
     return quantity(field, title, scale=scale, axis={"values": ticks, "format": "~g", "grid": True})
 
 
-def pass_chart(section: Section, size: int | None) -> Chart | None:
+def pass_chart(summary: Summary, size: int | None) -> Chart | None:
     """Stacked bars of the pass times of specs at one map size and of those without a map; None without times.
 
     Passes are stacked in the order in which they are drawn.
     """
-    shown = sorted(
-        (one for one in section.timed if one.passes and one.map_size in (None, size)),
-        key=lambda one: one.value("frame_ms") or 0.0,
-    )
+    passes = {one.Index: summary.passes(one) for one in summary.timed}
+    shown = [one for one in summary.timed if passes[one.Index] and one.map_size in (None, size)]
     if not shown:
         return None
-    bars = []
-    for row, one in enumerate(shown):
-        frame = one.value("frame_ms") or 0.0
-        for rank, timed in enumerate(one.passes):
-            told = {
+    bars: list[Chart] = []
+    for row, one in enumerate(sorted(shown, key=lambda one: one.frame_ms)):
+        for rank, (name, ms, changes) in enumerate(passes[one.Index]):
+            tooltip = {
                 "spec": one.spec,
-                "pass": timed.name,
-                "time": f"{digits(timed.ms)} ms",
-                "redrawn": _CHANGES.get(timed.changes, timed.changes),
-                "whole frame": f"{digits(frame)} ms",
+                "pass": name,
+                "time": f"{digits(ms)} ms",
+                "redrawn": _CHANGES.get(changes, changes),
+                "whole frame": f"{digits(one.frame_ms)} ms",
             }
-            bar = {
-                "spec": one.spec,
-                "name": one.name,
-                "pass": timed.name,
-                "row": row,
-                "rank": rank,
-                "ms": timed.ms,
-                "frame": frame,
-            }
-            bars.append({**bar, "told": told})
-    names = list(dict.fromkeys(timed.name for one in section.timed for timed in one.passes))
+            place = {"spec": one.spec, "name": one.name, "pass": name, "row": row, "rank": rank}
+            bars.append({**place, "ms": ms, "frame": one.frame_ms, "tooltip": tooltip})
+    names = list(dict.fromkeys(name for every in passes.values() for name, _, _ in every))
     # The first of them belong to specs on every other chart of the page.
     own = (*COLORS[MAX_SHOWN:], *COLORS[:MAX_SHOWN])
     color = {
@@ -232,19 +368,39 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
     y = {"field": "row", "type": "ordinal", "axis": None, "scale": {"paddingInner": 0.55, "paddingOuter": 0.4}}
     stacked = {"y": y, "x": quantity("ms", _PASS_TIMES, stack="zero"), "order": {"field": "rank"}, "color": color}
     whole = {"y": y, "x": {"field": "frame", "type": "quantitative"}}
-    name = {"y": y, "x": {"datum": 0}, "text": {"field": "name"}}
+    named = {"y": y, "x": {"datum": 0}, "text": {"field": "name"}}
     first = {"filter": "datum.rank == 0"}, SHOWN_ONLY
     above = {"align": "left", "baseline": "bottom", "yOffset": -10, "color": INK, "fontSize": 11}
     layer: list[Chart] = [
-        mark("bar", stacked | TOLD, SHOWN_ONLY, stroke=PAPER, strokeWidth=0.8),
+        mark("bar", stacked | TOOLTIP, SHOWN_ONLY, stroke=PAPER, strokeWidth=0.8),
         mark("tick", whole, *first, color=INK, thickness=3, bandSize=20, stroke=PAPER, opacity=1),
-        mark("text", name, *first, **above),
+        mark("text", named, *first, **above),
     ]
     at_size = f"map size {size}" if size else "no maps"
-    return chart_of(f"Time of each pass in {section.title}, {at_size}", bars, layer, {"step": _BAR})
+    return chart_of(f"Time of each pass in {summary.title}, {at_size}", bars, layer, {"step": _BAR})
 
 
-def default_size(section: Section) -> int | None:
+def default_size(summary: Summary) -> int | None:
     """The map size of charts that show one: the median size, rounded down; None without maps."""
-    sizes = sorted({one.map_size for one in section.ranked if one.map_size})
+    sizes = sorted({one.map_size for one in summary.shown if one.map_size and known(one.cost)})
     return sizes[(len(sizes) - 1) // 2] if sizes else None
+
+
+# Files
+
+_SCALE = 2.5  # 760 units of width become 1900 pixels: 16 cm at 300 dots an inch
+
+
+def write_chart(file: Path, chart: Chart) -> None:
+    """Write a Vega-Lite chart as .svg or .pdf, else as PNG."""
+    import vl_convert  # not on every platform
+
+    with replace_file(file) as temporary:
+        if file.suffix == ".svg":
+            temporary.write_text(vl_convert.vegalite_to_svg(chart), encoding="utf-8")
+        elif file.suffix == ".pdf":
+            temporary.write_bytes(vl_convert.vegalite_to_pdf(chart))
+        else:
+            with Image.open(io.BytesIO(vl_convert.vegalite_to_png(chart, scale=_SCALE))) as image:
+                # Without transparency and better compressed, about a fifth of the size.
+                image.convert("RGB").save(temporary, format="PNG", optimize=True, dpi=(72 * _SCALE, 72 * _SCALE))

@@ -1,26 +1,34 @@
-"""Strips of the cells that became worse: the truth beside the masks before and now."""
+"""Strips of the cells that became worse: the truth beside the masks before and now, and the worst place enlarged."""
 
+import math
 import re
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.rows import Record
-from shadowbench.reports.annotated import annotated
 from shadowbench.reports.check_summary import by_cell, cell_name, value_text
-from shadowbench.reports.gallery import read_view
-from shadowbench.reports.strips import read_truth
+from shadowbench.reports.gallery import difference, read_facets, read_view
 from shadowbench.results.baseline import Change, CheckResult
-from shadowbench.results.folder import Run, identity, view_name
+from shadowbench.results.frame import Run, identity, view_name
 from shadowbench.scores.metrics import is_soft
 
 _MOST = 8  # pictures
-_TOLD = 3  # changes of a cell above its picture
+_SHOWN = 3  # changes of a cell above its picture
 _UNSAFE = re.compile(r"[^\w.+=-]+")  # not allowed in file names everywhere
+_GAP = 8  # white pixels between pictures
+_ENLARGED = 8  # how many times the worst place is enlarged
+_LEAST_SIDE = 8  # pixels of what is enlarged
+_NARROWEST, _WIDEST = 320, 512  # pixels of a picture's width
+_FONT, _LINE, _MARGIN = 16, 22, 6  # pixels
+_FRAME = (230, 159, 0)  # Okabe & Ito 2008: orange
+_COLORS = {False: "false shadow is vermillion, false light blue", True: "too dark is vermillion, too light blue"}
 
 
 def write_pictures(result: CheckResult, folder: Path) -> dict[str, Path]:
@@ -28,41 +36,124 @@ def write_pictures(result: CheckResult, folder: Path) -> dict[str, Path]:
     run, baseline = result.run, result.baseline
     if baseline is None:
         return {}
-    old = {identity(row): row for row in baseline.rows}
+    before = {identity(row): row for row in baseline.rows}
     regressed = (change for change in result.findings.of("regressed") if change.what in ROW_METRICS)
-    written: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for cell in by_cell(regressed):
         score, key = cell[0].score, cell[0].score["key"]
-        picture = _strip(run, baseline, cell, old[identity(score)])
+        picture = _strip(run, baseline, cell, before[identity(score)])
         if picture is not None:
-            name = f"{len(written) + 1}.{score['scene']}.{score['spec']}.{score['map_size'] or ''}".removesuffix(".")
-            written[key] = folder / f"{_UNSAFE.sub('_', name):.120}.png"
-            write_picture(written[key], picture)
-        if len(written) == _MOST:
+            name = f"{len(files) + 1}.{score['scene']}.{score['spec']}.{score['map_size'] or ''}".removesuffix(".")
+            files[key] = folder / f"{_UNSAFE.sub('_', name):.120}.png"
+            write_picture(files[key], picture)
+        if len(files) == _MOST:
             break
-    return written
+    return files
 
 
 def _strip(run: Run, baseline: Run, cell: Sequence[Change], old: Record) -> NDArray[np.uint8] | None:
     """The truth, the mask before if the baseline has it, and the mask now; None without the truth or that mask."""
     worst, score = cell[0], cell[0].score
-    truth = read_truth(run.folder / "truth" / f"{view_name(score)}.png", score["view_size"])
+    size, file = score["view_size"], run.folder / "truth" / f"{view_name(score)}.png"
     after, before = (_mask(folder, row) for folder, row in ((run.folder, score), (baseline.folder, old)))
-    if truth is None or after is None:
+    if not file.exists() or after is None:
         return None
+    truth = read_view(file, size)
     now, then = (f"{worst.what} {value_text(value)}" for value in (worst.after, worst.before))
-    masks: Mapping[str, NDArray[np.float32]] = {f"now: {now}": after}
-    wrong = np.abs(after - truth.visibility)
+    masks = {"ray-traced truth": truth, f"now: {now}": after}
+    wrong = np.abs(after - truth)
     if before is not None:
-        masks = {f"before: {then}": before, **masks}
-        more = np.maximum(wrong - np.abs(before - truth.visibility), 0)
+        masks = {"ray-traced truth": truth, f"before: {then}": before, f"now: {now}": after}
+        more = np.maximum(wrong - np.abs(before - truth), 0)
         wrong = more if more.any() else wrong
-    values = [f"{one.what} was {value_text(one.before)}, is {value_text(one.after)}" for one in cell[:_TOLD]]
+    apart = file.with_suffix(".undecided.png")
+    undecided = read_view(apart, size) >= 0.5 if apart.exists() else np.zeros((size, size), bool)
+    place = worst_place(np.where(undecided, 0, wrong))
+    soft, facets = is_soft(score["metrics"]), read_facets(file, size)
+    columns = []
+    for mask in masks.values():
+        shaded = _shaded(file, mask)
+        wrong_here = difference(mask, truth, undecided, soft, facets)
+        enlarged, below = (
+            np.asarray(Image.fromarray(one[place]).resize((size, size), Image.Resampling.NEAREST))
+            for one in (shaded, wrong_here)
+        )
+        gap = np.full((_GAP, size, 3), 255, dtype=np.uint8)
+        columns.append(_fitted(np.vstack([_framed(shaded, place), gap, enlarged, gap, below]), size))
+    width = columns[0].shape[1]
+    lines = max(len(_wrapped(label, width)) for label in masks)
+    labelled = [np.vstack([_text(label, width, lines), one]) for label, one in zip(masks, columns, strict=True)]
+    gap = np.full((len(labelled[0]), _GAP, 3), 255, dtype=np.uint8)
+    strip = np.hstack([part for one in labelled for part in (gap, one)][1:])
+    values = [f"{one.what} was {value_text(one.before)}, is {value_text(one.after)}" for one in cell[:_SHOWN]]
     title = "; ".join([f"{cell_name(score)}: {values[0]}", *values[1:]])
     title += "" if before is not None else "; the baseline has no mask of it (--update --masks keeps them)"
-    return annotated(title, truth, masks, is_soft(score["metrics"]), wrong, "most became worse")
+    legend = (
+        f"Framed in orange: where most became worse. Below it that place, enlarged {_ENLARGED} times, and its "
+        f"difference from the truth: {_COLORS[soft]}."
+    )
+    above, below_all = (_text(text, strip.shape[1], len(_wrapped(text, strip.shape[1]))) for text in (title, legend))
+    return np.vstack([above, strip, below_all])
 
 
 def _mask(folder: Path, row: Record) -> NDArray[np.float32] | None:
     file = folder / "masks" / f"{row['key']}.png"
     return read_view(file, row["view_size"]) if file.exists() else None
+
+
+def worst_place(wrong: NDArray[np.floating]) -> tuple[slice, slice]:
+    """The square with the largest sum, of those half a side apart, whose side is an eighth of (N, N) errors."""
+    side = max(_LEAST_SIDE, len(wrong) // _ENLARGED)
+    total = np.pad(wrong, ((1, 0), (1, 0))).cumsum(0).cumsum(1)
+    at = np.arange(0, len(wrong) - side + 1, max(1, side // 2))
+    low, high = np.ix_(at, at), np.ix_(at + side, at + side)
+    sums = total[high] - total[low[0], high[1]] - total[high[0], low[1]] + total[low]
+    row, column = np.unravel_index(int(sums.argmax()), sums.shape)
+    return slice(int(at[row]), int(at[row]) + side), slice(int(at[column]), int(at[column]) + side)
+
+
+def _framed(picture: NDArray[np.uint8], place: tuple[slice, slice]) -> NDArray[np.uint8]:
+    """A (N, N, 3) picture with a frame around a place."""
+    copy, line = picture.copy(), max(1, len(picture) // 256)
+    around = tuple(slice(max(0, part.start - line), part.stop + line) for part in place)
+    copy[around] = _FRAME
+    copy[place] = picture[place]
+    return copy
+
+
+def _shaded(truth_file: Path, mask: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """(N, N, 3) sRGB: the view between full shadow and none; the mask in greys without these pictures."""
+    files = [truth_file.with_suffix(f".{name}.png") for name in ("ambient", "lit")]
+    if not all(file.exists() for file in files):
+        return np.repeat(np.rint(mask * 255).astype(np.uint8)[..., np.newaxis], 3, axis=2)
+    dark, lit = (_linear(np.asarray(Image.open(file).convert("RGB")) / 255) for file in files)
+    light = dark + mask[..., np.newaxis] * np.maximum(lit - dark, 0)
+    encoded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.maximum(light, 1e-9) ** (1 / 2.4) - 0.055)
+    return np.asarray(np.rint(255 * encoded), dtype=np.uint8)
+
+
+def _linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Linear light of sRGB in [0, 1] (IEC 61966-2-1)."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def _fitted(picture: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+    """A column of pictures of `size` pixels a side, enlarged or reduced by a whole number so that text fits."""
+    if size < _NARROWEST:
+        times = math.ceil(_NARROWEST / size)
+        return picture.repeat(times, axis=0).repeat(times, axis=1)
+    return np.asarray(Image.fromarray(picture).reduce(math.ceil(size / _WIDEST)))
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    font = ImageFont.load_default(_FONT)
+    return textwrap.wrap(text, max(8, int((width - 2 * _MARGIN) / font.getlength("n"))), break_on_hyphens=False)
+
+
+def _text(text: str, width: int, lines: int) -> NDArray[np.uint8]:
+    """Black text on white, (22 · lines + 12, width, 3) uint8."""
+    image = Image.new("RGB", (width, lines * _LINE + 2 * _MARGIN), "white")
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(_FONT)
+    for at, line in enumerate(_wrapped(text, width)):
+        draw.text((_MARGIN, _MARGIN + at * _LINE), line, "black", font)
+    return np.asarray(image)

@@ -8,7 +8,7 @@ from typing import Any
 from shadowbench.errors import counted, number
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.rows import Record
-from shadowbench.reports.markdown import table
+from shadowbench.reports.words import table
 from shadowbench.results.baseline import MISSING, Change, Findings, Verdict
 from shadowbench.scores.metrics import leading_error
 

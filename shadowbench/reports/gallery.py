@@ -8,7 +8,7 @@ import base64
 import io
 import os
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -20,10 +20,10 @@ from PIL import Image
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record
 from shadowbench.reports.stability import Stability
-from shadowbench.reports.words import digits, fault_lines, median_text
-from shadowbench.results.configurations import Configuration, Section
-from shadowbench.results.folder import view_name
+from shadowbench.reports.words import cost_text, digits, fault_lines, median_text
+from shadowbench.results.frame import view_name
 from shadowbench.results.ranges import value_text
+from shadowbench.results.summary import Setting, Summary, known
 from shadowbench.scores.difference import difference_over, weight, with_facets
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS, is_soft
@@ -38,37 +38,35 @@ view: camera and light, or axis value and light; cells of the same view share a 
 median over views and phases if it has several; own: then the picture's own score; caption: text below the picture;
 error: by which its configuration is ranked, None without one; faults: what is wrong with its soft shadows.
 """
-Place = Callable[[str, Any], Any]
-"""What stands in the page for a value that is named by a text: the value, or the name of a file that holds it."""
 
 
-def scored_cells(section: Section) -> list[Picture]:
-    """The pictures of a section's successful cells, of its first phase only."""
-    rows = [section.run.results[int(index)].score for index in section.frame.index]
-    scored = [row for row in rows if row["status"] == "ok"]
-    first = min((row.get("phase") or 0 for row in scored), default=0)
-    configurations = {(one.spec, one.map_size): one for one in section.configurations}
+def scored_cells(summary: Summary) -> list[Picture]:
+    """The pictures of a scene's successful cells, of its first phase only."""
+    rows = [summary.run.results[int(index)].score for index in summary.cells.index]
+    drawn = [row for row in rows if row["status"] == "ok"]
+    first = min((row.get("phase") or 0 for row in drawn), default=0)
+    settings = {(one.spec, one.map_size): one for one in summary.lines}
     return [
-        (row, _scored_cell(row, configurations[row["spec"], row["map_size"]], section))
-        for row in scored
+        (row, _scored_cell(row, settings[row["spec"], row["map_size"]], summary))
+        for row in drawn
         if (row.get("phase") or 0) == first
     ]
 
 
-def _scored_cell(row: Record, one: Configuration, section: Section) -> dict[str, Any]:
+def _scored_cell(row: Record, one: Setting, summary: Summary) -> dict[str, Any]:
     metrics, phase, own = row["metrics"], row.get("phase") or 0, _score(row)
     if is_soft(metrics):
         others = [f"{METRICS['rmse_pen'].text(metrics.get('rmse_pen'), digits, row)} in the penumbra", _iou(metrics)]
     else:
-        edge = metrics.get("edge_px")  # rows of an older version may lack it
+        edge = metrics.get("edge_px")
         others = ["edge –" if edge is None else f"edge {digits(edge)} px"]
     how = {"predicted_ms": " (predicted)", "work_cost": " of work"}
-    software = " (software renderer)" if section.run.software else ""
-    cost = "not timed" if section.cost_name in ("frame_ms", "map_size") else "not ranked"
-    cost = cost if one.cost is None else one.cost_text(digits) + how.get(section.cost_name, software)
+    software = " (software renderer)" if summary.run.software else ""
+    cost = "not timed" if summary.cost in ("frame_ms", "map_size") else "not ranked"
+    cost = cost_text(summary, one) + how.get(summary.cost, software) if known(one.cost) else cost
     score, caption = own, ", ".join([own, *others, cost])
     if one.cells > 1:
-        score = f"median {one.ranked_by.label} {median_text(one, one.ranked_by.name)}"
+        score = f"median {summary.ranked_by.label} {median_text(one, summary.ranked_by.name)}"
         own = f"picture: {f'phase {phase}' if one.phases > 1 else 'this view'}, {own}"
         caption = f"{score} of {one.cells}, {cost}; {', '.join([own, *others])}"
     return {
@@ -78,12 +76,12 @@ def _scored_cell(row: Record, one: Configuration, section: Section) -> dict[str,
         "score": score,
         "own": own if one.cells > 1 else "",
         "caption": caption,
-        "error": None if one.error is None else one.error.median,
-        "faults": fault_lines(one)[:_SHOWN_FAULTS],
+        "error": one.error if known(one.error) else None,
+        "faults": fault_lines(summary, one)[:_SHOWN_FAULTS],
     }
 
 
-def breaking_cells(found: Stability) -> list[Picture]:
+def breaking_cells(stability: Stability) -> list[Picture]:
     """The cells at the breaking points of a sweep that have a picture."""
     return [
         (
@@ -96,7 +94,7 @@ def breaking_cells(found: Stability) -> list[Picture]:
                 "caption": f"{broken.failure}: {_iou(row['metrics'])}",
             },
         )
-        for one, broken, row in found.breaking_points()
+        for one, broken, row in stability.breaking_points()
         if row["status"] == "ok"
     ]
 
@@ -112,7 +110,7 @@ def _iou(metrics: Mapping[str, float | None]) -> str:
     return "no IoU" if value is None else f"IoU {value:.5f}"
 
 
-def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str, Any] | None:
+def gallery(folder: Path, pictures: Sequence[Picture]) -> dict[str, Any] | None:
     """The pictures from a folder as JSON data; None if it has none.
 
     cells: what the page says of each that has a picture, with its scene and key, its command (that shows it in the
@@ -123,11 +121,11 @@ def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str
     Raises InputError for a file that is not a valid mask or picture.
     """
     rows = {about["view"]: row for row, about in pictures}
-    views = {name: _view(folder / "truth", row, place) for name, row in rows.items()}
+    views = {name: _view(folder / "truth", row) for name, row in rows.items()}
 
     def cell_of(one: Picture) -> dict[str, Any]:
         row, about = one
-        return _cell(folder, row, about, views[about["view"]]["lit"] is not None, place)
+        return _cell(folder, row, about, views[about["view"]]["lit"] is not None)
 
     with ThreadPoolExecutor() as threads:
         cells = list(threads.map(cell_of, pictures))
@@ -139,7 +137,7 @@ def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str
         "truth": [view["truth"] for view in views.values()],
         "shading": [cell["picture"] or views[cell["view"]]["lit"] for cell in shown],
     }
-    missing = [name for name, found in images.items() if None in found]
+    missing = [name for name, sources in images.items() if None in sources]
     notes = [f"{folder.name} has no {' and no '.join(missing)} for some of these cells."] if missing else []
     notes += (
         [f"{folder.name} has pictures of {len(shown)} of these {len(cells)} cells."] if len(shown) < len(cells) else []
@@ -147,19 +145,19 @@ def gallery(folder: Path, pictures: Sequence[Picture], place: Place) -> dict[str
     return {"cells": shown, "views": views, "notes": notes}
 
 
-def _view(folder: Path, row: Record, place: Place) -> dict[str, Any]:
+def _view(folder: Path, row: Record) -> dict[str, Any]:
     name, size = view_name(row), row["view_size"]
     return {
-        "truth": _image(folder / f"{name}.png", size, place),
-        "undecided": _image(folder / f"{name}.undecided.png", size, place),
-        "facets": _image(folder / f"{name}.facets.png", size, place),
-        "lit": _image(folder / f"{name}.lit.png", None, place),
-        "ambient": _image(folder / f"{name}.ambient.png", None, place),
+        "truth": _image(folder / f"{name}.png", size),
+        "undecided": _image(folder / f"{name}.undecided.png", size),
+        "facets": _image(folder / f"{name}.facets.png", size),
+        "lit": _image(folder / f"{name}.lit.png", None),
+        "ambient": _image(folder / f"{name}.ambient.png", None),
     }
 
 
-def _cell(folder: Path, row: Record, about: dict[str, Any], shaded: bool, place: Place) -> dict[str, Any]:
-    mask = _image(folder / "masks" / f"{row['key']}.png", row["view_size"], place)
+def _cell(folder: Path, row: Record, about: dict[str, Any], shaded: bool) -> dict[str, Any]:
+    mask = _image(folder / "masks" / f"{row['key']}.png", row["view_size"])
     command = shlex.join(["shadowbench", "view", os.path.relpath(folder), "--cell", row["key"]])
     return about | {
         "scene": row["scene"],
@@ -167,7 +165,7 @@ def _cell(folder: Path, row: Record, about: dict[str, Any], shaded: bool, place:
         "command": "" if "content" in row else command,  # not of a mask of another renderer
         "soft": is_soft(row["metrics"]),
         "mask": mask,
-        "picture": None if mask and shaded else _image(folder / "pictures" / f"{row['key']}.png", None, place),
+        "picture": None if mask and shaded else _image(folder / "pictures" / f"{row['key']}.png", None),
     }
 
 
@@ -195,8 +193,8 @@ def read_view(file: Path, size: int) -> NDArray[np.float32]:
     """Read a mask of a view, (size, size) float32 visibility. Raises InputError for another size."""
     visibility = read_mask(file)
     if visibility.shape != (size, size):
-        found = " × ".join(map(str, reversed(visibility.shape)))
-        raise InputError(f"{file}: found {found} pixels; allowed: {size} × {size}, the view's size")
+        size_found = " × ".join(map(str, reversed(visibility.shape)))
+        raise InputError(f"{file}: found {size_found} pixels; allowed: {size} × {size}, the view's size")
     return visibility
 
 
@@ -206,7 +204,7 @@ def read_facets(truth: Path, size: int) -> NDArray[np.bool_] | None:
     return read_view(file, size) >= 0.5 if file.exists() else None
 
 
-def _image(file: Path, size: int | None, place: Place) -> Any:
+def _image(file: Path, size: int | None) -> str | None:
     """A mask of a view of `size` pixels, lossless, or a picture for None, as data URI; None without a file."""
     if not file.exists():
         return None
@@ -220,4 +218,4 @@ def _image(file: Path, size: int | None, place: Place) -> Any:
             raise InputError(f"{file}: cannot be read as an image; allowed: a PNG") from None
     encoded = io.BytesIO()
     image.save(encoded, format="WEBP", lossless=size is not None, quality=80 if size is None else 60, method=3)
-    return place(str(file), "data:image/webp;base64," + base64.b64encode(encoded.getvalue()).decode())
+    return "data:image/webp;base64," + base64.b64encode(encoded.getvalue()).decode()

@@ -1,6 +1,5 @@
 """Measurements for notebooks: a frame that also draws its charts, and charts that a notebook shows."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,14 +7,11 @@ from typing import Any
 import pandas as pd
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.reports.charts import front_chart, size_chart
-from shadowbench.reports.report import write_chart
-from shadowbench.reports.vega import Chart, styles_of, titled
+from shadowbench.reports.charts import Chart, front_chart, size_chart, styles_of, titled, write_chart
 from shadowbench.reports.words import cost_source
-from shadowbench.results.configurations import Section, sections, specs_of
-from shadowbench.results.folder import Run
+from shadowbench.results.frame import Run, over_phases
 from shadowbench.results.law import law_on_record
-from shadowbench.results.tables import over_phases
+from shadowbench.results.summary import Summary, specs_of, summaries
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +47,9 @@ class Results(pd.DataFrame):
     @classmethod
     def of(cls, run: Run, each_phase: bool) -> "Results":
         """The cells of a run."""
-        found = cls(run.frame if each_phase else over_phases(run.frame))
-        object.__setattr__(found, "measured", run)
-        return found
+        results = cls(run.frame if each_phase else over_phases(run.frame))
+        object.__setattr__(results, "measured", run)
+        return results
 
     @property
     def _constructor(self) -> "type[Results]":
@@ -65,30 +61,29 @@ class Results(pd.DataFrame):
         Cost is a time of this GPU or, without one, a predicted time, or work. Raises InputError for an unknown scene,
         and if nothing there has a cost.
         """
-        section, every = self._section(scene)
-        chart = front_chart(section, styles_of(specs_of(every)))
+        summary = self._summary(scene)
+        chart = front_chart(summary, styles_of(specs_of([summary.run])))
         if chart is None:
             allowed = "rounds of 1 or more on a GPU, else specs with a predicted time"
-            raise InputError(f"front: {section.title} has no costs; allowed: {allowed}")
-        return Figure(titled(chart, section.title, section.run.renderer, cost_source(section)))
+            raise InputError(f"front: {summary.title} has no costs; allowed: {allowed}")
+        return Figure(titled(chart, summary.title, summary.run.renderer, cost_source(summary)))
 
     def sizes(self, scene: str | None = None) -> Figure:
         """Error against map size of a scene, by default the first.
 
         Raises InputError for an unknown scene, and if no technique there has a map.
         """
-        section, every = self._section(scene)
-        chart = size_chart(section, styles_of(specs_of(every)))
+        summary = self._summary(scene)
+        chart = size_chart(summary, styles_of(specs_of([summary.run])))
         if chart is None:
-            raise InputError(f"sizes: {section.title} has no maps; allowed: results of techniques with maps")
-        return Figure(titled(chart, section.title, section.run.renderer))
+            raise InputError(f"sizes: {summary.title} has no maps; allowed: results of techniques with maps")
+        return Figure(titled(chart, summary.title, summary.run.renderer))
 
-    def _section(self, scene: str | None) -> tuple[Section, Sequence[Section]]:
+    def _summary(self, scene: str | None) -> Summary:
         run: Any = getattr(self, "measured", None)
         if run is None:
             raise InputError("found a frame joined of others; allowed: the results of one call of run")
-        every = [section for parts in sections([run], law_on_record()).values() for section in parts]
-        names = [section.scene for section in every]
-        if scene is not None and scene not in names:
-            raise InputError(f"scene: found {scene!r:.60}{alternatives(scene, names)}")
-        return every[0 if scene is None else names.index(scene)], every
+        scenes = {summary.scene: summary for summary in reversed(summaries(run, law_on_record()))}
+        if scene is not None and scene not in scenes:
+            raise InputError(f"scene: found {scene!r:.60}{alternatives(scene, list(reversed(scenes)))}")
+        return scenes[next(reversed(scenes)) if scene is None else scene]

@@ -9,7 +9,7 @@ from shadowbench.errors import counted
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import NAMES, Axis, Value, value_label
 from shadowbench.measure.rows import Record
-from shadowbench.results.folder import Sweep
+from shadowbench.results.frame import Run
 from shadowbench.results.ranges import HARD, SOFT, Break, OperatingRange, operating_ranges, value_text
 from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.unshadowed import Unshadowed
@@ -22,7 +22,7 @@ Series = tuple[str, LightKind]
 class Stability:
     """The operating ranges of a sweep; left_out: sentences on the cells that belong to none."""
 
-    sweep: Sweep
+    sweep: Run
     ranges: tuple[OperatingRange, ...]
     left_out: tuple[str, ...]
 
@@ -89,7 +89,7 @@ class Stability:
         ]
 
 
-def analyse(sweep: Sweep) -> Stability:
+def analyse(sweep: Run) -> Stability:
     """The operating ranges of a sweep, without those of `unshadowed`, which is out of tolerance wherever shadow is."""
     subjects = [row for row in sweep.rows if row["technique"] != Unshadowed.name]
     known = [row for row in subjects if row["axis"] in AXES and row["axis_value"] in AXES[row["axis"]].values]

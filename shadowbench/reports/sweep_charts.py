@@ -10,13 +10,12 @@ from typing import Any
 from shadowbench.extremes.model import NAMES, Axis, Value, value_label
 from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
-from shadowbench.reports.stability import Stability
-from shadowbench.reports.vega import (
+from shadowbench.reports.charts import (
     BASE_CHART,
     INK,
     PARAMS,
     SHOWN_ONLY,
-    TOLD,
+    TOOLTIP,
     Chart,
     Styles,
     chart_of,
@@ -24,6 +23,7 @@ from shadowbench.reports.vega import (
     mark,
     quantity,
 )
+from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits
 from shadowbench.results.ranges import TOLERANCES, OperatingRange, failure, tolerances_of, value_text
 
@@ -156,12 +156,12 @@ def _along(found: Stability, axis: Axis, styles: Styles | None, metric: str) -> 
     line = {"strokeDash": dash, "detail": [{"field": "spec"}, {"field": "light"}], "order": {"field": "x"}}
     broken = {"stroke": {"condition": {"test": "datum.broken", "value": INK}, "value": None}}
     cross: dict[str, Any] = {"text": "✕", "fontSize": 14, "fontWeight": "bold", "cursor": "crosshair"}
-    ended = {"x": x, "y": {"value": 7}} | color | TOLD
+    ended = {"x": x, "y": {"value": 7}} | color | TOOLTIP
     layer: list[Chart] = [
         {**limit, **mark("rule", {"y": y}, color=INK, strokeDash=[2, 2])},
         {**limit, **mark("text", label, align="left", dx=3, dy=-6, fontSize=10.5, color=INK)},
         mark("line", at | color | line, *valid, strokeWidth=1.6),
-        mark("point", at | look | broken | TOLD, *valid, filled=True, size=44, strokeWidth=1.2, cursor="crosshair"),
+        mark("point", at | look | broken | TOOLTIP, *valid, filled=True, size=44, strokeWidth=1.2, cursor="crosshair"),
         mark("text", ended, chosen, SHOWN_ONLY, {"filter": "datum.ended"}, **cross),
     ]
     return points, layer
@@ -173,7 +173,7 @@ def _point(one: OperatingRange, light: str, row: Record, x: float) -> Chart:
     ended = broken is not None and verdict != "ok"
     if verdict == "ok":
         verdict = "in tolerance" if broken is None else f"out of tolerance: {broken}"
-    told = {
+    tooltip = {
         "spec": one.spec,
         "light": light,
         "at": value_text(one.axis, row["axis_value"]),
@@ -185,7 +185,7 @@ def _point(one: OperatingRange, light: str, row: Record, x: float) -> Chart:
         "light": light,
         "x": x,
         **errors,
-        "told": told,
+        "tooltip": tooltip,
         "broken": broken is not None,
         "ended": ended,
     }

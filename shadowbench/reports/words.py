@@ -1,18 +1,31 @@
-"""Texts that all report formats share: numbers, and notes on runs and on their sections."""
+"""What a summary says in words: numbers, notes on how they were measured, and the verdict on what accuracy costs."""
 
+import math
+import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from shadowbench.errors import counted
-from shadowbench.maps.presets import ENGINES
+from shadowbench.measure.columns import TRUTH_ERRORS
 from shadowbench.plugin.registry import engines, preset_names
-from shadowbench.results.configurations import BIAS_LENGTHS, Configuration, CostName, Section
-from shadowbench.results.folder import Folder, Run
+from shadowbench.results.frame import Run
 from shadowbench.results.law import SHORTEST_MS
+from shadowbench.results.summary import (
+    Answer,
+    CostName,
+    Interval,
+    Setting,
+    Summary,
+    Target,
+    known,
+)
 from shadowbench.results.times import time_notes
-from shadowbench.scores.metrics import METRICS, is_soft
+from shadowbench.scores.metrics import METRICS
 from shadowbench.scores.soft_faults import soft_faults
+from shadowbench.techniques.shadow_map import ENGINES
+
+Digits = Callable[[float], str]
 
 SOFTWARE = "times of a software renderer: for trends only, not representative of a GPU"
 NO_HARDENING = (
@@ -32,6 +45,16 @@ COLUMNS = {
 }
 """Metrics that tables and charts show besides the error, of hard and of soft shadows (True): heading and name."""
 _BRACKETS = "( ): range over the cells; [ ], and bars of charts: 95% confidence interval of the median, by bootstrap"
+_BIASES = {
+    "along the light": ("fact_bias_m", "fact_bias_texels"),
+    "along the normal at grazing light": ("fact_normal_offset_m", "fact_normal_offset_texels"),
+}
+_MARKUP = re.compile(r"\||<(?=[A-Za-z/!?])|\](?=\()")
+_NONE = "No real-time technique here"
+_EDGES = {1.0: "1 px", 0.5: "½ px", 0.25: "¼ px"}
+
+
+# Numbers
 
 
 def digits(value: float) -> str:
@@ -43,14 +66,94 @@ def digits(value: float) -> str:
     return f"{value:#.3g}".rstrip(".") if value and abs(value) >= 1e-4 else f"{value:.2g}"
 
 
-def optional(value: float | None) -> str:
-    """A number, – for None."""
-    return "–" if value is None else digits(value)
+def interval_text(interval: Interval, digits: Digits) -> str:
+    """Text such as `0.0123 [0.0110, 0.0140]`."""
+    if math.isnan(interval.low):
+        return digits(interval.median)
+    return f"{digits(interval.median)} [{digits(interval.low)}, {digits(interval.high)}]"
+
+
+def value_text(one: Setting, name: str, digits: Digits = digits) -> str:
+    """Text of a median, – for none; ~ for a time that varied widely, `<0.0012` below the truth's error.
+
+    Work is in millions, `1.39 M`.
+    """
+    value = getattr(one, name)
+    if math.isnan(value):
+        return "–"
+    if name in METRICS:
+        errors = {field: getattr(one, field) for field in TRUTH_ERRORS if known(getattr(one, field))}
+        text, bias = METRICS[name].text(value, digits, errors), one.width_bias
+        if name == "width" and bias and abs(bias) >= value / 2:  # of most penumbrae
+            text += " wide" if bias > 0 else " narrow"
+        return text
+    if name == "work_cost":
+        return f"{digits(value / 1e6)} M"
+    if name == "predicted_ms":
+        return f"<{SHORTEST_MS:g}" if 0 < value <= SHORTEST_MS else digits(value)
+    return f"{'~' if name.endswith('_ms') and one.rough else ''}{digits(value)}"
+
+
+def error_text(summary: Summary, one: Setting, digits: Digits = digits, bounds: bool = True) -> str:
+    """Text of a setting's error, by default with its interval, or `<0.0012` below the truth's own error."""
+    if math.isnan(one.error):
+        return "–"
+    text = value_text(one, summary.ranked_by.name, digits)
+    if text.startswith("<"):
+        return text
+    return interval_text(Interval(one.error, one.low if bounds else math.nan, one.high), digits)
+
+
+def median_text(one: Setting, name: str, limit: float | None = None) -> str:
+    """Text of a metric's median, with the range over several views and phases: `0.9534 (0.9466–0.9571)`.
+
+    limit: a target, to the other side of which the median is not rounded.
+    """
+    if math.isnan(getattr(one, name)):
+        return "–"
+    form = METRICS["iou"].digits_beside(1.0, "{:.4g}".format) if name == "iou" else digits
+    text = value_text(one, name, form if limit is None else METRICS[name].digits_beside(limit, form))
+    ends = [form(end) for end in (getattr(one, f"{name}_least"), getattr(one, f"{name}_most")) if known(end)]
+    return f"{text}{' px' if name == 'edge_px' else ''}" + (f" ({'–'.join(ends)})" if len(set(ends)) > 1 else "")
+
+
+def cost_text(summary: Summary, one: Setting, digits: Digits = digits) -> str:
+    """A setting's cost with a unit: a time, work, or where nothing has either the map size."""
+    if summary.cost == "map_size":
+        return f"map {one.map_size}" if one.map_size else "no map"
+    if math.isnan(one.cost):
+        return "not ranked"
+    return value_text(one, summary.cost, digits) + ("" if summary.cost == "work_cost" else " ms")
+
+
+def target_name(target: Target) -> str:
+    """A target as a column heading: `IoU ≥ 0.99`, `edge ≤ ½ px`, `RMSE ≤ 0.02`."""
+    metric = METRICS[target.metric]
+    limit = _EDGES[target.limit] if target.metric == "edge_px" else f"{target.limit:g}"
+    return f"{metric.label} {'≥' if metric.better == 'higher' else '≤'} {limit}"
 
 
 def sentence(text: str) -> str:
     """The text with a capital letter, unless it begins with a unit, and a full stop."""
     return f"{text}." if text.startswith("ms:") else text[:1].upper() + text[1:] + "."
+
+
+# Markdown
+
+
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]], texts: Sequence[str] = ()) -> list[str]:
+    """A Markdown table, numbers to the right; empty without rows. texts: headings of other columns than the first."""
+    rules = ["---" if name in texts or not at else "---:" for at, name in enumerate(headings)]
+    lines = [headings, rules, *rows]
+    return ["\n".join(f"| {' | '.join(map(escaped, line))} |" for line in lines)] if rows else []
+
+
+def escaped(text: str) -> str:
+    """Text escaped for a cell of a Markdown table: on one line, without separators, tags of HTML and links."""
+    return " ".join(_MARKUP.sub(r"\\\g<0>", text).split())
+
+
+# Notes
 
 
 def time_source(run: Run) -> str:
@@ -62,144 +165,137 @@ def time_source(run: Run) -> str:
     return SOFTWARE if run.software else f"times of {run.renderer}"
 
 
-def cost_source(section: Section) -> str:
-    """A note on what the costs of a section are."""
-    if section.cost_name == "predicted_ms":
+def cost_source(summary: Summary) -> str:
+    """A note on what costs are."""
+    if summary.cost == "predicted_ms":
         shortest = f"below {SHORTEST_MS:g} ms they are not told apart"
-        return f"times beyond a frame without shadows, predicted for {section.device} from counted work; {shortest}"
-    if section.cost_name == "work_cost":
+        return f"times beyond a frame without shadows, predicted for {summary.device} from counted work; {shortest}"
+    if summary.cost == "work_cost":
         return "millions (M) of shader invocations and texture reads, which is not time"
-    return time_source(section.run)
+    return time_source(summary.run)
 
 
-def section_notes(section: Section) -> list[str]:
-    """Notes on a section: medians, maps scored in one phase only, the reference of its times, and rough times."""
+def cost_note(summary: Summary) -> str:
+    """A note on what the costs are, and how far their times can be trusted."""
+    if summary.cost == "map_size":
+        return "Nothing here was timed: the cost is the size of the smallest map that suffices."
+    costs = [known(one.cost) for one in summary.candidates]
+    if not any(costs):
+        return "Nothing here has a cost that is known."
+    timed = summary.cost == "frame_ms"
+    what = "work" if summary.cost == "work_cost" else "frame time of shadows"
+    mean = f"mean {what} over these scenes" if summary.scenes else what
+    rough = " ~ marks a rough time." if any(one.rough for part in summary.parts for one in part.timed) else ""
+    why = "lacks times" if timed else "has none that is known"
+    unranked = "" if all(costs) else f" What is not ranked {why}."
+    return f"Cost: {mean}. {sentence(cost_source(summary))}{rough}{unranked}"
+
+
+def notes_of(summary: Summary) -> list[str]:
+    """Notes on a scene: medians, maps scored in one phase only, the reference of its times, and rough times."""
     notes = []
-    if section.max_cells > 1:
-        notes += [f"medians over up to {section.max_cells} cells (views × phases) a configuration", _BRACKETS]
-    if (one_phase := phase_note(section.scored)) is not None:
-        notes.append(one_phase)
-    if (presets := preset_note(section.scored)) is not None:
-        notes.append(presets)
-    if section.soft and not any(one.values["hardening"] for one in section.scored):
+    if summary.max_cells > 1:
+        notes += [f"medians over up to {summary.max_cells} cells (views × phases) a configuration", _BRACKETS]
+    notes += filter(None, (phase_note(summary.shown), preset_note(summary.shown)))
+    if summary.soft and not any(known(one.hardening) for one in summary.shown):
         notes.append(NO_HARDENING)
-    return [*notes, *time_notes(section.reference, [one.rough for one in section.timed])]
+    return [*notes, *time_notes(summary.reference, [one.rough for one in summary.timed])]
 
 
-def phase_note(found: Sequence[Configuration]) -> str | None:
+def phase_note(settings: Iterable[Setting]) -> str | None:
     """A warning about maps that were scored at one sub-texel offset only; None where there are none."""
-    single = [one.single_phase for one in found if one.map_size is not None and one.cells]
+    single = [one.phases == 1 for one in settings if one.map_size is not None and one.cells]
     if not any(single):
         return None
     which = "" if all(single) else "maps without an interval: "
     return f"{which}scored in one phase (sub-texel offset) only; another may reverse the order of two maps (--phases 8)"
 
 
-def preset_note(found: Sequence[Configuration]) -> str | None:
+def preset_note(settings: Iterable[Setting]) -> str | None:
     """That presets with the name of an engine are not its pictures; None where there are none."""
-    shown = [one.name.partition(":preset=") for one in found if one.cells]
-    names = sorted({preset for technique, _, preset in shown if preset in ENGINES and technique not in ENGINES})
-    if not names:
+    names = [one.name.partition(":preset=") for one in settings if one.cells]
+    presets = sorted({preset for technique, _, preset in names if preset in ENGINES and technique not in ENGINES})
+    if not presets:
         return None
-    where = "; rows of engines: results/published/engines, docs/how-to/engines.md" if {*names} & {*engines()} else ""
+    where = "; rows of engines: results/published/engines, docs/how-to/engines.md" if {*presets} & {*engines()} else ""
     return (
-        f"presets with an engine's name ({', '.join(names)}) draw its parameters in our shaders; the engine's own "
+        f"presets with an engine's name ({', '.join(presets)}) draw its parameters in our shaders; the engine's own "
         f"picture may be far less accurate{where}"
     )
 
 
-def bias_notes(found: Sequence[Configuration]) -> list[str]:
+def bias_notes(settings: Iterable[Setting]) -> list[str]:
     """What biases of a fixed size mean on each map, in metres and in texels, for a sun."""
     notes = []
-    for one in found:
-        bias, bias_texels, offset, offset_texels = map(one.value, BIAS_LENGTHS)
-        parts = [
-            f"{digits(metres)} m ({digits(texels)} texels) {along}"
-            for metres, texels, along in (
-                (bias, bias_texels, "along the light"),
-                (offset, offset_texels, "along the normal at grazing light"),
-            )
-            if metres is not None and texels is not None
-        ]
+    for one in settings:
+        parts = []
+        for along, names in _BIASES.items():
+            metres, texels = (getattr(one, name, math.nan) for name in names)
+            if known(metres) and known(texels):
+                parts.append(f"{digits(metres)} m ({digits(texels)} texels) {along}")
         if parts:
             notes.append(f"bias of {one.name} at {one.map_size}: {' and '.join(parts)}")
     return notes
 
 
-def median_text(one: Configuration, name: str, limit: float | None = None) -> str:
-    """Text of a metric's median, with the range over several views and phases: `0.9534 (0.9466–0.9571)`.
-
-    limit: a target, to the other side of which the median is not rounded.
-    """
-    found = one.values[name]
-    if found is None:
-        return "–"
-    form = METRICS["iou"].digits_beside(1.0, "{:.4g}".format) if name == "iou" else digits
-    text = one.text(name, form if limit is None else METRICS[name].digits_beside(limit, form))
-    ends = [form(end) for end in (found.least, found.most) if end is not None]
-    return f"{text}{' px' if name == 'edge_px' else ''}" + (f" ({'–'.join(ends)})" if len(set(ends)) > 1 else "")
+def fault_lines(summary: Summary, one: Setting) -> list[str]:
+    """What is wrong with the soft shadows of a setting, by its medians, causes first; empty for hard ones."""
+    if not summary.soft:
+        return []
+    values = {name: value if known(value := getattr(one, name)) else None for name in (*METRICS, "width_bias")}
+    return [f"{fault.name}: {fault.line}" for fault in soft_faults(values, values["width_bias"])]
 
 
-def fault_lines(one: Configuration) -> list[str]:
-    """What is wrong with the soft shadows of a configuration, by its medians, causes first; empty for hard ones."""
-    metrics = {name: one.value(name) for name in METRICS}
-    faults = soft_faults(metrics, one.value("width_bias")) if is_soft(metrics) else []
-    return [f"{fault.name}: {fault.line}" for fault in faults]
-
-
-def unscored(section: Section) -> list[tuple[str, str]]:
-    """Configurations with cells that have no score: spec and map sizes, and the reason, such as `unsupported: …`."""
-    found: dict[tuple[str, str], list[int]] = {}
-    for one in section.configurations:
+def unscored(summary: Summary) -> list[tuple[str, str]]:
+    """Settings with cells that have no score: spec and map sizes, and the reason, such as `unsupported: …`."""
+    sizes: dict[tuple[str, str], list[int]] = {}
+    for one in summary.lines:
         total = one.cells + len(one.refused)
         reasons = [
             f"{count} of {total} cells {status}" if total > 1 else status
             for status, count in Counter(one.refused).items()
         ]
-        if one.cells and one.error is None:
+        if one.cells and math.isnan(one.error):
             reasons.insert(0, "no IoU: neither the truth nor the mask has a shadow")
         for reason in reasons:
-            found.setdefault((one.name, reason), []).extend([one.map_size] if one.map_size else [])
+            sizes.setdefault((one.name, reason), []).extend([one.map_size] if one.map_size else [])
     return [
-        (f"{spec} at {', '.join(map(str, sorted(sizes)))}" if sizes else spec, reason)
-        for (spec, reason), sizes in found.items()
+        (f"{name} at {', '.join(map(str, sorted(own)))}" if own else name, reason)
+        for (name, reason), own in sizes.items()
     ]
 
 
-def mask_warnings(section: Section) -> list[str]:
+def mask_warnings(summary: Summary) -> list[str]:
     """Warnings about external masks, such as a suspected shift or encoding; these were scored unchanged."""
-    keys = set(section.frame["key"])
-    rows = [row for row in section.run.rows if row["key"] in keys]
+    keys = set(summary.cells["key"])
+    rows = [row for row in summary.run.rows if row["key"] in keys]
     return [f"{row['spec']}: {line}" for row in rows for line in row.get("input", {}).get("warnings", ())]
 
 
-def run_facts(run: Folder) -> list[tuple[str, str]]:
+def run_facts(run: Run) -> list[tuple[str, str]]:
     """How a run or sweep was measured, as (name, value) pairs: command, machine, renderer, settings, versions."""
-    about = run.about
-    machine, device = about.get("machine", {}), about.get("device", {})
-    left_out = [f"{counted(run.older, 'older record')} of the same cells"] if run.older else []
-    timed: list[tuple[str, Any]] = []
-    if isinstance(run, Run):
-        left_out += [f"{counted(run.foreign, 'time')} of another machine"] if run.foreign else []
-        study = about.get("study", {})
-        timed = [("time ratios against", study.get("reference")), ("rounds", study.get("rounds"))]
-        timed.append(("phases", _phases(run)))
-    rows = f"{counted(len(run.rows), 'cell')}, all that the folder holds, of this and earlier commands"
+    about, swept = run.about, "axis" in run.rows[0]
+    machine, device, study = about.get("machine", {}), about.get("device", {}), about.get("study", {})
+    cells = [f"{counted(len(run.rows), 'cell')}, all that the folder holds, of this and earlier commands"]
+    cells += [f"{counted(run.older, 'older record')} of the same cells left out"] if run.older else []
+    cells += [f"{counted(run.foreign, 'time')} of another machine left out"] if run.foreign else []
     gl = device.get("version") and f"{device['version'] / 100:.1f}, {device.get('subpixel_bits')} sub-pixel bits"
-    facts = [
+    facts: list[tuple[str, Any]] = [
         ("command", about.get("command", "unknown: no run.json")),
         ("commit", ", ".join(dict.fromkeys(row["commit"] for row in run.rows if "commit" in row))),
         ("finished", about.get("finished")),
-        ("rows", "; ".join([rows, *(f"{what} left out" for what in left_out)])),
+        ("rows", "; ".join(cells)),
         ("renderer", f"{run.renderer}{' (software)' if run.software else ''}"),
         ("processor", machine.get("processor") and f"{machine['processor']}, {machine.get('cores')} cores"),
         ("memory", machine.get("memory_gib") and f"{machine['memory_gib']} GiB"),
         ("system", machine.get("system")),
-        ("clock", about.get("clock") if timed else None),  # sweeps are not timed
+        ("clock", None if swept else about.get("clock")),  # sweeps are not timed
         ("OpenGL", gl),
-        *timed,
+        ("time ratios against", None if swept else study.get("reference")),
+        ("rounds", None if swept else study.get("rounds")),
+        ("phases", None if swept else _phases(run)),
         ("versions", ", ".join(f"{name} {value}" for name, value in about.get("versions", {}).items())),
-        ("times", time_source(run) if isinstance(run, Run) else None),
+        ("times", None if swept else time_source(run)),
     ]
     return [(name, str(value)) for name, value in facts if value not in (None, "")]
 
@@ -219,3 +315,138 @@ def _phases(run: Run) -> str:
 def presets_of(specs: Iterable[str]) -> list[tuple[str, str]]:
     """The presets among specs, each by its name and with the spec that it stands for."""
     return [(name, spec) for spec in dict.fromkeys(specs) if (name := preset_names().get(spec))]
+
+
+# The verdict
+
+
+def verdict(summary: Summary) -> list[str]:
+    """The sentences on the cheapest setting for an accuracy, in one scene or in all; settings are in backticks.
+
+    What `recommend` never chooses is left out; ray tracing, on the CPU as the truth is, is named for scale.
+    """
+    able = _able(summary)
+    if not summary.candidates:
+        some = any(part.shown for part in summary.parts)
+        return [f"Nothing here has a score{' in each of its cells' if some else ''}."]
+    if not able:
+        what = "draws a shadow where one should be" if summary.real_time else "has a score"
+        return [f"{_NONE} {what}.", *_ray_traced(summary)]
+    where = f" in all {len(summary.scenes)} scenes" if summary.scenes else ""
+    answer = _main_answer(summary, able)
+    name, target, best = answer.target.metric, answer.target, answer.cheapest
+    complete = [one for one in able if one.scored == len(summary.parts)]
+    if best is None:
+        near = answer.closest
+        how = f"{METRICS[name].label} {median_text(near, name, target.limit)}"
+        how = f"in {summary.scenes_met(near, target)} of them" if where else how
+        lines = [f"{_NONE} {_reaches(target, ' of the shadow right')}{where}.", f"Closest: `{near.label}`, {how}."]
+    else:
+        tied = [one for one in answer.ties if one.technique != best.technique][:2]
+        noise = " within the noise" if summary.cost == "frame_ms" else ""
+        also = f"; as cheap{noise}: {', '.join(f'`{one.label}`' for one in tied)}" if tied else ""
+        lines = [f"{_accuracy(target, ' of the shadow right')}{where}: {_cost_phrase(summary, best)}{also}."]
+        lines += _next_target(summary, complete, target, best, where)
+    partial = summary.cheapest([one for one in able if one.scored < len(summary.parts)], target)
+    if partial is not None and (best is None or partial.cost < best.cost):
+        cost = f" for {cost_text(summary, partial)}" if known(partial.cost) else ""
+        of = counted(partial.scored + partial.unsupported, "scene")
+        lines.append(f"`{partial.label}` suffices{cost} in the {partial.scored} of {of} that it supports.")
+    return [*lines, *_ray_traced(summary)]
+
+
+def verdict_setting(summary: Summary) -> Setting | None:
+    """The setting that the verdict names first, else the most accurate; None without candidates."""
+    able = _able(summary)
+    if not able:
+        return next(iter(summary.candidates), None)
+    answer = _main_answer(summary, able)
+    return answer.cheapest or answer.closest
+
+
+def _able(summary: Summary) -> list[Setting]:
+    """The candidates that are real-time techniques and draw a shadow where one should be."""
+    return [one for one in summary.real_time if getattr(one, "iou_soft" if summary.soft else "iou") > 0]
+
+
+def _main_answer(summary: Summary, able: Sequence[Setting]) -> Answer:
+    """The answer of the first sentence: the middle target, or if nothing meets that in all scenes, the easiest."""
+    complete = [one for one in able if one.scored == len(summary.parts)]
+    easiest, middle = summary.answers(able, summary.targets[:2])
+    best = [summary.answers(complete, [target]) for target in summary.targets[:2]]
+    for answer, of in ((middle, best[1]), (easiest, best[0])):
+        if of and of[0].cheapest is not None:
+            return answer._replace(cheapest=of[0].cheapest, ties=of[0].ties)
+    return easiest._replace(cheapest=None)
+
+
+def _next_target(summary: Summary, complete: Sequence[Setting], main: Target, best: Setting, where: str) -> list[str]:
+    """A sentence on the cost of the next higher accuracy; none at the highest."""
+    for target in summary.targets[summary.targets.index(main) + 1 :][:1]:
+        found = summary.cheapest(complete, target)
+        if found is None:
+            return [f"{_NONE} {_reaches(target, ' right')}{where}."]
+        if found.Index == best.Index:
+            return [f"`{best.label}` {_reaches(target, ' right')} too."]
+        factor = f" (× {digits(found.cost / best.cost)})" if found.cost > 0 and best.cost > 0 else ""
+        return [f"{_accuracy(target)} takes `{found.label}`, {cost_text(summary, found)}{factor}."]
+    return []
+
+
+def _ray_traced(summary: Summary) -> list[str]:
+    """A sentence on the cost of ray tracing on the CPU, if it was measured and timed in all scenes."""
+    traced = [one for one in summary.candidates if one.technique == "ray-traced" and one.scored == len(summary.parts)]
+    costs = [cost_text(summary, one) for one in traced if one.cost > 0 and "where=gpu" not in one.full_spec]
+    return [f"For scale: ray tracing on the CPU takes {cost}." for cost in costs[:1]]
+
+
+def _accuracy(target: Target, of_what: str = "") -> str:
+    return f"{100 * target.limit:g}%{of_what}" if target.metric == "iou" else target_name(target)
+
+
+def _reaches(target: Target, of_what: str) -> str:
+    return f"{'gets' if target.metric == 'iou' else 'reaches'} {_accuracy(target, of_what)}"
+
+
+def _cost_phrase(summary: Summary, one: Setting) -> str:
+    """What the cheapest setting costs, and by what it is the cheapest."""
+    if known(one.cost):
+        how = {"predicted_ms": f" by times predicted for {summary.device}", "work_cost": " by work"}
+        by = how.get(summary.cost, "")
+        return f"`{one.label}` is the cheapest real-time setting{by}, {cost_text(summary, one)} a frame"
+    if summary.cost != "map_size":
+        return f"`{one.label}` suffices, at a cost that is not known; nothing does at a known one"
+    what = "the smallest map that suffices" if one.map_size else "sufficient, without a map"
+    return f"`{one.label}` is {what}"
+
+
+def answer_texts(summary: Summary, answer: Answer) -> tuple[str, str, str]:
+    """Texts of a cell of the cost matrix: cost, setting, and a note.
+
+    If no setting meets the target: a dash, nothing, and the best accuracy.
+    """
+    best, scenes = answer.cheapest, len(summary.parts)
+    if best is not None:
+        partly = "" if best.scored == scenes else f"supports {best.scored} of {scenes} scenes"
+        return cost_text(summary, best), best.label, partly
+    if scenes > 1:
+        return "–", "", f"at best in {summary.scenes_met(answer.closest, answer.target)} of {scenes} scenes"
+    name, limit = answer.target
+    if math.isnan(getattr(answer.closest, name)):
+        return "–", "", f"no {METRICS[name].label}"
+    return "–", "", f"best {median_text(answer.closest, name, limit)}"
+
+
+def accuracy_text(summary: Summary, answer: Answer) -> str:
+    """What the cheapest setting of a cell reaches; if scenes differ, in the worst: `IoU 0.9534 in street`.
+
+    Empty if no setting meets the target.
+    """
+    if answer.cheapest is None:
+        return ""
+    name, limit = answer.target
+    lines = summary.by_scene(answer.cheapest)
+    texts = {title: f"{METRICS[name].label} {median_text(one, name, limit)}" for title, one in lines.items()}
+    worst = summary.worst_scene(answer.cheapest, name)
+    scenes = {part.title: part.scene for part in summary.parts}
+    return texts[worst] + (f" in {scenes[worst]}" if len(set(texts.values())) > 1 else "")

@@ -15,16 +15,13 @@ from shadowbench.errors import InputError, counted
 from shadowbench.files import make_folder, replace_file
 from shadowbench.measure.flips import FLIPS, ROW_METRICS, row_metrics
 from shadowbench.measure.rows import SCHEMA, Record, Result, driver_of
-from shadowbench.results.folder import IDENTITY, Run, identity, read_runs
+from shadowbench.results.frame import IDENTITY, Run, identity, read_runs
 
 EXACT = ("draws", "primitives", "gpu_bytes", "reads", "rays")  # work counts that are deterministic on a renderer
 INVOCATIONS = 0.02  # relative tolerance of other counts: drivers differ in helper invocations of quads
 TIME_FACTOR = 1.1  # smallest change of a time ratio that is reported
 SIGNIFICANT = 3.0  # standard errors
 MISSING = "missing"  # status of a cell that was not run
-# Fields that are compared or printed, besides those that any reader of a folder keeps.
-_COMPARED = {"technique", "flips", "step", "work", "gpu_bytes", "mask_sha256"}
-_COMPARED |= {"clock", "reference", "ratio", "ratio_iqr", "n"}
 
 Verdict = Literal["regressed", "improved", "slower", "faster"]
 
@@ -104,9 +101,9 @@ def check(
     if update and (baseline / "run.json").exists():
         allowed = "a folder of its own (rows.jsonl, study.toml), also a new one"
         raise InputError(f"--update: {baseline} is a run folder, whose rows were measured; allowed: {allowed}")
-    (whole,) = read_runs([folder], None if update else _COMPARED)
+    (whole,) = read_runs([folder])
     first = update and not (baseline / "rows.jsonl").exists()
-    before = None if first else read_runs([baseline], _COMPARED)[0]
+    before = None if first else read_runs([baseline])[0]
     run = whole.last
     findings = compare(run.results, before.results if before else (), tolerances)
     if before and findings.compared == 0 and not update:

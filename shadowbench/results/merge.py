@@ -17,9 +17,8 @@ from shadowbench.extremes.axes import AXES
 from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.row_store import command_line, lock, read_run_file, stream_rows, unlock
 from shadowbench.measure.rows import SCHEMA, Record, RunFile, StudyFacts, escaped
-from shadowbench.results.folder import read_folders, rows_file, write_cells
+from shadowbench.results.frame import read_folders, read_sweep_positions, rows_file, write_cells, write_table
 from shadowbench.results.ranges import operating_ranges, points_frame, ranges_frame
-from shadowbench.results.tables import read_sweep_positions, write_table
 from shadowbench.scores.masks import mask_sha256, open_png, read_mask
 from shadowbench.techniques.unshadowed import Unshadowed
 
@@ -215,8 +214,8 @@ def _write_tables(sources: Sequence[Path], folder: Path) -> Sequence[Record]:
     rows = sweeps[0].rows
     # `unshadowed` has no range: it is out of tolerance wherever there is a shadow.
     judged = [row for row in rows if row["technique"] != Unshadowed.name]
-    write_table(folder / "ranges.csv", [ranges_frame(operating_ranges(AXES.values(), judged))])
-    write_table(folder / "table.csv", [points_frame(rows)])
+    write_table(folder / "ranges.csv", ranges_frame(operating_ranges(AXES.values(), judged)))
+    write_table(folder / "table.csv", points_frame(rows))
     return rows
 
 

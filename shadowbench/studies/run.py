@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from shadowbench.errors import InputError, ShadowbenchError
@@ -19,8 +19,7 @@ from shadowbench.scenes.opening import first_of
 from shadowbench.studies.study import Study, scenes_of
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
-    from shadowbench.results.folder import Run
-    from shadowbench.results.tables import SweepPositions
+    from shadowbench.results.frame import Run, SweepPositions
 
 T = TypeVar("T")
 _MOST_PARTS = 10_000
@@ -89,32 +88,29 @@ class StudyResult:
     failures: tuple[Failure, ...] = ()
 
 
-def measure(study: Study, campaigns: Sequence[Campaign], part: Part = WHOLE) -> StudyResult:
+def measure(study: Study, campaign: Campaign, part: Part = WHOLE) -> StudyResult:
     """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`. Existing rows are reused.
 
-    campaigns: in that folder, one after the other, of which the last one takes times; part: measure only its blocks. If
-    they keep going, scenes, truths and blocks that fail are left out. Raises InputError for a scene that cannot be read
-    and a map or view too large for the device. A cell that fails gets a row with that status.
+    campaign: in that folder; part: measure only its blocks. If it keeps going, scenes, truths and blocks that fail are
+    left out. Raises InputError for a scene that cannot be read and a map or view too large for the device. A cell that
+    fails gets a row with that status.
     """
     failures: list[Failure] = []
-    blocks = readable_blocks(study, failures) if campaigns[0].keep_going else [*study.blocks()]
+    blocks = readable_blocks(study, failures) if campaign.keep_going else [*study.blocks()]
     blocks = part.of(blocks, names_of)
-    part.announce(blocks, campaigns[0].reporter)
+    part.announce(blocks, campaign.reporter)
     keys: dict[str, None] = {}
     notes: dict[str, None] = {}
     with ExitStack() as folder:
-        for campaign in campaigns:
-            folder.close()  # of the campaign before
-            check_sizes(study, campaign.drawer.info)
-            timed = blocks if campaign is campaigns[-1] else [replace(block, rounds=0) for block in blocks]
-            for kind, text in _measured(study, timed, campaign, folder):
-                if kind == "key":
-                    keys[text] = None
-                elif text not in notes:  # phases may say the same
-                    notes[text] = None
-                    campaign.reporter.note(text)
-            failures += campaign.failures
-        from shadowbench.results.folder import write_cells
+        check_sizes(study, campaign.drawer.info)
+        for kind, text in _measured(study, blocks, campaign, folder):
+            if kind == "key":
+                keys[text] = None
+            elif text not in notes:  # phases may say the same
+                notes[text] = None
+                campaign.reporter.note(text)
+        failures += campaign.failures
+        from shadowbench.results.frame import write_cells
 
         positions = study.sweep_positions
         campaign.finish(study.facts, list(notes), keys)

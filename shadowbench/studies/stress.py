@@ -13,9 +13,8 @@ from shadowbench.measure.drawer import Failure, Limits
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.base import Subject, Technique
 from shadowbench.plugin.spec import Spec
-from shadowbench.results.folder import read_folders
+from shadowbench.results.frame import read_folders, write_table
 from shadowbench.results.ranges import OperatingRange, failure, operating_ranges, points_frame, ranges_frame
-from shadowbench.results.tables import write_table
 from shadowbench.scenes.model import LightKind
 from shadowbench.studies.run import WHOLE, Part
 from shadowbench.studies.study import Study
@@ -105,10 +104,10 @@ def stress(
             first = campaign.failures[0]
             raise ShadowbenchError(f"no cell was measured: {first.where}: {first.reason}")
         ranges = operating_ranges(axes, rows)
-        write_table(campaign.folder / "ranges.csv", [ranges_frame(ranges)])
+        write_table(campaign.folder / "ranges.csv", ranges_frame(ranges))
         study = Study.of([axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0)
         campaign.finish(study.facts, [], [row["key"] for row in rows])
         empty = not campaign.store.scores and part != WHOLE
         shown = () if empty else read_folders([campaign.folder])[1][0].rows
-        write_table(campaign.folder / "table.csv", [points_frame(shown)])
+        write_table(campaign.folder / "table.csv", points_frame(shown))
     return StressResult(tuple(rows), tuple(ranges), tuple(dict.fromkeys(campaign.failures)))

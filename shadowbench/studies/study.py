@@ -36,7 +36,7 @@ from shadowbench.studies.crossing import CrossedSpecs, Techniques, convert, to_l
 from shadowbench.truths.embree import tracer_of
 
 if TYPE_CHECKING:
-    from shadowbench.results.tables import SweepPositions
+    from shadowbench.results.frame import SweepPositions
 
 _Size = Annotated[int, Field(ge=MAP_SIZE.least, le=MAP_SIZE.most, strict=True)]
 _SOME = Field(min_length=1)
@@ -126,7 +126,7 @@ class Study(SceneFields):
     @property
     def sweep_positions(self) -> "SweepPositions":
         """Positions of its specs in bias sweeps."""
-        from shadowbench.results.tables import positions_in_sweeps  # pandas takes long to import
+        from shadowbench.results.frame import positions_in_sweeps  # pandas takes long to import
 
         return positions_in_sweeps(
             ((spec.sizeless_text, spec.map_size if "size" in spec.explicit else None), (home.sizeless_text, factor))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.results.folder import Run
+from shadowbench.results.frame import Run
 from shadowbench.scores.metrics import is_soft
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import find_study, read_study

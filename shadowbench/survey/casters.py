@@ -5,23 +5,21 @@ matters if any cell that its bounds overlap has a receiver behind the triangle's
 """
 
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 
+from shadowbench.compiled import compiled
 from shadowbench.geometry.topology import topology_of
 from shadowbench.scenes.model import View
-from shadowbench.scenes.triangles import Geometry, in_slices
+from shadowbench.scenes.triangles import Geometry
 from shadowbench.scenes.vectors import Floats
-from shadowbench.survey.maps import FittedMap, Footprint
+from shadowbench.survey.samples import FittedMap
 from shadowbench.truths.rays import Indices, Mask
 
-CELLS = 1024  # along a side of the grid; a power of two
+CELLS = 512  # along a side of the grid
 ROUNDING = 1e-6  # tolerance of depths and bounds
-LEVELS = CELLS.bit_length()  # of the grid's pyramid, each with half the resolution of the previous, down to one cell
-_POINTS = 1 << 16  # on cut-out casters
-_OFFSETS = np.cumsum([0, *((CELLS >> k) ** 2 for k in range(LEVELS - 1))])
 IN_FRONT = 1e-6  # distance from the plane of a spot or point light within which triangles always matter, local length
+_POINTS = 1 << 16  # on cut-out casters
 
 
 @dataclass(frozen=True)
@@ -98,72 +96,58 @@ class RelevantCasters:
     sure: bool
 
 
-def relevant_casters(fitted: FittedMap) -> RelevantCasters:
+def relevant_casters(fitted: FittedMap, sure: bool) -> RelevantCasters:
     """The casters that can be between the light and a visible receiver."""
-    samples = fitted.samples
-    geometry = samples.view.scene.geometry
+    geometry = fitted.samples.view.scene.geometry
     faces = geometry.caster_faces
     matters = np.zeros(len(faces), dtype=bool)
-    for _, space, footprint in fitted.light_spaces():
-        if not footprint.coords.shape[1]:
-            continue
+    for chosen, space in fitted.parts():
+        at = fitted.footprint.select(chosen)
+        # Each sample is enlarged to its whole pixel and half the distance to the next sample.
+        half = np.abs(at.jacobian).sum(axis=1) * ((fitted.samples.step + 1) / 2)
+        farthest = at.coords[2] + (np.abs(at.slope) * half).sum(axis=0)
+        start, end = (at.coords[:2] - half).min(axis=1), (at.coords[:2] + half).max(axis=1)
+        cell = np.maximum(end - start, ROUNDING) / CELLS
+
+        def cells(corner: Floats, start: Floats = start[:, None], cell: Floats = cell[:, None]) -> Indices:
+            inside: Indices = np.clip((corner - start) / cell, 0, CELLS - 1).astype(np.intp)
+            return inside
+
+        grid = np.full((CELLS, CELLS), -np.inf)
+        _deepen(grid, cells(at.coords[:2] - half), cells(at.coords[:2] + half), farthest)
         x, y, back = space.basis @ geometry.vertices.T - (space.basis @ space.origin)[:, None]
         in_front = np.maximum(-back, IN_FRONT) if space.perspective else 1.0
-        coords = np.stack([x / in_front, y / in_front, -back])
-        grid = _Grid(footprint, samples.step)
-        for part in in_slices(len(faces)):
-            a, b, c = (coords.take(corner, axis=1) for corner in faces[part].T)
-            bounded = np.ones(a.shape[1], dtype=bool)
-            if space.perspective:
-                behind = np.sum([corner[2] <= IN_FRONT for corner in (a, b, c)], axis=0)
-                bounded = behind == 0
-                matters[part] |= ~bounded & (behind < 3)  # triangles through the light's plane have no bounds
-            low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-            matters[part] |= bounded & grid.touches(low, high)
-    sure = samples.step == 1 and not samples.view.light.soft
+        corners = np.stack([x / in_front, y / in_front, -back])[:, faces]  # (3, C, 3)
+        low, high = corners.min(axis=2), corners.max(axis=2)
+        through = space.perspective & (low[2] <= IN_FRONT) & (high[2] > IN_FRONT)  # the light's plane: no bounds
+        before = (high[2] > IN_FRONT) | (not space.perspective)
+        outside = (high[:2] < (start - ROUNDING)[:, None]).any(axis=0) | (low[:2] > (end + ROUNDING)[:, None]).any(
+            axis=0
+        )
+        nearest = low[2] - ROUNDING * (1 + np.abs(low[2]))
+        hides = np.zeros(len(faces), dtype=bool)
+        _find_hiding(grid, cells(low[:2] - ROUNDING), cells(high[:2] + ROUNDING), nearest, hides)
+        matters |= through | (before & hides & ~outside)
     return RelevantCasters(len(faces), int((~matters).sum()), matters, sure)
 
 
-class _Grid:
-    """The farthest visible receiver in each cell of a grid in light space, and of coarser grids: a pyramid.
+@compiled()
+def _deepen(grid, first, last, depth):  # type: ignore[no-untyped-def]
+    """Raise the cells from first to last, (2, N), of each sample to its depth."""
+    for i in range(len(depth)):
+        for x in range(first[0, i], last[0, i] + 1):
+            for y in range(first[1, i], last[1, i] + 1):
+                grid[x, y] = max(grid[x, y], depth[i])
 
-    Each sample is enlarged to its whole pixel and half the sampling step.
-    """
 
-    def __init__(self, footprint: Footprint, step: int) -> None:
-        half = np.abs(footprint.jacobian).sum(axis=1) * ((step + 1) / 2)
-        depth = footprint.coords[2] + (np.abs(footprint.slope) * half).sum(axis=0)
-        low, high = footprint.coords[:2] - half, footprint.coords[:2] + half
-        self.start, self.end = low.min(axis=1)[:, None], high.max(axis=1)[:, None]
-        self.cell = np.maximum(self.end - self.start, ROUNDING) / (CELLS - 2)
-        levels = [np.full((CELLS >> k, CELLS >> k), -np.inf) for k in range(LEVELS)]
-        x, y, level = self._cells(low, high)
-        # Wide ranges are written to coarse levels, and propagate to the finer levels from there.
-        for k in reversed(range(LEVELS)):
-            mine = level == k
-            for corner in product(x[:, mine], y[:, mine]):
-                np.maximum.at(levels[k], corner, depth[mine])
-            if k:
-                levels[k - 1] = np.maximum(levels[k - 1], levels[k].repeat(2, axis=0).repeat(2, axis=1))
-        for k in range(1, LEVELS):
-            levels[k] = levels[k - 1].reshape(CELLS >> k, 2, CELLS >> k, 2).max(axis=(1, 3))
-        self.farthest = np.concatenate([one.ravel() for one in levels])
-
-    def _cells(self, low: Floats, high: Floats) -> tuple[Indices, Indices, Indices]:
-        """First and last column and row, (2, N) each, and the finest level, (N,), at which these are neighbours.
-
-        low, high: (2, N) bounds in light space.
-        """
-        first, last = (
-            np.clip((corner - self.start) / self.cell + 1.0, 0.0, CELLS - 1.0).astype(np.intp) for corner in (low, high)
-        )
-        level = np.ceil(np.log2(np.maximum((last - first).max(axis=0), 1))).astype(np.intp)
-        x, y = np.stack([first, last], axis=1) >> level
-        return x, y, level
-
-    def touches(self, low: Floats, high: Floats) -> Mask:
-        """(F,) bool: whether triangles with (3, F) lowest and highest corners may be in front of visible receivers."""
-        x, y, level = self._cells(low[:2] - ROUNDING * self.cell, high[:2] + ROUNDING * self.cell)
-        cells = [self.farthest[_OFFSETS[level] + one * (CELLS >> level) + other] for one, other in product(x, y)]
-        outside = (high[:2] < self.start).any(axis=0) | (low[:2] > self.end).any(axis=0)
-        return np.asarray(~outside & (np.max(cells, axis=0) >= low[2] - ROUNDING * (1 + np.abs(low[2]))))
+@compiled()
+def _find_hiding(grid, first, last, depth, hides):  # type: ignore[no-untyped-def]
+    """Mark the triangles in front of a receiver in any of the cells from first to last, (2, C)."""
+    for i in range(len(depth)):
+        for x in range(first[0, i], last[0, i] + 1):
+            for y in range(first[1, i], last[1, i] + 1):
+                if grid[x, y] >= depth[i]:
+                    hides[i] = True
+                    break
+            if hides[i]:
+                break

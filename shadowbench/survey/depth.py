@@ -1,19 +1,26 @@
-"""Needed depth precision and bias: gaps between casters and receivers, and self-shadowing of slopes."""
+"""Needs of depth: the format that separates casters from receivers, the bias against acne, and the light's size."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shadowbench.geometry.convex import box_planes, corners
 from shadowbench.geometry.lights import window
+from shadowbench.measure.scoring import prepare_truth
+from shadowbench.scenes.model import SUN_RADIUS, Light, View
 from shadowbench.scenes.vectors import Floats
-from shadowbench.survey.maps import REFERENCE_SIZE, FittedMap
-from shadowbench.survey.sampling import Estimate
-from shadowbench.truths.embree import INFINITE
+from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.metrics import rmse
+from shadowbench.survey.samples import REFERENCE_SIZE, FittedMap, Samples, hard_view, longest
+from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.rays import Indices, Mask
 
 TOLERATED = 0.001  # tolerated share of wrong samples, of those in shadow or of those lit
 CONTACT = 0.01  # share of the shadow with the smallest gaps, excluded as contact
 BIAS_STEPS = 4.0  # quantization steps of the depth format that biases add by default
+BULB = 0.03
+"""Radius of a common household bulb, in metres (A60: 60 mm across)."""
+HARD_RMSE = 0.02
+"""RMSE up to which hard shadows suffice: what `recommend` asks of soft shadows by default."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +34,7 @@ class DepthBits:
 
     bits: int | None
     range: float
-    closest: Estimate
+    closest: float
     lost: dict[int, float]
 
 
@@ -40,10 +47,10 @@ class BiasNeed:
     shadow.
     """
 
-    needed: Estimate
+    needed: float
     worst: float
-    thinnest: Estimate | None
-    bridged: Estimate | None
+    thinnest: float | None
+    bridged: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,33 +58,61 @@ class Depths:
     """Depths of the samples in their fitted map, at REFERENCE_SIZE.
 
     near, far: local distances with depth 0 and 1; gap: (R,) from caster to receiver along the map's depth direction, in
-    local lengths, inf where lit; per_length: (R,) derivative of stored depth by that length; stored: (R,) depth in
-    [0, 1].
+    local lengths, inf where lit: of the caster that the light meets first, where that is known, else of the receiver's
+    nearest; known: (R,) bool; per_length: (R,) derivative of stored depth by that length; stored: (R,) depth in [0, 1].
     """
 
     near: float
     far: float
     gap: Floats
+    known: Mask
     per_length: Floats
     stored: Floats
 
 
 def depths_of(fitted: FittedMap) -> Depths:
     """The depths of the samples in a fitted map."""
-    samples, space, z = fitted.samples, fitted.space, fitted.footprint.coords[2]
-    if space is None:
+    samples, z = fitted.samples, fitted.stored(fitted.footprint.coords)
+    surface, known = first_surface(fitted, np.arange(len(z)))
+    behind = np.where(known, z - surface, 0.0)
+    if fitted.cube:  # which stores the distance to the light
         away = samples.view.scene.geometry.vertices - samples.view.light.position
         far = float(np.linalg.norm(away, axis=1).max())
-        return Depths(0.0, far, samples.blocker, np.full(len(z), 1 / far), z / far)
+        gap = np.where(samples.shadowed, np.maximum(samples.blocker, behind), np.inf)
+        return Depths(0.0, far, gap, known, np.full(len(z), 1 / far), z / far)
+    (space,) = fitted.spaces
     box = window(fitted.box, space, REFERENCE_SIZE, fitted.padding, (0.0, 0.0))
     near, far = float(box.low[2]), float(box.high[2])
     along = np.einsum("ij,i->j", samples.to_light, space.basis[2])
     # Casters in front of the near plane are clamped to it.
-    gap = np.where(samples.shadowed, np.minimum(samples.blocker * along, z - near), np.inf)
-    share = (z - near) / (far - near)
+    gap = np.minimum(np.maximum(samples.blocker * along, behind), z - near)
+    gap, share = np.where(samples.shadowed, gap, np.inf), (z - near) / (far - near)
     if not space.perspective:
-        return Depths(near, far, gap, np.full(len(z), 1 / (far - near)), share)
-    return Depths(near, far, gap, far * near / (far - near) / z**2, share * far / z)
+        return Depths(near, far, gap, known, np.full(len(z), 1 / (far - near)), share)
+    return Depths(near, far, gap, known, far * near / (far - near) / z**2, share * far / z)
+
+
+def first_surface(fitted: FittedMap, chosen: Indices, offset: Floats | float = 0.0) -> tuple[Floats, Mask]:
+    """(N,) depth of the surface that the light meets first, at (2, N) offsets in the map from chosen samples.
+
+    It is the triangle of the lit sample that is nearest in the map. (N,) bool: whether the place is in its pixel, and
+    the camera sees that surface.
+    """
+    samples, footprint = fitted.samples, fitted.footprint
+    half = np.abs(footprint.jacobian).sum(axis=1) * samples.step  # a pixel either way
+    places = footprint.coords[:2, chosen] + offset
+    surface, known = np.zeros(len(chosen)), np.zeros(len(chosen), dtype=bool)
+    for index, space in enumerate(fitted.spaces):
+        lit, tree = fitted.lit_samples[index]
+        own = np.flatnonzero(fitted.face[chosen] == index)
+        if len(lit) and len(own):
+            near = lit[tree.query(places[:, own].T)[1]]
+            away = places[:, own] - footprint.coords[:2, near]
+            plane = footprint.coords[2, near] + (footprint.slope[:, near] * away).sum(axis=0)
+            ahead = (space.origin - samples.view.scene.geometry.corners(samples.triangle[near])) @ space.basis[2]
+            surface[own] = np.clip(plane, ahead.min(axis=1), ahead.max(axis=1))
+            known[own] = (np.abs(away) <= half[:, near]).all(axis=0)
+    return fitted.stored(np.vstack([places, surface])), known
 
 
 def bits_of(fitted: FittedMap, depths: Depths) -> DepthBits | None:
@@ -92,8 +127,8 @@ def bits_of(fitted: FittedMap, depths: Depths) -> DepthBits | None:
     lost = {bits: float((gap < BIAS_STEPS * step).mean()) for bits, step in steps.items()}
     bits = next((bits for bits, share in lost.items() if share <= TOLERATED), None)
     metres = 1 / samples.placement.scale
-    closest = samples.quantile(depths.gap, TOLERATED, dark).times(metres)
-    return DepthBits(bits, (depths.far - depths.near) * metres, closest, lost)
+    closest = float(np.quantile(depths.gap[dark], TOLERATED))
+    return DepthBits(bits, (depths.far - depths.near) * metres, closest * metres, lost)
 
 
 def bias_of(fitted: FittedMap, depths: Depths) -> BiasNeed | None:
@@ -103,42 +138,104 @@ def bias_of(fitted: FittedMap, depths: Depths) -> BiasNeed | None:
     if not len(lit):
         return None
     metres = 1 / samples.placement.scale
-    required = required_bias(fitted)
-    needed = samples.quantile(required, 1 - TOLERATED, lit)
+    required = required_bias(fitted, lit)
+    needed, worst = float(np.quantile(required, 1 - TOLERATED)), float(required.max())
     thinnest = bridged = None
     if len(dark):
-        thinnest = samples.quantile(depths.gap, CONTACT, dark).times(metres)
-        bridged = samples.mean(depths.gap < needed.value, dark)
-    return BiasNeed(needed.times(metres), float(required[lit].max()) * metres, thinnest, bridged)
+        thinnest = float(np.quantile(depths.gap[dark], CONTACT)) * metres
+        bridged = float((depths.gap[dark] < needed).mean())
+    return BiasNeed(needed * metres, worst * metres, thinnest, bridged)
 
 
-def required_bias(fitted: FittedMap) -> Floats:
-    """(R,) distance of each sample behind the depth stored in its texel, in local lengths along the map's depth.
+def required_bias(fitted: FittedMap, lit: Indices) -> Floats:
+    """(L,) distance of each lit sample behind the depth stored in its texel, in local lengths along the map's depth.
 
     The texel's centre is at a random offset of up to half a texel from the sample. There the stored depth is that of
-    the receiver's plane, but no nearer to the light than the first caster on the light ray: a facet at grazing light is
-    narrower than a texel, and a caster in front of it makes a shadow edge, not acne.
+    the receiver's plane, but no nearer to the light than the first surface: a facet at grazing light is narrower than a
+    texel.
     """
-    offset = np.random.default_rng(0).random(fitted.unit.slope.shape) - 0.5
-    offset /= fitted.texels(REFERENCE_SIZE)
-    plane = np.maximum((fitted.unit.slope * offset).sum(axis=0), 0.0)
-    gap = occluder_gap(fitted, offset * fitted.extent[:, None])
-    return np.asarray(np.minimum(plane, np.maximum(gap, 0.0)))
+    at = fitted.footprint.select(lit)
+    offset = (np.random.default_rng(0).random(fitted.footprint.slope.shape) - 0.5)[:, lit]
+    offset *= fitted.extent[:, None] / fitted.texels(REFERENCE_SIZE)
+    surface, known = first_surface(fitted, lit, -offset)
+    plane = np.vstack([at.coords[:2] - offset, at.coords[2] - (at.slope * offset).sum(axis=0)])
+    behind = fitted.stored(at.coords) - np.maximum(fitted.stored(plane), surface)
+    return np.where(known, np.maximum(behind, 0.0), 0.0)
 
 
-def occluder_gap(fitted: FittedMap, offset: Floats) -> Floats:
-    """(R,) depth gap from each sample to the first occluder, on the light ray at (2, R) light-space offsets from it."""
-    samples, gap = fitted.samples, np.empty(offset.shape[1])
-    for mine, space, footprint in fitted.light_spaces():
-        u, v = footprint.coords[:2] - offset[:, mine]
-        if space.perspective:
-            rays = space.basis.T @ np.stack([u, v, np.full(len(mine), -1.0)])
-            origins = np.broadcast_to(space.origin, (len(mine), 3))
-            occluder = samples.casters.hits(origins, rays.T, INFINITE).distance.astype(np.float64)
-            occluder *= np.sqrt(u**2 + v**2 + 1) if fitted.space is None else 1.0  # cubes store the distance itself
-        else:
-            start = float(space.box(corners(box_planes(samples.view.scene.geometry.bounds), 1.0)).low[2])
-            origins = space.basis.T @ np.stack([u, v, np.full(len(mine), -start)])
-            occluder = start + samples.casters.hits(origins.T, -space.basis[2:], INFINITE).distance.astype(np.float64)
-        gap[mine] = fitted.footprint.coords[2, mine] - occluder
-    return gap
+@dataclass(frozen=True)
+class Penumbra:
+    """The penumbrae of a view. Widths are in pixels, at the shadows' edges, in the widest direction.
+
+    radius: of the light, in radians for a directional one, else in metres; half the longer side of a rectangle;
+    assumed: True if the scene has none; median and p95: widths over edge pixels; share: of the scored pixels that see
+    less than all of the light, those that see some of it; hard_rmse: the metric `rmse` of exact hard shadows, those of
+    the light's centre.
+    """
+
+    radius: float
+    assumed: bool
+    median: float
+    p95: float
+    share: float
+    hard_rmse: float
+
+    @property
+    def hard_is_enough(self) -> bool:
+        """Whether their error is at most HARD_RMSE.
+
+        Widths do not tell: narrow penumbrae are a large error where they cover much of the view, wide ones a small
+        error where they cover little.
+        """
+        return self.hard_rmse <= HARD_RMSE
+
+
+def penumbra_of(view: View, samples: Samples) -> Penumbra | None:
+    """The penumbrae for the light's size, by default that of the sun or a bulb; None without edges or scored pixels.
+
+    samples: of the view, from `sample_view`.
+    """
+    if not len(samples.edges):
+        return None
+    light, hard = sized_light(view.light), hard_view(view)
+    truth = prepare_truth(cached_truth(replace(hard, light=light)))
+    error = rmse(Comparison(cached_truth(hard).visibility, truth))
+    if error is None:
+        return None
+    shadow = truth.visibility[truth.valid & (truth.visibility < 1)]
+    radius = light.radius or max(light.size) / 2
+    width = widths(samples, radius if light.kind == "directional" else samples.placement.length(radius))[samples.edges]
+    return Penumbra(
+        radius=float(radius),
+        assumed=not view.light.soft,
+        median=float(np.median(width)),
+        p95=float(np.quantile(width, 0.95)),
+        share=float((shadow > 0).mean()) if len(shadow) else 0.0,
+        hard_rmse=error,
+    )
+
+
+def sized_light(light: Light) -> Light:
+    """The light, with the size of the sun or a bulb if it has none."""
+    if light.soft:
+        return light
+    if light.kind == "rectangle":
+        return replace(light, size=(2 * BULB, 2 * BULB))
+    return replace(light, radius=SUN_RADIUS if light.kind == "directional" else BULB)
+
+
+def widths(samples: Samples, radius: float) -> Floats:
+    """(R,) width of the penumbra at each sample in pixels; 0 where lit.
+
+    By similar triangles, perpendicular to the light ray: 2 tan(radius) · blocker for a sun; 2 radius ·
+    blocker/(distance − blocker) otherwise, as in PCSS (Fernando 2005), with the denominator at least the radius.
+    """
+    if samples.view.light.kind == "directional":
+        across = 2 * np.tan(radius) * samples.blocker
+    else:
+        with np.errstate(invalid="ignore"):
+            across = 2 * radius * samples.blocker / np.maximum(samples.distance - samples.blocker, radius)
+    steps = samples.across, samples.down
+    derivatives = (step - samples.to_light * (step * samples.to_light).sum(axis=0) for step in steps)
+    with np.errstate(invalid="ignore"):
+        return np.where(samples.shadowed, across * longest(*derivatives), 0.0)

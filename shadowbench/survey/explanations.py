@@ -1,21 +1,19 @@
-"""Needs as text: a row with the number and a sentence for each."""
+"""Needs as text: a row with the number and a sentence for each, and the verdict that sums them up."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from shadowbench.scenes.model import LightShape
 from shadowbench.survey.casters import Casters
-from shadowbench.survey.depth import BIAS_STEPS, CONTACT, BiasNeed, DepthBits
-from shadowbench.survey.maps import REFERENCE_SIZE
-from shadowbench.survey.penumbra import HARD_RMSE, Penumbra
-from shadowbench.survey.sampling import Estimate
+from shadowbench.survey.depth import BIAS_STEPS, CONTACT, HARD_RMSE, BiasNeed, DepthBits, Penumbra
+from shadowbench.survey.samples import REFERENCE_SIZE
+from shadowbench.survey.sizes import CascadeSizes, Texels
 from shadowbench.survey.survey import Needs, Receivers
-from shadowbench.survey.texels import CascadeSizes, Texels
 
 GROUND_FACTOR = 1.5
-"""Ratio of the map sizes needed with and without an assumed ground from which both are told."""
+"""Ratio of the map sizes needed with and without an assumed ground from which both are shown."""
 _PANEL = "a panel: one perspective map from its centre covers 170° of what it lights"
 _LIGHTS = {
     "directional": "parallel rays: one orthographic map, cascades, shadow volumes and projected shadows all support it",
@@ -27,8 +25,7 @@ _LIGHTS = {
 Row = tuple[str, str, str]
 
 
-@dataclass(frozen=True)
-class Explanation:
+class Explanation(NamedTuple):
     """A need for display: its name, its number with the standard error, and its meaning."""
 
     need: str
@@ -36,37 +33,14 @@ class Explanation:
     reason: str
 
 
-def explanations_of(needs: Needs) -> tuple[Explanation, ...]:
+def explanations_of(needs: Needs) -> list[Explanation]:
     """One row for each need that applies."""
-    return tuple(Explanation(*row) for row in _rows(needs))
-
-
-def verdict_of(needs: Needs) -> str:
-    """What a view needs, in a line, with the numbers of its rows."""
-    edges, cascades = needs.texels.edge_size, needs.cascades
-    if edges is None:
-        shadow = "all that is seen is in shadow" if needs.receivers.shadowed.value else "no shadow is seen"
-        return f"{shadow}, and no edge, so that any map size does"
-    shape, sparing = "a cube map with faces" if needs.texels.faces > 1 else "one map", ""
-    needed = f"{shape} of {edges.value:.0f}²"
-    if cascades and cascades.worthwhile:
-        needed = f"{cascades.best} cascades of {cascades.edge_size[cascades.best]:.0f}²"
-        sparing = f" in place of one map of {edges.value:.0f}²"
-    elif cascades:
-        sparing = ", cascades for shadows elsewhere in view" if cascades.worthwhile_elsewhere else ", no cascades"
-    parts = [needed + sparing]
-    if needs.bits:
-        parts.append(f"{needs.bits.bits} bits of depth" if needs.bits.bits else "more depth than any format has")
-    if needs.bias:
-        parts.append(f"a bias of {needs.bias.needed.value:.3g} m at {REFERENCE_SIZE}²")
-    if needs.penumbra:
-        parts.append("hard shadows suffice" if needs.penumbra.hard_is_enough else "hard shadows are too sharp")
-    return ", ".join(parts)
+    return [Explanation(*row) for row in _rows(needs)]
 
 
 def _rows(needs: Needs) -> Iterator[Row]:
     yield "light", needs.light, _LIGHTS[needs.light]
-    yield "receivers", f"{_share(needs.receivers.planar)} on planes", _receivers(needs.receivers)
+    yield "receivers", f"{needs.receivers.planar:.1%} on planes", _receivers(needs.receivers)
     yield from _casters(needs.casters)
     yield from _texels(needs.texels, soft=needs.penumbra is not None and not needs.penumbra.assumed)
     if needs.without_ground:
@@ -84,13 +58,36 @@ def _rows(needs: Needs) -> Iterator[Row]:
     yield "casters to leave out", f"{needs.reach.useless} triangles", f"{reach}{unsure}"
 
 
+def verdict_of(needs: Needs) -> str:
+    """What a view needs, in a line, with the numbers of its rows."""
+    edges, cascades = needs.texels.edge_size, needs.cascades
+    if edges is None:
+        shadow = "all that is seen is in shadow" if needs.receivers.shadowed else "no shadow is seen"
+        return f"{shadow}, and no edge, so that any map size does"
+    shape, sparing = "a cube map with faces" if needs.texels.faces > 1 else "one map", ""
+    needed = f"{shape} of {edges:.0f}²"
+    if cascades and cascades.worthwhile:
+        needed = f"{cascades.best} cascades of {cascades.edge_size[cascades.best]:.0f}²"
+        sparing = f" in place of one map of {edges:.0f}²"
+    elif cascades:
+        sparing = ", cascades for shadows elsewhere in view" if cascades.worthwhile_elsewhere else ", no cascades"
+    parts = [needed + sparing]
+    if needs.bits:
+        parts.append(f"{needs.bits.bits} bits of depth" if needs.bits.bits else "more depth than any format has")
+    if needs.bias:
+        parts.append(f"a bias of {needs.bias.needed:.3g} m at {REFERENCE_SIZE}²")
+    if needs.penumbra:
+        parts.append("hard shadows suffice" if needs.penumbra.hard_is_enough else "hard shadows are too sharp")
+    return ", ".join(parts)
+
+
 def _receivers(need: Receivers) -> str:
     if need.planes == 0:
         return "no visible receiver is on a plane: planar-projection would leave all of them lit"
     planes = "1 plane" if need.planes == 1 else f"{need.planes} planes"
     if need.projection_suffices:
         return f"all visible receivers are on {planes}: planar-projection suffices"
-    return f"planar-projection, on {planes}, would leave the others lit: {need.lost.value:.1%} of the shadow"
+    return f"planar-projection, on {planes}, would leave the others lit: {need.lost:.1%} of the shadow"
 
 
 def _casters(need: Casters) -> Iterator[Row]:
@@ -115,14 +112,14 @@ def _casters(need: Casters) -> Iterator[Row]:
 
 def _texels(need: Texels, soft: bool) -> Iterator[Row]:
     kind = f"a cube map with faces of {REFERENCE_SIZE}²" if need.faces > 1 else f"a fitted map of {REFERENCE_SIZE}²"
-    reason = f"95th percentile of a texel's extent in the image, for {kind}; the largest is {need.largest.value:.3g}"
-    yield "texel", f"{_value(need.p95)} px", reason
-    yield "map size", _value(need.size, "4.0f"), "for texels of at most one pixel on 95% of the visible receivers"
+    reason = f"95th percentile of a texel's extent in the image, for {kind}; the largest is {need.largest:.3g}"
+    yield "texel", f"{need.p95:.3g} px", reason
+    yield "map size", f"{need.size:.0f}", "for texels of at most one pixel on 95% of the visible receivers"
     if need.edge_size:
         centre = ", of a light without its size" if soft else ""
         yield (
             "map size, edges",
-            _value(need.edge_size, "4.0f"),
+            f"{need.edge_size:.0f}",
             "predicted, mostly within a factor of 2, for 95% of the shadows' edge pixels to be right "
             f"(edge_p95 below 1{centre}), with 2×2 comparisons and the default bias",
         )
@@ -134,9 +131,9 @@ def _ground(need: Texels, without: Texels) -> Iterator[Row]:
     name, ground = "without ground", "without the ground that was assumed (--no-ground)"
     if without.edge_size is None:
         yield name, "–", f"{ground} no shadow's edge is visible: the sizes above are for shadows on it"
-    elif not 1 / GROUND_FACTOR <= need.edge_size.value / without.edge_size.value <= GROUND_FACTOR:
-        instead = f"instead of {need.edge_size.value:.0f} with it"
-        yield name, _value(without.edge_size, "4.0f"), f"map size, edges, {ground}, {instead}"
+    elif not 1 / GROUND_FACTOR <= need.edge_size / without.edge_size <= GROUND_FACTOR:
+        instead = f"instead of {need.edge_size:.0f} with it"
+        yield name, f"{without.edge_size:.0f}", f"map size, edges, {ground}, {instead}"
 
 
 def _cascades(need: CascadeSizes, one: Texels) -> Iterator[Row]:
@@ -148,16 +145,14 @@ def _cascades(need: CascadeSizes, one: Texels) -> Iterator[Row]:
     if need.worthwhile:
         reason = f"fewer texels than one map for the same edges, with casters drawn {need.best} times"
     elif need.worthwhile_elsewhere:
-        several = (
-            f"{need.best_by_size} × {need.size[need.best_by_size]:.0f} do what one map of {one.size.value:.0f} does"
-        )
+        several = f"{need.best_by_size} × {need.size[need.best_by_size]:.0f} do what one map of {one.size:.0f} does"
         reason = f"no gain for the edges in view, but for texels of a pixel on 95% of the visible receivers {several}"
     depths = f"the farthest visible receiver is {need.depth_ratio:.3g} times as far as the nearest"
     yield "cascades save", f"{need.saving:.3g} ×", f"{reason}; {depths}"
 
 
 def _bits(need: DepthBits) -> str:
-    within = f"0.1% of the shadow is within {_value(need.closest)} m of its caster in depth"
+    within = f"0.1% of the shadow is within {need.closest:.3g} m of its caster in depth"
     closest = f"{within}, over a range of {need.range:.4g} m"
     if need.bits is None:
         return f"{closest}: less than {BIAS_STEPS:g} steps of any format"
@@ -168,14 +163,14 @@ def _bits(need: DepthBits) -> str:
 def _bias(need: BiasNeed) -> Iterator[Row]:
     yield (
         "bias",
-        f"{_value(need.needed)} m",
+        f"{need.needed:.3g} m",
         f"along the light, for a map of {REFERENCE_SIZE}² without filtering: leaves acne on 0.1% of the lit "
         f"receivers; the steepest slope needs {need.worst:.3g} m. Half as much at twice the size",
     )
-    if need.thinnest and need.bridged:
+    if need.thinnest is not None and need.bridged is not None:
         exceeded = f"exceeded by {1 - CONTACT:.0%} of the shadow"
-        lit = f"the bias above would light {_share(need.bridged)} of the shadow"
-        yield "thinnest gap", f"{_value(need.thinnest)} m", f"in depth between caster and receiver, {exceeded}; {lit}"
+        lit = f"the bias above would light {need.bridged:.1%} of the shadow"
+        yield "thinnest gap", f"{need.thinnest:.3g} m", f"in depth between caster and receiver, {exceeded}; {lit}"
 
 
 def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Row]:
@@ -185,17 +180,8 @@ def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Row]:
     elif light == "rectangle":
         size = f"of {need.radius * 2:.3g} m along its longer side"
     assumed = " (assumed, as the scene gives its light no size)" if need.assumed else ""
-    widths = f"95th percentile of the penumbra's largest width, the median is {need.median.value:.3g}"
-    yield "penumbra", f"{_value(need.p95)} px", f"{widths}: the {lamp} is {size}{assumed}"
+    widths = f"95th percentile of the penumbra's largest width, the median is {need.median:.3g}"
+    yield "penumbra", f"{need.p95:.3g} px", f"{widths}: the {lamp} is {size}{assumed}"
     verdict = f"at most {HARD_RMSE:g}: they suffice" if need.hard_is_enough else f"above {HARD_RMSE:g}: too sharp"
     hard = "RMSE of exact hard shadows, as the centre of the light casts them, over the scored receivers"
-    yield "error of hard", _value(need.hard_rmse), f"{hard}; {_share(need.share)} of the shadow is penumbra; {verdict}"
-
-
-def _value(estimate: Estimate, form: str = ".3g", error_form: str = ".1g") -> str:
-    error = " ± ?" if estimate.error is None else f" ± {estimate.error:{error_form}}" if estimate.error else ""
-    return f"{estimate.value:{form}}{error}".strip()
-
-
-def _share(estimate: Estimate) -> str:
-    return _value(estimate, ".1%", ".2%")
+    yield "error of hard", f"{need.hard_rmse:.3g}", f"{hard}; {need.share:.1%} of the shadow is penumbra; {verdict}"

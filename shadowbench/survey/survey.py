@@ -1,7 +1,6 @@
 """The survey of a view: everything it needs of a shadow technique."""
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +12,9 @@ from shadowbench.geometry.planes import find_planes
 from shadowbench.scenes.assumed import without_ground
 from shadowbench.scenes.model import LightShape, Scene, View, view_of
 from shadowbench.survey.casters import Casters, RelevantCasters, casters_of, relevant_casters
-from shadowbench.survey.depth import BiasNeed, DepthBits, bias_of, bits_of, depths_of
-from shadowbench.survey.maps import fitted_map
-from shadowbench.survey.penumbra import Penumbra, penumbra_of
-from shadowbench.survey.sampling import Estimate, Samples, sample_view
-from shadowbench.survey.texels import CascadeSizes, Texels, cascades_of, texels_of
+from shadowbench.survey.depth import BiasNeed, DepthBits, Penumbra, bias_of, bits_of, depths_of, penumbra_of
+from shadowbench.survey.samples import Samples, fitted_map, sample_view
+from shadowbench.survey.sizes import CascadeSizes, Texels, cascades_of, texels_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,16 +30,16 @@ class Receivers:
     `planar-projection` finds; lost: share of the shadow on other receivers; planes: number of visible planes.
     """
 
-    pixels: Estimate
-    shadowed: Estimate
-    planar: Estimate
-    lost: Estimate
+    pixels: float
+    shadowed: float
+    planar: float
+    lost: float
     planes: int
 
     @property
     def projection_suffices(self) -> bool:
         """Whether practically all visible receivers are on planes."""
-        return self.planar.value >= PLANAR_SHARE
+        return self.planar >= PLANAR_SHARE
 
 
 def planes_of(scene: Scene) -> NDArray[np.int64]:
@@ -58,12 +55,11 @@ def receivers_of(samples: Samples, of_triangle: NDArray[np.int64]) -> Receivers:
     """Statistics of the visible receivers. of_triangle: (T,) planes of the triangles, from `planes_of`."""
     plane_of = of_triangle[samples.triangle]
     planar, shadow = plane_of >= 0, np.flatnonzero(samples.shadowed)
-    share = len(samples.pixel) / samples.side**2
     return Receivers(
-        pixels=Estimate(share, 0.0 if samples.step == 1 else float(np.sqrt(share * (1 - share)) / samples.side)),
-        shadowed=samples.mean(samples.shadowed, samples.all),
-        planar=samples.mean(planar, samples.all),
-        lost=samples.mean(~planar, shadow) if len(shadow) else Estimate(0.0),
+        pixels=len(samples.pixel) / samples.side**2,
+        shadowed=float(samples.shadowed.mean()),
+        planar=float(planar.mean()),
+        lost=float((~planar[shadow]).mean()) if len(shadow) else 0.0,
         planes=len(np.unique(plane_of[planar])),
     )
 
@@ -93,22 +89,20 @@ class Needs:
 
     @property
     def frame(self) -> "pd.DataFrame":
-        """A line per number: `need`, such as texels.size, its `value` and standard `error`; missing where unknown."""
+        """A line per number: `need`, such as texels.size, and its `value`."""
         import pandas as pd  # 0.3 s, and the command does without
 
-        return pd.DataFrame(_numbers(self, ""), columns=["need", "value", "error"])
+        return pd.DataFrame(_numbers(self, ""), columns=["need", "value"])
 
 
-def _numbers(found: Any, path: str) -> Iterator[tuple[str, float, float | None]]:
-    """Generate (path, value, error) of the numbers in a dataclass and those in it."""
-    for field in fields(found):
-        value, name = getattr(found, field.name), f"{path}{field.name}"
-        if isinstance(value, Estimate):
-            yield name, value.value, value.error
-        elif is_dataclass(value):
+def _numbers(needs: Any, path: str) -> Iterator[tuple[str, float]]:
+    """Generate path and value of the numbers in a dataclass and in the dataclasses in it."""
+    for field in fields(needs):
+        value, name = getattr(needs, field.name), f"{path}{field.name}"
+        if is_dataclass(value):
             yield from _numbers(value, f"{name}.")
         elif isinstance(value, bool | int | float):
-            yield name, float(value), 0.0
+            yield name, float(value)
 
 
 def needs(view: View, penumbrae: bool = True) -> Needs:
@@ -118,30 +112,24 @@ def needs(view: View, penumbrae: bool = True) -> Needs:
     """
     if not len(view.scene.geometry.caster_faces):
         raise InputError(f"{view.scene.name}: no mesh casts a shadow, so that `unshadowed` suffices")
-    # Work that grows with the triangles runs in one other thread; more threads were not faster.
-    with ThreadPoolExecutor(1) as pool:
-        planes = pool.submit(planes_of, view.scene)
-        casters = pool.submit(lambda: casters_of(view.placed()[0]))
-        bare = pool.submit(_without_ground, view)
-        samples = sample_view(view)
-        fitted = fitted_map(samples)
-        reach = pool.submit(relevant_casters, fitted)
-        texels = texels_of(fitted)
-        depths = depths_of(fitted)
-        return Needs(
-            light=view.light.kind,
-            texels=texels,
-            without_ground=bare.result(),
-            cascades=cascades_of(fitted, texels),
-            bits=bits_of(fitted, depths),
-            bias=bias_of(fitted, depths),
-            penumbra=penumbra_of(view, samples) if penumbrae else None,
-            reach=reach.result(),
-            receivers=receivers_of(samples, planes.result()),
-            casters=casters.result(),
-            pixels=samples.side**2,
-            view_size=view.size,
-        )
+    samples = sample_view(view)
+    fitted = fitted_map(samples)
+    depths = depths_of(fitted)
+    texels = texels_of(fitted, depths)
+    return Needs(
+        light=view.light.kind,
+        receivers=receivers_of(samples, planes_of(view.scene)),
+        casters=casters_of(view.placed()[0]),
+        texels=texels,
+        without_ground=_without_ground(view),
+        cascades=cascades_of(fitted, depths, texels),
+        bits=bits_of(fitted, depths),
+        bias=bias_of(fitted, depths),
+        penumbra=penumbra_of(view, samples) if penumbrae else None,
+        reach=relevant_casters(fitted, sure=samples.step == 1 and not view.light.soft),
+        pixels=samples.side**2,
+        view_size=view.size,
+    )
 
 
 def _without_ground(view: View) -> Texels | None:
@@ -150,6 +138,7 @@ def _without_ground(view: View) -> Texels | None:
         return None
     bare = view_of(without_ground(view.scene), view.camera, view.light, view.size)
     try:
-        return texels_of(fitted_map(sample_view(bare)))
+        fitted = fitted_map(sample_view(bare))
+        return texels_of(fitted, depths_of(fitted))
     except InputError:  # no other receiver
         return None

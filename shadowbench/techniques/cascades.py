@@ -9,18 +9,17 @@ from pydantic import model_validator
 
 from shadowbench.geometry.convex import SceneHull, Slice, slices
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, snapped, stretched, window
-from shadowbench.gl.device import Device
-from shadowbench.gl.library import moderngl
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Value
 from shadowbench.gl.targets import DepthFormat
 from shadowbench.maps.biases import Bias, Texel
 from shadowbench.maps.caster_map import MAP_GRID, MAP_SOFT_GRID, FilteredMap, MapLayout, map_uniforms
 from shadowbench.maps.filters import Filter, Hardware
 from shadowbench.maps.fits import PracticalSplit, Split, widened
-from shadowbench.maps.presets import BEVY, GODOT, UNITY
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
+from shadowbench.techniques.shadow_map import BEVY, GODOT, UNITY
 
 _SPHERES = "count=4,box=sphere,stable=true"  # as in all engines
 
@@ -101,15 +100,13 @@ class Cascades(Technique):
     params: Params
 
     @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        assert isinstance(params, cls.Params)
+    def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
         if view.light.kind != "directional":
             return f"a {view.light.kind} light shines from a place; cascades follow a directional one"
         return params.layout.unsupported(device, params.bias, params.filter)
 
     @classmethod
-    def view_slices(cls, params: TechniqueParams) -> int:
-        assert isinstance(params, cls.Params)
+    def view_slices(cls, params: Params) -> int:
         return params.count
 
     def build(self, stage: Stage) -> None:

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.geometry.convex import SceneHull
-from shadowbench.gl.device import Device
-from shadowbench.gl.library import moderngl
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Value
 from shadowbench.gl.targets import FACES, DepthFormat
 from shadowbench.maps.biases import Bias, Texel
@@ -64,8 +63,7 @@ class CubeMap(Technique):
     params: Params
 
     @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        assert isinstance(params, cls.Params)
+    def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
         if view.light.kind == "directional":
             return "a directional light has no position to look around from"
         return params.layout.unsupported(device, params.bias, params.filter)

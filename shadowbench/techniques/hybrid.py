@@ -7,13 +7,12 @@ import numpy as np
 from pydantic import model_validator
 
 from shadowbench.geometry.topology import casters_of
-from shadowbench.gl.device import Device
-from shadowbench.gl.library import moderngl
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Sampling, State, Texture, Value
 from shadowbench.maps.biases import NoBias
 from shadowbench.maps.filters import Contents, Filter
 from shadowbench.maps.fits import Fit, FittedParams, ViewFit
-from shadowbench.plugin.base import Changes, Entry, Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.plugin.base import Changes, Entry, Frame, Stage, Technique, param
 from shadowbench.scenes.model import LightKind, View
 from shadowbench.techniques.cube_map import CubeMap
 from shadowbench.techniques.ray_traced import EXTRA_WORK, RayTraced, TracePass, ray_offset, too_large
@@ -78,22 +77,19 @@ class Hybrid(Technique):
     params: Params
 
     @classmethod
-    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
+    def draws_on_cpu(cls, params: Params) -> bool:
         return True
 
     @classmethod
-    def lifts(cls, params: TechniqueParams) -> bool:
-        assert isinstance(params, cls.Params)
+    def lifts(cls, params: Params) -> bool:
         return params.terminator
 
     @classmethod
-    def extra_work(cls, params: TechniqueParams) -> str | None:
-        assert isinstance(params, cls.Params)
+    def extra_work(cls, params: Params) -> str | None:
         return EXTRA_WORK if params.rest == "trace" else None
 
     @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        assert isinstance(params, cls.Params)
+    def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
         inner = _map_of(params, view.light.hard_kind)
         return inner.declines(inner.params, view, device) or too_large(view.scene, device)
 

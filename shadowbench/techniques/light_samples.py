@@ -9,12 +9,11 @@ import numpy as np
 from pydantic import BeforeValidator, InstanceOf
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.gl.device import Device
-from shadowbench.gl.library import moderngl
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Sampling, State
-from shadowbench.maps.resolve import ResolvePass
+from shadowbench.maps.caster_map import ResolvePass
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.plugin.grammar import Call
+from shadowbench.plugin.params import Call
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.plugin.spec import Spec, spec_of
 from shadowbench.scenes.model import WIDEST_CONE, Light, View
@@ -68,19 +67,16 @@ class LightSamples(Technique):
     params: Params
 
     @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        assert isinstance(params, cls.Params)
+    def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
         hard = replace(view, light=hard_light(view.light, view.light.position))
         return params.of.drawn_here.declines(params.of.params, hard, device)
 
     @classmethod
-    def lifts(cls, params: TechniqueParams) -> bool:
-        assert isinstance(params, cls.Params)
+    def lifts(cls, params: Params) -> bool:
         return params.of.technique.lifts(params.of.params)
 
     @classmethod
-    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
-        assert isinstance(params, cls.Params)
+    def draws_on_cpu(cls, params: Params) -> bool:
         return params.of.technique.draws_on_cpu(params.of.params)
 
     def build(self, stage: Stage) -> None:

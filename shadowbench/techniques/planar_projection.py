@@ -7,10 +7,9 @@ import numpy as np
 
 from shadowbench.geometry.convex import box_planes, corners, is_outside, view_planes
 from shadowbench.geometry.planes import LEAST_SHARE, MOST_PLANES, TOLERANCE, Plane, find_planes
-from shadowbench.gl.device import Device
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.geometry import triangle_texels
-from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
@@ -59,8 +58,7 @@ class PlanarProjection(Technique):
     params: Params
 
     @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        assert isinstance(params, cls.Params)
+    def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
         if _planes(view.scene.geometry, params, most=1):
             return None
         return "no receiver is a plane" if params.receives == "found" else "no mesh flagged as planar is a plane"

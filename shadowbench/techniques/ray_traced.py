@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from shadowbench.gl.device import Device
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_ROW, triangle_texels
-from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import Light, Scene, View
@@ -112,23 +111,19 @@ class RayTraced(Technique):
     params: Params
 
     @classmethod
-    def lifts(cls, params: TechniqueParams) -> bool:
-        assert isinstance(params, cls.Params)
+    def lifts(cls, params: Params) -> bool:
         return params.terminator
 
     @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        assert isinstance(params, cls.Params)
+    def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
         return too_large(view.scene, device) if params.where == "gpu" else None
 
     @classmethod
-    def extra_work(cls, params: TechniqueParams) -> str | None:
-        assert isinstance(params, cls.Params)
+    def extra_work(cls, params: Params) -> str | None:
         return EXTRA_WORK if params.where == "gpu" else None
 
     @classmethod
-    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
-        assert isinstance(params, cls.Params)
+    def draws_on_cpu(cls, params: Params) -> bool:
         return params.where == "cpu"
 
     def build(self, stage: Stage) -> None:

@@ -1,21 +1,283 @@
 """Shadow volumes: side walls and caps extruded away from the light, counted along the camera's rays."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from shadowbench.geometry.topology import Singles, casters_of
-from shadowbench.gl.device import Device
+from shadowbench.geometry.convex import box_planes, corners, view_planes
+from shadowbench.geometry.lights import LightSpace, LightView
+from shadowbench.geometry.topology import Casters, Indices, Singles, casters_of
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.gbuffer import view_projection
-from shadowbench.gl.library import moderngl
-from shadowbench.gl.program import Comparison, Sampling, State, Stencil
+from shadowbench.gl.program import Comparison, Drawable, Sampling, State, Stencil, Textures
 from shadowbench.gl.targets import StencilTarget
-from shadowbench.maps.reduction import MinMaxReduction
+from shadowbench.maps.culling import box_corners, kept_ranges, may_shadow, visible_region
+from shadowbench.maps.fits import MinMaxReduction
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
-from shadowbench.techniques.volumes import Batch, Count, Extrusion, VolumeParams, VolumePart, Volumes, batches_of
+
+Count = Literal["z-pass", "z-fail"]
+Extrusion = Literal["triangle", "silhouette"]
+VolumePart = Literal["wall", "cap"]
+Sign = Literal[1, -1]
+
+_SIGNS: tuple[Sign, Sign] = (1, -1)
+_WALL_CORNERS = 6  # vertices of a wall in wall.vert
+_AT_EYE = 1e-6  # near plane as a share of far, for a frustum that begins at the eye
+_MARGIN = 1e-3  # of the extent of eye and visible region: walls end this far outside
+_SHALLOWEST = 1e-3  # sine of the least angle of the light's rays with the plane at which walls end
+_ON_EDGE = 1e-6  # distance of a lamp from an edge, as a share of the coordinates: rounding
+_CLOSE = 1e-3  # distance of a lamp from a triangle's plane, as a share of the triangle's size
+
+
+class VolumeParams(TechniqueParams):
+    """Parameters of every technique that extrudes volumes."""
+
+    cutouts: Literal["unsupported", "opaque"] = param(
+        "unsupported", "declines casters cut out by alpha, or draws them whole"
+    )
+
+    def unsupported_casters(self, view: View) -> str | None:
+        """Why casters of a view cannot be extruded; None if all can."""
+        if self.cutouts == "opaque" or view.scene.geometry.caster_cutouts is None:
+            return None
+        return "casters cut out by alpha, which volumes do not test; cutouts=opaque draws them whole"
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Parts that are counted alike.
+
+    behind: with their caps, behind the receivers, or without, in front of them; far_plane: (4,) plane at which the
+    walls end, zeros if at infinity; parts: (P,) bool; others: (P,) bool, parts that must not be drawn with them.
+    """
+
+    behind: bool
+    far_plane: Floats
+    parts: NDArray[np.bool_]
+    others: NDArray[np.bool_]
+
+
+def batches_of(view: View, boxes: Floats, cut_out: NDArray[np.bool_], count: Count, cull: bool) -> list[Batch]:
+    """The parts that may shadow a visible receiver, in batches.
+
+    Counting in front of the receivers needs no caps, and no walls beyond the receivers. It is wrong for a volume that
+    the eye is in, or whose cap is between the eye and the near plane: with z-fail, parts that may have such a volume
+    are counted behind the receivers. So are those with holes that receivers are seen through, behind their caps.
+    boxes: (P, 2, 3) bounds of the parts; cut_out: (P,); cull: False keeps all parts.
+    """
+    xyz, w = view.light.homogeneous
+    light, far = (*xyz, w), view.near_far[1]
+    region = visible_region(replace(view, camera=replace(view.camera, near=_AT_EYE * far)))
+    kept = may_shadow(boxes, light, region) if cull else np.ones(len(boxes), dtype=bool)
+    behind = kept & cut_out
+    if count == "z-fail":
+        behind |= kept & may_shadow(boxes, light, _before_near(view))
+    extent = float(np.abs([*view.scene.geometry.bounds, view.camera.position]).max())
+    planes = _surrounding(np.vstack([corners(region, extent), view.camera.position]))
+    first = _first_passed(planes, boxes, light)
+    infinity = np.zeros(4)
+    batches = [Batch(True, infinity, behind, ~behind)]
+    for i, plane in enumerate([*planes, infinity]):
+        parts = kept & ~behind & (first == i)
+        batches.append(Batch(False, plane, parts, kept & ~parts))
+    return [batch for batch in batches if batch.parts.any()]
+
+
+def _before_near(view: View) -> Floats:
+    """(P, 4) planes of the region between the eye and the near plane, and of its shaft towards the light."""
+    near, far = view.near_far
+    planes = view_planes(replace(view, camera=replace(view.camera, near=_AT_EYE * far, far=near)))
+    points = corners(planes, float(np.abs(view.camera.position).max()) + far)
+    return np.vstack([planes, box_planes(bounds_of(points)), _shaft(view.light, points)])
+
+
+def _shaft(light: Light, points: Floats) -> Floats:
+    """(P, 4) planes of a region that has all light rays to the points; P = 0 if it cannot be bounded."""
+    xyz, w = light.homogeneous
+    toward = np.array(xyz) - w * points.mean(axis=0)
+    if w and ((points - xyz) @ toward >= 0).any():
+        return np.empty((0, 4))
+    basis = perpendicular_basis(unit(toward), (0.0, 1.0, 0.0))
+    space = LightSpace(basis, w * np.array(xyz), bool(w), float("inf"))
+    return LightView(space, space.box(points), 1).planes
+
+
+def _surrounding(points: Floats) -> Floats:
+    """(6, 4) planes of the bounding box of (N, 3) points, enlarged by a margin."""
+    low, high = bounds_of(points)
+    margin = _MARGIN * float((high - low).max())
+    return box_planes(np.array([low - margin, high + margin]))
+
+
+def _first_passed(planes: Floats, boxes: Floats, light: tuple[float, ...]) -> NDArray[np.intp]:
+    """(P,) index of the plane that is soonest behind all light rays through each box; len(planes) if there is none."""
+    points = box_corners(boxes)
+    away = light[3] * points - np.array(light[:3])
+    length = np.linalg.norm(away, axis=2, keepdims=True)
+    approach = -(away @ planes[:, :3].T) / np.maximum(length, np.finfo(float).tiny)
+    distance = np.maximum(points @ planes[:, :3].T + planes[:, 3], 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = np.where(approach > _SHALLOWEST, distance / approach, np.inf).max(axis=1)
+    beyond = np.column_stack([way, np.full(len(boxes), np.finfo(float).max)])
+    soonest: NDArray[np.intp] = beyond.argmin(axis=1)
+    return soonest
+
+
+class Volumes:
+    """Draws the walls or caps of all shadow volumes.
+
+    Each has an integer weight, and is stored that often. Walls are wound a, b, infinity, and caps as their triangles:
+    seen from the light, a cap of positive weight is counter-clockwise. Parts are numbered closed ones first. boxes:
+    (P, 2, 3) their bounds; cut_out: (P,) whether they have holes, by alpha, although drawn whole; faces: (F, 3) their
+    triangles; walls: by sign, (N, 6) float32 edges a → b of the walls with a weight of that sign.
+    """
+
+    def __init__(self, stage: Stage, casters: Casters, faces: Extrusion, params: TechniqueParams) -> None:
+        from shadowbench.geometry.facing import cap_weights, wall_weights  # Numba takes 0.4 s to import
+
+        parts: tuple[VolumePart, ...] = ("wall", "cap")
+        meshes = stage.scene.meshes
+        is_cut_out = np.repeat([mesh.cutout is not None for mesh in meshes], [len(mesh.vertices) for mesh in meshes])
+        self.cut_out = is_cut_out[casters.all.faces[casters.all.face_ends - 1, 0]]
+        holes = {"HOLES": 1} if self.cut_out.any() else {}
+        self._programs = {
+            part: stage.program(
+                f"shadow-volume/{part}.vert",
+                "shadow-volume/count.frag",
+                params=params,
+                defines={part.upper(): 1, **holes},
+            )
+            for part in parts
+        }
+        attributes = {"wall": {"a": 3, "b": 3}, "cap": {"point": 4}}
+        self._uploads = {
+            (part, sign): stage.stream(self._programs[part], attributes[part]) for part in parts for sign in _SIGNS
+        }
+        self._drawn: dict[tuple[VolumePart, Sign], Drawable] = {}
+        self._single, self._cap_weights, self._wall_weights = faces == "triangle", cap_weights, wall_weights
+        self._exact = stage.scene.geometry.vertices
+        self._vertices = self._exact.astype(np.float32)
+        self.boxes, self.faces, self._edges = casters.all.boxes, casters.all.faces, casters.all.edges
+        self._face_ends, self._edge_ends = casters.all.face_ends, casters.all.edge_ends
+        self._closed_faces, self._closed_edges = len(casters.closed.faces), len(casters.closed.edges)
+
+    def extrude(self, frame: Frame, count_both_facings: bool) -> None:
+        """Extrude for the frame's light.
+
+        count_both_facings: extrude all triangles of closed parts too, not only those that face the light.
+        """
+        self._light = np.array(frame.light_uniform)
+        self._both_from = 0 if count_both_facings else self._closed_faces
+        for program in self._programs.values():
+            program.set(light=frame.light_uniform)
+        if self._single:
+            start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
+            a, b, ends = np.minimum(start, end), np.maximum(start, end), 3 * self._face_ends
+            caps = self._cap_weights(self._exact, self.faces, self._light, self._both_from, self._closed_faces)
+            weights = np.repeat(caps, 3) * np.where(start < end, 1, -1)
+        else:
+            _, a, b, _ = self._edges.T
+            ends, both_from = self._edge_ends, 0 if count_both_facings else self._closed_edges
+            weights = self._wall_weights(self._exact, self._edges, self._light, both_from, self._closed_edges)
+        self.walls, self._wall_ends = {}, {}
+        for sign in _SIGNS:
+            drawn, self._wall_ends[sign] = _repeated(weights, sign, ends, _WALL_CORNERS)
+            self.walls[sign] = np.concatenate([self._vertices[a[drawn]], self._vertices[b[drawn]]], axis=1)
+            self._drawn["wall", sign] = self._uploads["wall", sign](np.repeat(self.walls[sign], _WALL_CORNERS, axis=0))
+
+    def silhouette(self) -> Singles:
+        """(N, 6) edges a → b of the walls, with the casters to their left as seen from the light."""
+        return np.concatenate([self.walls[1], np.roll(self.walls[-1], 3, axis=1)])
+
+    def set_camera(self, frame: Frame, world_to_clip: Floats, batches: Sequence[Batch]) -> None:
+        """Set the frame's camera, and extrude the caps of the batches that have any."""
+        for program in self._programs.values():
+            program.set(world_to_clip=world_to_clip)
+        if self._programs["wall"].has("eye"):
+            self._programs["wall"].set(eye=frame.camera.position)
+        capped = next((batch.parts for batch in batches if batch.behind), np.zeros(len(self.boxes), dtype=bool))
+        chosen = np.repeat(capped, np.diff(self._face_ends, prepend=0))
+        faces = self.faces[chosen]
+        both_from, closed = (int(chosen[:end].sum()) for end in (self._both_from, self._closed_faces))
+        weights = self._cap_weights(self._exact, faces, self._light, both_from, closed)
+        parts = np.searchsorted(self._face_ends, np.flatnonzero(chosen), side="right")
+        for sign in _SIGNS:
+            drawn = sign * weights > 0
+            self._drawn["cap", sign] = self._uploads["cap", sign](self._caps(faces[drawn], parts[drawn], sign))
+
+    def draw(
+        self,
+        part: VolumePart,
+        batch: Batch,
+        sign: Sign,
+        front_adds: int,
+        target: moderngl.Framebuffer,
+        textures: Textures,
+        state: State,
+    ) -> None:
+        """Draw a batch's walls or caps with a weight of this sign, as many times as their weight.
+
+        front_adds: in a colour target, counter-clockwise faces add front_adds, others subtract it.
+        """
+        program, drawn = self._programs[part], self._drawn[part, sign]
+        program.set(front_adds=float(front_adds))
+        ranges = None  # all caps are of the one batch that is counted behind the receivers
+        if part == "wall":
+            program.set(far_plane=tuple(batch.far_plane.tolist()))
+            if program.has("counted_behind"):
+                program.set(counted_behind=batch.behind)
+            ranges = kept_ranges(batch.parts, self._wall_ends[sign], batch.others)
+        drawn.draw(target, textures, state, ranges)
+
+    def _caps(self, faces: Indices, parts: Indices, sign: Sign) -> Singles:
+        """(N, 4) corners of the near caps and, if the light has a position, of the far caps at infinity.
+
+        parts: (F,) of which the triangles are; sign: of the triangles' weights, 1 if they face the light.
+        """
+        near = self._vertices[faces.ravel()]
+        points = np.column_stack([near, np.ones(len(near), dtype=np.float32)])
+        if self._light[3] == 0:
+            return points
+        away = self._vertices[faces[:, ::-1]] - self._light[:3].astype(np.float32)
+        # A triangle close to a lamp covers nearly half of all directions, and rounding would decide which half: a fan
+        # around its normal covers the right one.
+        one, other = away[:, 1] - away[:, 0], away[:, 2] - away[:, 0]
+        normal = np.cross(one, other)
+        size = np.maximum(np.abs(one), np.abs(other)).max(axis=1) * np.linalg.norm(normal, axis=1)
+        close = np.abs(np.einsum("ij,ij->i", normal, away[:, 0])) < _CLOSE * size
+        fan = np.empty((np.count_nonzero(close), 3, 3, 3), dtype=np.float32)
+        fan[:, :, 0], fan[:, :, 1] = away[close], np.roll(away[close], -1, axis=1)
+        fan[:, :, 2] = sign * normal[close, np.newaxis]
+        # Of an edge with the lamp on it, whose ends are in opposite directions, rounding would decide the way between
+        # them: that away from the part is the right one, and the same for both triangles.
+        length = np.linalg.norm(fan[:, :, 0] - fan[:, :, 1], axis=2)
+        off = np.linalg.norm(np.cross(fan[:, :, 0], fan[:, :, 1]), axis=2)
+        opposite = np.einsum("fij,fij->fi", fan[:, :, 0], fan[:, :, 1]) < 0
+        through = opposite & (off <= _ON_EDGE * np.abs(near).max(initial=0.0) * length)
+        middle = (self._light[:3] - self.boxes[parts[close]].mean(axis=1)).astype(np.float32)
+        middle = np.broadcast_to(middle[:, np.newaxis], (len(fan), 3, 3))[through]
+        second = fan[through]
+        second[:, 0] = middle
+        fan[through, 1] = middle
+        far = np.concatenate([away[~close].reshape(-1, 3), fan.reshape(-1, 3), second.reshape(-1, 3)])
+        return np.concatenate([points, np.column_stack([far, np.zeros(len(far), dtype=np.float32)])])
+
+
+def _repeated(weights: NDArray[np.integer], sign: Sign, ends: Indices, corners: int) -> tuple[Indices, Indices]:
+    """Rows with a weight of this sign, as often as the weight, and each part's end in vertices.
+
+    ends: (P,) index after each part's last row; corners: number of vertices of a row.
+    """
+    rows = np.flatnonzero(weights > 0 if sign > 0 else weights < 0)
+    drawn = np.repeat(rows, np.abs(weights[rows]))
+    return drawn, corners * np.searchsorted(drawn, ends)
+
 
 # The stencil stores the number of caster layers between receiver and light modulo 256: increments and decrements wrap,
 # so their order and the number of walls along the camera's ray do not matter. If no light ray crosses 256 layers, 0
@@ -62,18 +324,16 @@ class ShadowVolume(Technique):
     params: Params
 
     @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        assert isinstance(params, cls.Params)
+    def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
         return params.unsupported_casters(view)
 
     @classmethod
-    def extra_work(cls, params: TechniqueParams) -> str | None:
-        assert isinstance(params, cls.Params)
+    def extra_work(cls, params: Params) -> str | None:
         by_depth = params.compare == "depth"
         return "also draws the surfaces' depth, which is more work; on a GPU it may be faster" if by_depth else None
 
     @classmethod
-    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
+    def draws_on_cpu(cls, params: Params) -> bool:
         return True  # the silhouettes
 
     def build(self, stage: Stage) -> None:

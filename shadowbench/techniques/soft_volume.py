@@ -6,16 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from shadowbench.geometry.convex import SceneHull
-from shadowbench.gl.device import Device
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.gbuffer import view_projection
-from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State
-from shadowbench.maps.resolve import ResolvePass
-from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.maps.caster_map import ResolvePass
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, param
 from shadowbench.scenes.model import Light, View
 from shadowbench.techniques.light_samples import LightSamples, hard_light, light_points
-from shadowbench.techniques.shadow_volume import ShadowVolume
-from shadowbench.techniques.volumes import VolumeParams
+from shadowbench.techniques.shadow_volume import ShadowVolume, VolumeParams
 
 POINTS = 16  # of the light in a pass: a target of four floats holds as many counters
 
@@ -44,16 +42,15 @@ class SoftVolume(Technique):
     params: Params
 
     @classmethod
-    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        assert isinstance(params, cls.Params)
+    def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
         return params.unsupported_casters(view)
 
     @classmethod
-    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
+    def draws_on_cpu(cls, params: Params) -> bool:
         return True  # the shadow volume of the light's centre
 
     @classmethod
-    def extra_work(cls, params: TechniqueParams) -> str | None:
+    def extra_work(cls, params: Params) -> str | None:
         return f"tests {POINTS} points of the light per fragment, which the count of work takes for one"
 
     def build(self, stage: Stage) -> None:

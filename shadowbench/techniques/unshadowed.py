@@ -1,7 +1,7 @@
 """Unshadowed rendering."""
 
-from shadowbench.gl.library import moderngl
-from shadowbench.maps.resolve import ResolvePass
+from shadowbench.gl.device import moderngl
+from shadowbench.maps.caster_map import ResolvePass
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams
 
 

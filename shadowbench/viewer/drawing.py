@@ -1,53 +1,60 @@
-"""Drawing of a state with the passes, techniques and shaders of `run`: the G-buffer, and the masks of the specs."""
+"""What the window shows of a state: masks by the passes, techniques and shaders of `run`, their pictures and scores."""
 
+import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import message
-from shadowbench.gl.clock import Clock, PassTimes, with_cost, work_of
+from shadowbench.errors import ShadowbenchError, message
+from shadowbench.gl.clock import Clock
 from shadowbench.gl.device import Device
-from shadowbench.measure.rendering import LoadedScene, checked_texture, declared_work, finite_facts, visibility_of
+from shadowbench.gl.gbuffer import download
+from shadowbench.measure.rendering import LoadedScene, checked_texture, visibility_of
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
-from shadowbench.viewer.state import Colors, ViewerState, recolored
+from shadowbench.scores.difference import difference_over, weight, with_facets
+from shadowbench.studies.crossing import Techniques
+from shadowbench.viewer.judge import Judge, Traced
+from shadowbench.viewer.state import Origin, Source, ViewerState
 
+REST_S = 0.15
+"""Time without a change after which a motion has ended, in seconds."""
 SHRINKS = (1, 2, 4)
 SMOOTH_MS = 50.0
 """Time of a frame that is not too long for motion, in milliseconds."""
 LEAST_SIZE = 64
-LONGEST_FAILURE = 2000
-RAISED = (Exception, SystemExit)
-"""What a technique may raise while the window lives."""
+Number = TypeVar("Number", np.float32, np.bool_)
+_RAISED = (Exception, SystemExit)  # what a technique may raise while the window lives
 
 
 def moving_size(size: int, rested_ms: float, software: bool) -> int:
     """Size of the image while something moves: on a software renderer a half or a quarter, if the whole takes long."""
     if not software:
         return size
-    shrink = next((one for one in SHRINKS if rested_ms / one**2 <= SMOOTH_MS), SHRINKS[-1])
+    shrink = next((shrink for shrink in SHRINKS if rested_ms / shrink**2 <= SMOOTH_MS), SHRINKS[-1])
     return max(size // shrink, min(size, LEAST_SIZE))
 
 
-def told(error: BaseException) -> str:
-    """An exception as text of several lines, such as a shader's errors."""
-    return f"{type(error).__name__}: {message(error)}"[:LONGEST_FAILURE]
+def reason_of(error: BaseException) -> str:
+    """Why something failed, perhaps in several lines, such as a shader's errors."""
+    if isinstance(error, ShadowbenchError | OSError):
+        return str(error)
+    return f"{type(error).__name__}: {message(error)}"
 
 
 @dataclass(frozen=True, eq=False)
 class Mask:
-    """What a spec drew: a texture of visibility, and the times of its passes; or why it drew nothing."""
+    """What a spec drew: a texture of visibility; or why it drew nothing."""
 
     spec: Spec
-    technique: Technique | None = None
     visibility: moderngl.Texture | None = None
-    passes: PassTimes = field(default_factory=PassTimes)
     failure: str = ""
 
 
@@ -55,13 +62,12 @@ class Mask:
 class Drawn:
     """A state drawn at one size: its frame, with view and G-buffer in local coordinates, and the specs' masks.
 
-    lit: visibility 1 everywhere; ms: the time of all of it, without building.
+    ms: the time of all of it, without building.
     """
 
     loaded: LoadedScene
     frame: Frame
     masks: tuple[Mask, ...]
-    lit: moderngl.Texture
     ms: float
 
     @property
@@ -69,23 +75,17 @@ class Drawn:
         """Pixels along a side."""
         return self.frame.view.size
 
-    def release(self) -> None:
-        """Free the G-buffer; the masks belong to their techniques."""
-        self.frame.surface.release()
-        self.lit.release()
+    def visibility(self, mask: Mask) -> NDArray[np.float32]:
+        """A mask read back as `render` reads it: quantised, row 0 at the top. Raises ValueError for NaN or infinity."""
+        return visibility_of(mask.spec.text, mask.visibility, self.size)
 
 
 class Drawing:
-    """Draws states on one device. Techniques stay built while shown, at the sizes of a rested and a moving image.
-
-    tell: called with the text of a spec before its technique is.
-    """
+    """Draws states on one device. Techniques stay built while shown, at the sizes of a rested and a moving image."""
 
     def __init__(self, device: Device) -> None:
         self.device, self.clock = device, Clock(device)
-        self.tell: Callable[[str], object] = lambda spec: None
         self._loaded: LoadedScene | None = None
-        self._colors: Colors = ()
         self._built: dict[tuple[Spec, int], tuple[Technique, Stage]] = {}
 
     def draw(self, state: ViewerState, size: int) -> Drawn:
@@ -96,94 +96,252 @@ class Drawing:
         start = time.perf_counter()
         self._recover()
         surface = loaded.surface_pass.draw(view)
-        try:
-            # Index 0 always: each image is the one that is scored, without history of earlier frames.
-            frame = Frame(view, Phase(state.phase), 0, surface, self.clock)
-            masks = tuple(self._mask(loaded, spec, one, frame) for spec, one in zip(state.specs, built, strict=True))
-            white = np.ones((size, size), dtype=np.float32)
-            lit = self.device.context.texture((size, size), 1, white.tobytes(), dtype="f4")
-        except BaseException:
-            surface.release()
-            raise
+        # Index 0 always: each image is the one that is scored, without history of earlier frames.
+        frame = Frame(view, Phase(state.phase), 0, surface, self.clock)
+        masks = [self._mask(loaded, *drawn, frame) for drawn in zip(state.specs, built, strict=True)]
         self.device.context.finish()
-        return Drawn(loaded, frame, masks, lit, (time.perf_counter() - start) * 1e3)
+        return Drawn(loaded, frame, tuple(masks), (time.perf_counter() - start) * 1e3)
+
+    def picture(self, drawn: Drawn, state: ViewerState, source: Source, traced: Traced | None) -> moderngl.Texture:
+        """A texture that the caller frees: the picture of the truth, which must be traced, or of a mask.
+
+        state: says what is laid over it; traced: the truth of the drawn view, None if it is not traced yet. A mask that
+        was not drawn is lit.
+        """
+        size, context = drawn.size, self.device.context
+        mask = None if source == "truth" else drawn.masks["AB".index(source)]
+        owned: list[moderngl.Texture] = []
+        if mask is not None and mask.visibility is not None:
+            visibility = mask.visibility
+        else:
+            level = np.ones((size, size)) if mask or traced is None else _resized(traced.visibility, size)
+            visibility = context.texture((size, size), 1, level[::-1].astype("f4").tobytes(), dtype="f4")
+            owned.append(visibility)
+        self.device.reset()
+        picture = drawn.loaded.picture_pass.shade(drawn.frame.surface, drawn.frame.view, visibility)
+        shown = np.clip(np.nan_to_num(download(visibility)[..., 0]), 0, 1)
+        over = None
+        if state.overlay == "mask":
+            over = np.repeat(np.rint(shown * 255).astype(np.uint8)[..., np.newaxis], 3, axis=2)
+        elif state.overlay == "error" and traced is not None:
+            over = _error_over(download(picture, "u1")[..., :3].mean(axis=2), shown, traced)
+        if over is not None:
+            owned.append(picture)
+            picture = context.texture((size, size), 3, over[::-1].tobytes(), alignment=1)
+        self.device.free(owned)
+        return picture
 
     def keep_only(self, specs: tuple[Spec, ...], sizes: tuple[int, ...]) -> None:
         """Free the techniques that are built for other specs or sizes."""
         for key in [(spec, size) for spec, size in self._built if spec not in specs or size not in sizes]:
             self._built.pop(key)[1].release()
 
-    def reload(self) -> None:
-        """Free everything, so that changed shaders are read again."""
+    def release(self) -> None:
+        """Free everything."""
         self.keep_only((), ())
         if self._loaded is not None:
             self._loaded.release()
             self._loaded = None
 
-    @property
-    def bytes(self) -> int:
-        """Device memory of the techniques' textures and buffers."""
-        return sum(stage.bytes for _, stage in self._built.values())
-
-    def visibility(self, drawn: Drawn, mask: Mask) -> NDArray[np.float32]:
-        """A mask read back as `render` reads it: quantised, row 0 at the top. Raises ValueError for NaN or infinity."""
-        return visibility_of(mask.spec.text, mask.visibility, drawn.size)
-
-    def work(self, drawn: Drawn, mask: Mask) -> dict[str, int]:
-        """Counts of work of a mask that was drawn, which is drawn once more for that."""
-        technique = mask.technique
-        assert technique is not None
-        self.tell(mask.spec.text)
-        facts = finite_facts(mask.spec.text, technique.facts())
-        self.device.reset()
-        frame = replace(drawn.frame, surface=surface_of(technique, drawn.frame.surface))
-        work = work_of(self.device, lambda: technique.draw(frame))
-        return with_cost(work | declared_work(technique, drawn.size**2, facts))
-
-    def paint(self, state: ViewerState) -> None:
-        """Give the triangles of the drawn scene a state's colours of materials."""
-        if self._loaded is not None and self._colors != state.colors:
-            self._loaded.geometry.recolor(recolored(state.scene, dict(state.colors)))
-            self._colors = state.colors
-
     def _load(self, state: ViewerState) -> LoadedScene:
         if self._loaded is None or not self._loaded.matches(state.scene, state.coordinates):
-            self.reload()
-            self._loaded, self._colors = LoadedScene(self.device, state.scene, state.coordinates), ()
+            self.release()
+            self._loaded = LoadedScene(self.device, state.scene, state.coordinates)
         return self._loaded
 
     def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> Technique | str:
         """A built technique; or why there is none. It may raise anything, which is shown in place of its picture."""
         key = (spec, view.size)
-        self.tell(spec.text)
         try:
             reason = spec.drawn_here.declines(spec.params, view, self.device)
             if reason is None and key not in self._built:
                 self._recover()
                 self._built[key] = loaded.build(spec, view.size)
-        except RAISED as error:
-            return told(error)
+        except _RAISED as error:
+            return reason_of(error)
         return self._built[key][0] if reason is None else f"unsupported: {reason}"
 
     def _mask(self, loaded: LoadedScene, spec: Spec, technique: Technique | str, frame: Frame) -> Mask:
         if isinstance(technique, str):
             return Mask(spec, failure=technique)
         self._recover()
-        self.tell(spec.text)
         try:
-            visibility: list[moderngl.Texture] = []
-            on_cpu = technique.draws_on_cpu(spec.params)
-            own = replace(frame, surface=surface_of(technique, frame.surface))
-            passes = self.clock.passes(lambda: visibility.append(technique.draw(own)), on_cpu)
+            visibility = technique.draw(replace(frame, surface=surface_of(technique, frame.surface)))
             self.device.reset()
             self.device.check(f"drawing {spec.text}")
-            loaded.darken_facets(spec.text, technique, visibility[0], frame.surface, frame.view)
-            return Mask(spec, technique, checked_texture(spec.text, visibility[0], frame.view.size), passes)
-        except RAISED as error:
-            return Mask(spec, failure=told(error))
+            loaded.darken_facets(spec.text, technique, visibility, frame.surface, frame.view)
+            return Mask(spec, checked_texture(spec.text, visibility, frame.view.size))
+        except _RAISED as error:
+            return Mask(spec, failure=reason_of(error))
 
     def _recover(self) -> None:
         """Default state, and no recorded error for which the next technique would be blamed."""
         self.device.reset()
         with suppress(RuntimeError):
             self.device.check("what was drawn before")
+
+
+def _resized(values: NDArray[Number], size: int) -> NDArray[Number]:
+    """(size, size) values, each the nearest of an image that is perhaps coarser."""
+    nearest = (np.arange(size) * len(values)) // size
+    return values[nearest[:, np.newaxis], nearest]
+
+
+def _error_over(grey: NDArray[np.floating], visibility: NDArray[np.floating], traced: Traced) -> NDArray[np.uint8]:
+    """(N, N, 3) uint8 sRGB: false shadow, false light and dark facets in their colours, over a grey picture."""
+    size = len(grey)
+    error = np.where(_resized(traced.scored, size), visibility - _resized(traced.visibility, size), 0)
+    over = difference_over(grey, weight(error, traced.soft))
+    return with_facets(over, _resized(traced.facets, size), visibility)
+
+
+class Viewer:
+    """The window's state and everything that is drawn of it. `change` is the only way to another state.
+
+    message: the last error or result of an action; broken: why nothing can be drawn; pictures: of A, B and the truth.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        state: ViewerState,
+        techniques: Techniques,
+        judge: Judge,
+        seconds: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self.device, self.state, self.techniques, self.judge = device, state, techniques, judge
+        self.drawing = Drawing(device)
+        self.message = self.broken = ""
+        self.drawn: Drawn | None = None
+        self.pictures: dict[Source, moderngl.Texture] = {}
+        self._seconds, self._changed_at = seconds, -math.inf
+        self._rested_ms = 0.0
+        # Of what the masks, the pictures and the last question are.
+        self._drawn_of: tuple[object, ...] = ()
+        self._shown_of: tuple[object, ...] = ()
+        self._judged: Drawn | None = None
+
+    @property
+    def judged(self) -> bool:
+        """Whether the truth and the scores that were asked for are of the masks that are shown."""
+        return not self.broken and self.drawn is not None and self.drawn is self._judged
+
+    @property
+    def fresh(self) -> bool:
+        """Whether the scores are of the masks that are shown."""
+        return self.judged and self.judge.is_answered
+
+    @property
+    def moving(self) -> bool:
+        """Whether something has changed a moment ago."""
+        return self._seconds() - self._changed_at < REST_S
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a step would change nothing: no motion, no masks to score, no answer about them."""
+        return not (self.moving or self._unjudged or self.judge.has_answers)
+
+    @property
+    def _unjudged(self) -> bool:
+        return self.drawn is not None and not self.broken and self.drawn is not self._judged
+
+    @property
+    def failures(self) -> list[str]:
+        """Why A and B drew nothing; empty for one that did."""
+        return [mask.failure for mask in self.drawn.masks] if self.drawn else []
+
+    def change(self, state: ViewerState) -> None:
+        """Show another state."""
+        if state != self.state:
+            self.message = ""
+        if _drawing_key(state) != _drawing_key(self.state):
+            self._changed_at = self._seconds()
+        self.state = state
+
+    def attempt(self, action: Callable[[], str | None]) -> None:
+        """Do something that may fail for the user's input or a file's contents; its message stands in the window."""
+        try:
+            self.message = action() or ""
+        except Exception as error:  # a scene too large for the memory, whatever a file's reader raises
+            self.message = reason_of(error)
+
+    def open_scene(self, origin: Origin, specs: tuple[Spec, ...] = ()) -> None:
+        """Show another scene from its first camera, under its first light; specs: in place of A and B.
+
+        Raises InputError.
+        """
+        scene, specs = origin.load(), specs or self.state.specs
+        camera, light = scene.cameras[0], scene.lights[0]
+        shown = replace(self.state, scene=scene, camera=camera, light=light, origin=origin, specs=specs)
+        self.change(replace(shown, coordinates="relative", phase=0))
+
+    def step(self) -> None:
+        """Bring everything up to date that a frame of the window shows."""
+        self.judge.receive()
+        moving, size = self.moving, self.state.size
+        drew = self._draw(moving_size(size, self._rested_ms, self.device.software) if moving else size)
+        if self.drawn is not None and self._unjudged and not (moving or drew):
+            self._ask(self.drawn)
+        self._draw_pictures()
+
+    def release(self) -> None:
+        """Free what is on the device."""
+        self._release_drawn()
+        self.drawing.release()
+        self.device.free(self.pictures.values())
+
+    def _draw(self, size: int) -> bool:
+        """Draw the masks unless they are of this state and size; whether they were drawn."""
+        key = (*_drawing_key(self.state), size)
+        if key == self._drawn_of:
+            return False
+        self._drawn_of = key
+        try:
+            drawn = self.drawing.draw(self.state, size)
+        except Exception as error:  # a camera inside the ground, a scene too large for the device
+            self.broken = reason_of(error)
+            return False
+        self._release_drawn()
+        self.drawn, self.broken = drawn, ""
+        self.drawing.keep_only(self.state.specs, (size, self.state.size))
+        return True
+
+    def _ask(self, drawn: Drawn) -> None:
+        """Ask for the truth and the scores of what is shown."""
+        self._judged, masks = drawn, {}
+        for mask in drawn.masks:
+            if mask.visibility is not None:
+                try:
+                    masks[mask.spec.full_text] = drawn.visibility(mask)
+                except ValueError as error:  # NaN in a mask
+                    self.message = reason_of(error)
+        self.judge.ask(self.state, masks)
+
+    def _draw_pictures(self) -> None:
+        """Draw the pictures unless they are of these masks and this way to show them."""
+        state, drawn = self.state, self.drawn
+        if drawn is None or self.broken:
+            return
+        traced = self.judge.traced(state)
+        key = (drawn, traced, state.overlay, state.sources)
+        if key == self._shown_of:
+            return
+        self._shown_of, start = key, self._seconds()
+        for source in state.sources:
+            if source == "truth" and traced is None:
+                continue  # an earlier truth is shown as such
+            self.device.free([self.pictures.pop(source)] if source in self.pictures else [])
+            if source != "B" or len(drawn.masks) > 1:
+                self.pictures[source] = self.drawing.picture(drawn, state, source, traced)
+        self.device.context.finish()
+        if drawn.size == state.size:
+            self._rested_ms = drawn.ms + (self._seconds() - start) * 1e3
+
+    def _release_drawn(self) -> None:
+        if self.drawn is not None:
+            self.drawn.frame.surface.release()
+            self.drawn = None
+
+
+def _drawing_key(state: ViewerState) -> tuple[object, ...]:
+    return (*state.viewed, state.specs, state.coordinates, state.phase)

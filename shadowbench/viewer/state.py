@@ -1,30 +1,35 @@
-"""Everything that the window shows, as one immutable value, and its history for undo and redo."""
+"""What the window shows, as one immutable value: made from a scene, a saved state or a cell of a run, and saved.
 
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+A saved state is a scene file with the moved camera and light, and what was shown of it in a table `[viewer]`.
+"""
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal
 
-from shadowbench.files import data_folder
-from shadowbench.gl.picture import Shading
-from shadowbench.options import FIRST, SceneOptions
-from shadowbench.plugin.spec import Spec
-from shadowbench.scenes.library import builtin_names
-from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, triangle_colors, view_of
-from shadowbench.scenes.opening import Named, opened
-from shadowbench.scenes.vectors import Floats, Vec3
+from pydantic import Field
+
+from shadowbench.errors import InputError
+from shadowbench.extremes.axes import AXES
+from shadowbench.files import check_outputs, data_folder, replace_file
+from shadowbench.measure.row_store import read_run_file, stream_rows
+from shadowbench.options import FIRST, VIEW_SIZE, SceneOptions
+from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.scenes.assumed import GROUND_SIDE, content_of
+from shadowbench.scenes.library import builtin_names, load_scene, read_document
+from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
+from shadowbench.scenes.opening import named, opened
+from shadowbench.scenes.scene_tables import LIGHT_TABLES, camera_from_table, light_from_table
+from shadowbench.strict import Strict, validated
+from shadowbench.studies.crossing import Techniques
 from shadowbench.truths.embree import tracer_of
 
-Layout = Literal["one", "wipe", "side by side"]
+Layout = Literal["wipe", "side by side"]
 Source = Literal["A", "B", "truth"]
-Overlay = Literal["picture", "error", "mask", "normals", "N·L", "texels", "blockers", "tint"]
-OVERLAYS = get_args(Overlay)
-
-Colors = tuple[tuple[str, Vec3], ...]
-"""Linear RGB of materials, with their names."""
-MOST_UNDO = 500
-_COPY = re.compile(r"( \d+)+$")  # what a repeated mesh's name ends with
+Overlay = Literal["picture", "error", "mask"]
 
 
 @dataclass(frozen=True)
@@ -49,9 +54,9 @@ class Origin:
 class ViewerState:
     """What the window shows.
 
-    size: of the image, in pixels along a side; origin: of the scene, None for one that no file has, such as a sweep's;
-    coordinates: in which it is drawn; phase: see `Phase`; colors: in place of those of `materials`; wipe: the share of
-    the picture that `left` takes.
+    size: of the image, in pixels along a side; origin: of the scene, None for a sweep's, which no file has;
+    coordinates: in which it is drawn; phase: see `Phase`; left, right: of the wipe; wipe: the share of the picture that
+    `left` takes.
     """
 
     scene: Scene
@@ -62,9 +67,6 @@ class ViewerState:
     origin: Origin | None = None
     coordinates: Coordinates = "relative"
     phase: int = 0
-    shading: Shading = field(default_factory=Shading)
-    colors: Colors = ()
-    shadows: bool = True
     layout: Layout = "wipe"
     left: Source = "A"
     right: Source = "truth"
@@ -83,68 +85,129 @@ class ViewerState:
     @property
     def sources(self) -> tuple[Source, ...]:
         """The pictures that the layout shows, from the left."""
-        if self.layout == "side by side":
-            return ("A", *(("B",) if len(self.specs) > 1 else ()), "truth")
-        return (self.left,) if self.layout == "one" else (self.left, self.right)
+        if self.layout == "wipe":
+            return (self.left, self.right)
+        return ("A", "B", "truth") if len(self.specs) > 1 else ("A", "truth")
 
     def with_spec(self, index: int, spec: Spec) -> "ViewerState":
         """With another spec as A (0) or B (1)."""
         return replace(self, specs=(*self.specs[:index], spec, *self.specs[index + 1 :]))
 
-    def with_scene(self, scene: Scene) -> "ViewerState":
-        """With another version of its scene, whose camera and light of the same names it has unless they were moved."""
-        camera = _followed(self.camera, self.scene.cameras, scene.cameras)
-        return replace(self, scene=scene, camera=camera, light=_followed(self.light, self.scene.lights, scene.lights))
+
+class ViewerTable(Strict):
+    """The table `[viewer]` of a state file: the fields of `ViewerState` that no scene has."""
+
+    techniques: list[str] = Field(["shadow-map"], min_length=1, max_length=2)
+    size: int = Field(512, ge=VIEW_SIZE.least, le=VIEW_SIZE.most, strict=True)
+    phase: int = Field(0, ge=0, strict=True)
+    layout: Layout = "wipe"
+    left: Source = "A"
+    right: Source = "truth"
+    wipe: float = Field(0.5, ge=0, le=1)
+    overlay: Overlay = "picture"
 
 
-def materials(scene: Scene) -> dict[str, Vec3]:
-    """Linear RGB by name of what a scene is made of: meshes, and copies of one as one."""
-    return {_COPY.sub("", mesh.name): mesh.color for mesh in reversed(scene.meshes)}
+def holds_state(file: Path) -> bool:
+    """Whether a file is a scene file with a table `[viewer]`. Raises InputError for a `.toml` that is no scene."""
+    return file.suffix.lower() == ".toml" and bool(read_document(file).viewer)
 
 
-def recolored(scene: Scene, colors: Mapping[str, Vec3]) -> Floats:
-    """(F, 3) colours of a scene's triangles, with others of some materials."""
-    shown = [colors.get(_COPY.sub("", mesh.name), mesh.color) for mesh in scene.meshes]
-    return triangle_colors(scene.meshes, shown)
+def read_state(file: Path, techniques: Techniques, assets: Path | None = None) -> ViewerState:
+    """The state that a file holds. Raises InputError, as `load_scene` does, and for an invalid table `[viewer]`."""
+    scene = load_scene(file, assets)
+    table = dict(validated(ViewerTable, read_document(file).viewer, f"{file.name}: [viewer]"))
+    specs = tuple(parse_spec(text, techniques) for text in table.pop("techniques"))
+    origin = Origin(str(file), SceneOptions(assets))
+    return ViewerState(scene, scene.cameras[0], scene.lights[0], specs, origin=origin, **table)
 
 
-@dataclass(frozen=True)
-class History:
-    """The current state, what undo and redo return to, and the gesture that made it.
+def save_state(state: ViewerState, file: Path) -> ViewerState:
+    """Write a state; returns it with camera and light as the file has them: its degrees are not radians to the bit.
 
-    A gesture, such as a drag, makes many states, of which undo skips all but the first.
+    Raises InputError if the file cannot be written, if the meshes of the scene's file would not be found from there,
+    and for what no file can say: the scene of a sweep, and raw coordinates.
     """
+    import tomli_w  # of the extra `viewer`, which states are read without
 
-    state: ViewerState
-    past: tuple[ViewerState, ...] = ()
-    future: tuple[ViewerState, ...] = ()
-    gesture: str = ""
-
-    def changed(self, state: ViewerState, gesture: str = "") -> "History":
-        """With another state; one of the same gesture, unless that is empty, replaces the last."""
-        if state == self.state:
-            return self
-        same = gesture != "" and gesture == self.gesture
-        return History(state, self.past if same else (*self.past, self.state)[-MOST_UNDO:], (), gesture)
-
-    def mapped(self, change: Callable[[ViewerState], ViewerState]) -> "History":
-        """With every state changed, such as by a scene whose file has changed on disk."""
-        past, future = (tuple(map(change, states)) for states in (self.past, self.future))
-        return History(change(self.state), past, future, self.gesture)
-
-    def rested(self) -> "History":
-        """The gesture has ended: the next change is one of its own."""
-        return replace(self, gesture="")
-
-    def undone(self) -> "History":
-        """The state before; itself if there is none."""
-        return History(self.past[-1], self.past[:-1], (self.state, *self.future)) if self.past else self
-
-    def redone(self) -> "History":
-        """The state that was undone last; itself if there is none."""
-        return History(self.future[0], (*self.past, self.state), self.future[1:]) if self.future else self
+    check_outputs(".toml", file)
+    if state.origin is None or state.coordinates != "relative":
+        raise InputError(f"{file}: the scene of a sweep, and absolute coordinates, are not for a scene file")
+    camera = asdict(state.camera) | {"fov_y": math.degrees(state.camera.fov_y)}
+    camera = {name: value for name, value in camera.items() if value is not None}
+    angles = {"angle": math.degrees(state.light.angle), "angular_radius": math.degrees(state.light.radius)}
+    light = asdict(state.light) | angles
+    light = {name: light[name] for name in LIGHT_TABLES[state.light.kind].model_fields}
+    saved = replace(state, camera=camera_from_table(camera, str(file)), light=light_from_table(light, str(file)))
+    viewer = {name: getattr(state, name) for name in ViewerTable.model_fields if name != "techniques"}
+    document: dict[str, Any] = {
+        "name": state.scene.name,
+        "viewer": {"techniques": [spec.text for spec in state.specs], **viewer},
+        "camera": camera,
+        "light": light,
+        "mesh": _mesh_tables(state.scene, state.origin, file),
+    }
+    with replace_file(file) as temporary:
+        temporary.write_text(tomli_w.dumps(document), encoding="utf-8")
+    return saved
 
 
-def _followed(shown: Named, before: Sequence[Named], now: Sequence[Named]) -> Named:
-    """A camera or light as it is now, of the same name or else the first; one that was moved as it is."""
-    return next((one for one in now if one.name == shown.name), now[0]) if shown in before else shown
+def _mesh_tables(scene: Scene, origin: Origin, file: Path) -> list[dict[str, Any]]:
+    """The tables of a scene's meshes for a file: those of its own scene file, or its mesh file and assumed ground."""
+    own, options = origin.file, origin.options
+    if own.suffix.lower() == ".toml":
+        tables = read_document(own).mesh
+    else:
+        chosen = {"time": options.time, "clip": options.clip}
+        turned = {"rotate": [-90.0, 0.0, 0.0]} if options.up == "z" else {}
+        tables = [{"file": own.name, **{name: value for name, value in chosen.items() if value is not None}, **turned}]
+    tables = [_moved(table, own.parent, file) for table in tables]
+    if scene.ground is not None:
+        low, high = content_of(scene).geometry.bounds
+        side = GROUND_SIDE * math.dist(low, high)
+        place = [float((low[0] + high[0]) / 2), float(low[1]), float((low[2] + high[2]) / 2)]
+        tables.append({"name": "ground", "shape": "plane", "scale": side, "translate": place})
+    return tables
+
+
+def _moved(table: dict[str, Any], folder: Path, file: Path) -> dict[str, Any]:
+    """A mesh table of a scene file in a folder for a file that may be in another. Raises InputError."""
+    moved = dict(table)
+    for key in ("file", "mask"):
+        name = table.get(key)
+        if isinstance(name, str) and (folder / name).is_file():
+            path = os.path.relpath((folder / name).resolve(), file.parent.resolve())
+            if path.startswith(".."):
+                raise InputError(f"{file}: meshes must be in its folder, where {name} is not; allowed: {folder}")
+            moved[key] = Path(path).as_posix()
+    return moved
+
+
+def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | None = None) -> ViewerState:
+    """The state that shows a cell of a folder of `run` or `stress`.
+
+    key: of its row, or the beginning of it. Raises InputError if there is no such row, or if its scene is not found.
+    """
+    rows = [row for row, _ in stream_rows(folder / "rows.jsonl") if row["kind"] == "score"]
+    cells = {row["key"]: row for row in rows if row["key"].startswith(key)}
+    if len(cells) != 1:
+        count = f"{len(cells)} cells begin so" if cells else "no such cell"
+        raise InputError(f"--cell {key!r:.60}: {count} in {folder}; allowed: a key of its rows.jsonl")
+    (row,) = cells.values()
+    spec = parse_spec(row["full_spec"], techniques)
+    shown = {"size": row["view_size"], "phase": row["phase"], "coordinates": row["coordinates"]}
+    if "axis" in row:
+        view = AXES[row["axis"]].at(row["axis_value"], row["light_kind"]).views[0]
+        return ViewerState(view.scene, view.camera, view.light, (spec,), **shown)
+    study: Mapping[str, Any] = read_run_file(folder / "run.json").get("study", {})
+    names = {field.name for field in fields(SceneOptions)} - {"assets"}
+    options = SceneOptions(assets, **{name: study[name] for name in names & study.keys()})
+    sources = {*study.get("scenes", ()), *({row["scene"]} & set(builtin_names()))}
+    for source in sorted(sources, key=lambda source: Path(source).stem != row["scene"]):
+        origin = Origin(source, options)
+        scene = origin.load()
+        if scene.name == row["scene"]:
+            where = f"{folder}: cell {row['key']} is of a camera or a light of its study, not of the scene: "
+            camera = named(scene.cameras, row["view"], f"{where}view")
+            light = named(scene.lights, row["light"], f"{where}light")
+            return ViewerState(scene, camera, light, (spec,), origin=origin, **shown)
+    raise InputError(f"{folder}: no file of the scene {row['scene']!r} found; allowed: one that run.json names")

@@ -1,16 +1,18 @@
-"""The window: GLFW through moderngl-window, its events, and the layout of panels and panes."""
+"""The window: GLFW through moderngl-window, its events, the layout of panels and panes, and what the mouse does."""
 
+import math
 import re
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import glfw
 import imgui_bundle
 import moderngl
+import numpy as np
 from imgui_bundle import imgui
 from moderngl_window.context.glfw.window import Window as GlfwWindow
 from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
@@ -18,40 +20,219 @@ from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
 from shadowbench.errors import InputError
 from shadowbench.gl.device import before_context, device_of
 from shadowbench.studies.crossing import Techniques
-from shadowbench.viewer.app import Viewer
-from shadowbench.viewer.canvas import Canvas
-from shadowbench.viewer.crash_reporter import crash_reporter
-from shadowbench.viewer.navigation import distance, walked
-from shadowbench.viewer.opening import Opener
-from shadowbench.viewer.panes import NUMBERS
-from shadowbench.viewer.result_panels import map_panel, scores_panel, times_panel
-from shadowbench.viewer.scene_panels import light_panel, scene_panel, shading_panel
+from shadowbench.viewer import camera, controls
+from shadowbench.viewer.camera import Handle
+from shadowbench.viewer.drawing import Viewer
+from shadowbench.viewer.judge import Judge
 from shadowbench.viewer.state import Source, ViewerState
-from shadowbench.viewer.technique_panel import edited_spec
-from shadowbench.viewer.truth import TruthTask
-from shadowbench.viewer.view_panel import below, file_panel, view_panel
 
 SIZE = (1400, 860)
 LEFT, RIGHT = 310.0, 340.0  # pixels
 LABELS = 104.0  # pixels at the right of widgets
-RIGHT_SHARE = 0.33  # of a narrow window, whose picture needs the room
 FONT = 15.0
-IDLE_S, AFTER_EVENT_S = 0.5, 0.4  # longest time between frames at rest; frames are drawn for so long after an event
+AFTER_EVENT_S = 0.4  # frames are drawn for so long after an event
 POLL_S = 0.01  # between looks for an answer
 STEP = 0.25  # of the distance to the target that walking covers in a second
-PANELS = (
-    ("Scene", scene_panel, imgui.TreeNodeFlags_.default_open),
-    ("Light", light_panel, imgui.TreeNodeFlags_.default_open),
-    ("Copy and save", file_panel, imgui.TreeNodeFlags_.default_open),
-    ("Shading", shading_panel, 0),
-    ("Shadow map", map_panel, 0),
-    ("Times and work", times_panel, 0),
+REACH = 12.0  # pixels, from a handle or the wipe's line, that count as on it
+GAP = 6.0  # pixels between panes
+TURN = math.pi  # by which a drag over a whole pane turns
+ZOOM = 1.12  # by a step of the wheel
+NUMBERS = {name: 1_000_001 + number for number, name in enumerate(get_args(Source))}
+"""By which the interface names the pictures, whose textures are drawn after it was laid out."""
+_YELLOW, _DARK, _WHITE, _DIMMED = 0xFF33DDFF, 0xFF202020, 0xFFFFFFFF, 0xFF737373  # ABGR
+_CORNERS = 48  # of the horizon's circle
+_BUTTONS = (
+    imgui.ButtonFlags_.mouse_button_left
+    | imgui.ButtonFlags_.mouse_button_right
+    | imgui.ButtonFlags_.mouse_button_middle
 )
 _PLAIN = re.compile(r"^\(\d+\) b['\"](.*)['\"]$")  # the text in a GLFWError
 _NO_DISPLAY = (
     "no window can be opened here ({}): `shadowbench render` draws without one; "
     "xvfb-run -s '-screen 0 1400x860x24' shadowbench view … opens one on a virtual display"
 )
+
+Gesture = Literal["", "orbit", "pan", "look", "wipe", "light", "aim"]
+
+
+@dataclass
+class Pane:
+    """A square of the window in which pictures are shown, from its top left corner."""
+
+    x: float
+    y: float
+    side: float
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        """Place in the window as one in the picture."""
+        return 2 * (x - self.x) / self.side - 1, 1 - 2 * (y - self.y) / self.side
+
+    def point(self, place: tuple[float, float]) -> tuple[float, float]:
+        """Place in the picture as one in the window, moved to the pane's border if outside."""
+        x, y = (min(max(value, -0.98), 0.98) for value in place)
+        return self.x + (x + 1) / 2 * self.side, self.y + (1 - y) / 2 * self.side
+
+
+def squares(x: float, y: float, width: float, height: float, count: int) -> list[Pane]:
+    """The largest equal squares, in rows of equal length, that fit into a rectangle."""
+
+    def side(columns: int) -> float:
+        rows = -(-count // columns)
+        return min((width - GAP * (columns - 1)) / columns, (height - GAP * (rows - 1)) / rows)
+
+    columns = max(range(1, count + 1), key=side)
+    pane = max(side(columns), 16.0)
+    step = pane + GAP
+    return [Pane(x + index % columns * step, y + index // columns * step, pane) for index in range(count)]
+
+
+class Canvas:
+    """Shows the panes and turns drags into changes of the state."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        self.viewer = viewer
+        self.gesture: Gesture = ""
+        self.panes: list[Pane] = []
+        self._far = False
+        self._last = (0.0, 0.0)
+
+    def draw(self) -> None:
+        """Show the panes in the rest of the window, and handle the mouse in them."""
+        state, origin, room = self.viewer.state, imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        sources, is_wipe = state.sources, state.layout == "wipe"
+        self.panes = squares(origin.x, origin.y, room.x, room.y, 1 if is_wipe else len(sources))
+        for index, pane in enumerate(self.panes):
+            imgui.set_cursor_screen_pos((pane.x, pane.y))
+            imgui.invisible_button(f"pane {index}", (pane.side, pane.side), _BUTTONS)
+            if imgui.is_item_hovered():
+                self._wheel()
+            if imgui.is_item_activated():
+                self._begin(pane)
+            if imgui.is_item_active():
+                self._drag(pane)
+            if imgui.is_item_deactivated():
+                self.gesture = ""
+        if is_wipe:
+            (pane,), share = self.panes, self.viewer.state.wipe
+            self._show(pane, sources[0], 0.0, share)
+            self._show(pane, sources[1], share, 1.0)
+            x = pane.x + share * pane.side
+            imgui.get_window_draw_list().add_line((x, pane.y), (x, pane.y + pane.side), _WHITE, 2.0)
+        for pane, source in zip(self.panes, sources, strict=False):
+            if not is_wipe:
+                self._show(pane, source, 0.0, 1.0)
+            self._show_handles(pane)
+
+    def _show(self, pane: Pane, source: Source, start: float, end: float) -> None:
+        """Show a part of a source's picture, between two shares of its width."""
+        draw_list, viewer = imgui.get_window_draw_list(), self.viewer
+        left, right, bottom = pane.x + start * pane.side, pane.x + end * pane.side, pane.y + pane.side
+        draw_list.add_rect_filled((left, pane.y), (right, bottom), 0xFF303030)
+        failure = viewer.broken or dict(zip("AB", viewer.failures, strict=False)).get(source, "")
+        is_old = source == "truth" and viewer.judge.traced(viewer.state) is None
+        if source in viewer.pictures:
+            color = _DIMMED if failure or is_old else _WHITE
+            draw_list.add_image(NUMBERS[source], (left, pane.y), (right, bottom), (start, 1), (end, 0), color)
+        self._write(left, pane.y, right - left, label(viewer, source))
+        if failure:
+            self._write(left, pane.y + 24, right - left, failure)
+
+    def _write(self, x: float, y: float, width: float, text: str) -> None:
+        """Text on a dark ground, wrapped to a width."""
+        if width < 40:
+            return
+        size = imgui.calc_text_size(text, wrap_width=width - 12)
+        draw_list = imgui.get_window_draw_list()
+        draw_list.add_rect_filled((x + 4, y + 4), (x + 10 + size.x, y + 8 + size.y), 0xC0000000)
+        draw_list.add_text(imgui.get_font(), imgui.get_font_size(), (x + 7, y + 6), _WHITE, text, None, width - 12)
+
+    def _show_handles(self, pane: Pane) -> None:
+        """The light's handles; of a sun also its dome's horizon."""
+        state, draw_list = self.viewer.state, imgui.get_window_draw_list()
+        places = {handle: pane.point(place) for handle, place in self.places().items()}
+        if state.light.kind == "directional":
+            angles = np.linspace(0, 2 * math.pi, _CORNERS, endpoint=False)
+            around = np.column_stack([np.cos(angles), np.zeros(_CORNERS), np.sin(angles)])
+            corners = state.camera.target + camera.dome_radius(state.camera) * around
+            circle = [imgui.ImVec2(*pane.point(camera.projected(state.camera, corner)[:2])) for corner in corners]
+            draw_list.add_polyline(circle, 0x50FFFFFF, imgui.ImDrawFlags_.closed, 1.0)
+        if "aim" in places:
+            draw_list.add_line(places["light"], places["aim"], _YELLOW, 1.5)
+            draw_list.add_circle(places["aim"], 6, _YELLOW, 0, 2.0)
+        draw_list.add_circle_filled(places["light"], 7, _YELLOW)
+        draw_list.add_circle(places["light"], 7, _DARK, 0, 1.5)
+
+    def places(self) -> dict[Handle, tuple[float, float]]:
+        """The places of the light's handles in the picture; of one behind the camera, at its border."""
+        state, places = self.viewer.state, {}
+        for handle, point in camera.handles(state.light, state.camera).items():
+            x, y, depth = camera.projected(state.camera, point)
+            places[handle] = (x, y) if depth > 0 else (math.copysign(2.0, -x), math.copysign(2.0, -y))
+        return places
+
+    def handle_at(self, pane: Pane, mouse: tuple[float, float]) -> Handle | None:
+        """The nearest handle of the light within reach; of several in one place, such as a corner, the light's own."""
+        away = {handle: math.dist(pane.point(place), mouse) for handle, place in self.places().items()}
+        nearest = min(away, key=lambda handle: away[handle])
+        return nearest if away[nearest] <= REACH else None
+
+    def _begin(self, pane: Pane) -> None:
+        """What a press begins, by what lies under it and by the button."""
+        mouse, state = imgui.get_mouse_pos(), self.viewer.state
+        self._last = (mouse.x, mouse.y)
+        handle = self.handle_at(pane, self._last)
+        if imgui.is_mouse_down(imgui.MouseButton_.right):
+            self.gesture = "look"
+        elif imgui.is_mouse_down(imgui.MouseButton_.middle) or imgui.get_io().key_shift:
+            self.gesture = "pan"
+        elif handle is not None:
+            self.gesture, self._far = handle, camera.is_far(state.light, state.camera)
+        elif state.layout == "wipe" and abs(mouse.x - pane.x - state.wipe * pane.side) <= REACH:
+            self.gesture = "wipe"
+        else:
+            self.gesture = "orbit"
+
+    def _drag(self, pane: Pane) -> None:
+        mouse, state = imgui.get_mouse_pos(), self.viewer.state
+        x, y = (mouse.x - self._last[0]) / pane.side, (mouse.y - self._last[1]) / pane.side
+        if (x, y) == (0, 0):
+            return
+        self._last = (mouse.x, mouse.y)
+        match self.gesture:
+            case "orbit":
+                state = replace(state, camera=camera.orbited(state.camera, -x * TURN, y * TURN))
+            case "look":
+                state = replace(state, camera=camera.looked(state.camera, -x, -y))
+            case "pan":
+                state = replace(state, camera=camera.panned(state.camera, 2 * x, -2 * y))
+            case "wipe":
+                state = replace(state, wipe=min(max((mouse.x - pane.x) / pane.side, 0.0), 1.0))
+            case "light" | "aim":
+                place = pane.place(mouse.x, mouse.y)
+                state = replace(state, light=camera.dragged(state.light, state.camera, self.gesture, place, self._far))
+        self.viewer.change(state)
+
+    def _wheel(self) -> None:
+        wheel, state = imgui.get_io().mouse_wheel, self.viewer.state
+        self.viewer.change(replace(state, camera=camera.zoomed(state.camera, ZOOM**-wheel)) if wheel else state)
+
+
+def label(viewer: Viewer, source: Source) -> str:
+    """What a pane shows; of which truth, if it shows one that is not the full one of this view."""
+    state, traced = viewer.state, viewer.judge.traced(viewer.state)
+    if source == "truth":
+        text, missing = "truth", "of an earlier view" if source in viewer.pictures else "tracing"
+    else:
+        index = "AB".index(source)
+        if index == len(state.specs):
+            return "B: none: add B"
+        text = f"{source}: {state.specs[index].text.replace(':', ': ').replace(',', ', ')}"  # lines break at spaces
+        if state.overlay != "error":
+            return text
+        missing = "error follows the truth"
+    if traced is None:
+        return f"{text} ({missing})"
+    return text if traced.final else f"{text} (coarse truth)"
 
 
 class Renderer(ModernglWindowRenderer):
@@ -61,10 +242,6 @@ class Renderer(ModernglWindowRenderer):
         """heard: called for each event."""
         super().__init__(window)  # type: ignore[no-untyped-call]
         self._heard = heard
-        self.listen(window)
-
-    def listen(self, window: GlfwWindow) -> None:
-        """Take the window's events."""
         window.mouse_position_event_func = window.mouse_drag_event_func = self._moved
         window.mouse_press_event_func = lambda _x, _y, button: self._button(button, True)
         window.mouse_release_event_func = lambda _x, _y, button: self._button(button, False)
@@ -72,12 +249,11 @@ class Renderer(ModernglWindowRenderer):
         window.unicode_char_entered_func = self.unicode_char_entered
         window.resize_func = self.resize
 
-    def show(self, pictures: Mapping[Source, moderngl.Texture], map_picture: moderngl.Texture | None) -> None:
+    def show(self, pictures: Mapping[Source, moderngl.Texture]) -> None:
         """Draw the interface with these pictures, by their names in NUMBERS."""
         font: Any = self._font_texture
-        shown = {NUMBERS[name]: picture for name, picture in pictures.items()}
+        shown = {NUMBERS[source]: picture for source, picture in pictures.items()}
         self._textures = {font.glo: font, **dict.fromkeys(NUMBERS.values(), font), **shown}
-        self._textures[NUMBERS["map"]] = map_picture or font
         self.ctx.clear_samplers()
         self.render(imgui.get_draw_data())
 
@@ -96,19 +272,19 @@ class Renderer(ModernglWindowRenderer):
 
 
 class ViewerWindow:
-    """The window of `shadowbench view`."""
+    """The window of `shadowbench view`. Raises InputError without a display."""
 
-    def __init__(self, state: ViewerState, techniques: Techniques, plugins: Sequence[Path]) -> None:
+    def __init__(self, state: ViewerState, techniques: Techniques) -> None:
         self.window = _open("shadowbench view")
-        self.task = TruthTask()
-        self.viewer = Viewer(device_of(self.window.ctx), state, techniques, self.task, plugins)
+        self.judge = Judge()
+        self.viewer = Viewer(device_of(self.window.ctx), state, techniques, self.judge)
         imgui.create_context()
         io = imgui.get_io()
         io.set_ini_filename("")
         _load_font(io)
         self.renderer = Renderer(self.window, self._heard)
         self.window.key_event_func = self._key
-        self.opener = Opener(self.viewer)
+        self.files = controls.FilePanel(self.viewer)
         glfw.set_drop_callback(self.window._window, self._dropped)
         self.canvas = Canvas(self.viewer)
         self.frame_ms, self._started = 0.0, time.perf_counter()
@@ -116,14 +292,18 @@ class ViewerWindow:
 
     def run(self) -> None:
         """Show the window until it is closed."""
-        with crash_reporter() as tell:  # plug-ins draw in this process
-            self.viewer.drawing.tell = tell
-            try:
-                while not self.window.is_closing:
-                    self.frame()
-                    self._wait()
-            finally:
-                self.close()
+        try:
+            while not self.window.is_closing:
+                self.frame()
+                # For an event, or an answer of the process that traces.
+                while self.viewer.waiting and not self.window.is_closing and self._quiet_from < time.perf_counter():
+                    glfw.wait_events_timeout(POLL_S)
+        finally:
+            self.judge.stop()
+            self.viewer.release()
+            self.renderer.shutdown()  # type: ignore[no-untyped-call]
+            imgui.destroy_context()
+            self.window.destroy()
 
     def frame(self) -> None:
         """One frame: bring the pictures up to date, draw the interface, take events."""
@@ -133,41 +313,24 @@ class ViewerWindow:
         # Not the modifiers of key events, which on X11 are those from before the event.
         io.add_key_event(imgui.Key.mod_shift, self._held(glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT))
         io.add_key_event(imgui.Key.mod_ctrl, self._held(glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL))
-        walks = self._walk()
+        self._walk()
         imgui.new_frame()
         self._layout()
-        if not (walks or imgui.is_any_item_active() or self.canvas.gesture or self.viewer.travel != "rest"):
-            self.viewer.rest()
         imgui.render()
         self.viewer.step()  # after the input: what it changed is seen in this very frame
         self.window.use()
         self.window.ctx.clear(0.1, 0.1, 0.1)
-        self.renderer.show(self.viewer.pictures, self.viewer.map_picture)
+        self.renderer.show(self.viewer.pictures)
         self.window.swap_buffers()
         self.frame_ms = (time.perf_counter() - start) * 1e3
 
-    def _wait(self) -> None:
-        """Wait for an event, an answer of the process that traces, or until files should be looked at again."""
-        until = time.perf_counter() + IDLE_S
-        while self.viewer.waiting and self._quiet_from < time.perf_counter() < until:
-            glfw.wait_events_timeout(POLL_S)
-
-    def close(self) -> None:
-        """Free everything and close the window."""
-        self.task.stop()
-        self.viewer.release()
-        self.renderer.shutdown()  # type: ignore[no-untyped-call]
-        imgui.destroy_context()
-        self.window.destroy()
-
     def _layout(self) -> None:
         width, height = self.window.size
-        right = min(RIGHT, RIGHT_SHARE * width)
         flags = imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
         columns = (
             ("left", 0, LEFT, self._left),
-            ("middle", LEFT, width - LEFT - right, self._middle),
-            ("right", width - right, right, self._right),
+            ("middle", LEFT, width - LEFT - RIGHT, self._middle),
+            ("right", width - RIGHT, RIGHT, self._right),
         )
         for name, x, breadth, draw in columns:
             imgui.set_next_window_pos((x, 0))
@@ -179,15 +342,14 @@ class ViewerWindow:
             imgui.end()
 
     def _left(self) -> None:
-        self.viewer.shows_map = False
-        self.opener.button()
-        for title, panel, flags in PANELS:
-            if imgui.collapsing_header(title, flags):
+        self.files.draw()
+        for title, panel in (("Scene", controls.scene_panel), ("Light", controls.light_panel)):
+            if imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open):
                 panel(self.viewer)
 
     def _middle(self) -> None:
-        view_panel(self.viewer)
-        lines, room = below(self.viewer, self.frame_ms), imgui.get_content_region_avail()
+        controls.view_panel(self.viewer)
+        lines, room = controls.lines_below(self.viewer, self.frame_ms), imgui.get_content_region_avail()
         height = sum(imgui.calc_text_size(line, wrap_width=room.x).y + 4 for line in lines)
         imgui.begin_child("panes", (room.x, max(room.y - height - 8, 64)))
         self.canvas.draw()
@@ -196,55 +358,34 @@ class ViewerWindow:
             imgui.text_wrapped(line)
 
     def _right(self) -> None:
-        viewer = self.viewer
-        scores_panel(viewer)
-        for index, source in enumerate("AB"[: len(viewer.state.specs)]):
-            imgui.push_id(source)
-            if imgui.collapsing_header(source, imgui.TreeNodeFlags_.default_open):
-                try:
-                    spec = edited_spec(viewer.state.specs[index], viewer.techniques)
-                    viewer.change(viewer.state.with_spec(index, spec), f"spec {source}")
-                except InputError as error:
-                    viewer.message = str(error)
-            imgui.pop_id()
-        if len(viewer.state.specs) < 2:
-            if imgui.button("add B"):
-                viewer.change(viewer.state.with_spec(1, viewer.state.specs[0]))
-        elif imgui.button("remove B"):
-            viewer.change(replace(viewer.state, specs=viewer.state.specs[:1]))
+        controls.scores_panel(self.viewer)
+        controls.techniques_panel(self.viewer)
 
     def _heard(self) -> None:
         self._quiet_from = time.perf_counter() + AFTER_EVENT_S
 
     def _dropped(self, _window: Any, files: Any, *_: Any) -> None:
         self._heard()
-        self.opener.dropped(files)
+        self.files.dropped(files)
 
     def _held(self, *keys: int) -> bool:
         return any(glfw.get_key(self.window._window, key) == glfw.PRESS for key in keys)
 
     def _key(self, key: int, action: int, modifiers: Any) -> None:
         self._heard()
-        keys, io = self.window.keys, imgui.get_io()
         self.renderer.key_event(key, action, modifiers)  # type: ignore[no-untyped-call]
-        if action == keys.ACTION_PRESS and modifiers.ctrl and not io.want_text_input:
-            if key == keys.Z:
-                self.viewer.redo() if modifiers.shift else self.viewer.undo()
-            elif key == keys.Y:
-                self.viewer.redo()
 
-    def _walk(self) -> bool:
-        """Move the camera by the keys that are held; whether there are any."""
+    def _walk(self) -> None:
+        """Move the camera by the keys that are held."""
         if imgui.get_io().want_text_input or imgui.get_io().key_ctrl:
-            return False
+            return
         ways = ((glfw.KEY_D, glfw.KEY_A), (glfw.KEY_E, glfw.KEY_Q), (glfw.KEY_W, glfw.KEY_S))
         right, up, forward = (self._held(plus) - self._held(minus) for plus, minus in ways)
         if right or up or forward:
-            camera = self.viewer.state.camera
-            step = STEP * distance(camera) * min(self.frame_ms / 1e3, 0.2)
-            moved = walked(camera, right * step, up * step, forward * step)
-            self.viewer.change(replace(self.viewer.state, camera=moved), "walk")
-        return bool(right or up or forward)
+            state = self.viewer.state
+            step = STEP * camera.distance(state.camera) * min(self.frame_ms / 1e3, 0.2)
+            moved = camera.walked(state.camera, right * step, up * step, forward * step)
+            self.viewer.change(replace(state, camera=moved))
 
 
 def _open(title: str) -> GlfwWindow:
@@ -267,8 +408,3 @@ def _load_font(io: Any) -> None:
     io.fonts.add_font_from_file_ttf(
         str(file), FONT, None, [0x20, 0xFF, 0x2010, 0x2027, 0x370, 0x3FF, 0x2200, 0x22FF, 0]
     )
-
-
-def show(state: ViewerState, techniques: Techniques, plugins: Sequence[Path] = ()) -> None:
-    """Open the window and show it until it is closed. Raises InputError without a display."""
-    ViewerWindow(state, techniques, plugins).run()

@@ -409,7 +409,7 @@ def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street:
 
 def test_a_group_is_first_measured_at_the_predicted_map_size(street: Needs) -> None:
     assert street.texels.edge_size is not None and street.cascades is not None and street.cascades.edge_size is not None
-    assert start_size(parse_spec("shadow-map", KNOWN), street) == street.texels.edge_size.value
+    assert start_size(parse_spec("shadow-map", KNOWN), street) == street.texels.edge_size
     assert start_size(parse_spec("cascades:count=3", KNOWN), street) == street.cascades.edge_size[3]
 
 

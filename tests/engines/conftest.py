@@ -1,75 +1,43 @@
-"""Masks as other renderers might draw them, and an engine that draws the truth."""
+"""An engine that draws the truth, installed as another package would have it: its entry point names it."""
 
 import shutil
 import sys
-from collections.abc import Callable
-from functools import lru_cache
+from collections.abc import Iterator
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from shadowbench.engines.environment import environment
-from shadowbench.engines.probe import probe_view
-from shadowbench.measure.scoring import prepare_truth
+from shadowbench.engines.engine_session import probe_view
+from shadowbench.engines.programs import environment
+from shadowbench.plugin import registry
 from shadowbench.plugin.engine import Engine
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import cached_truth
 
-FINER = 4
 SIZE = 64  # of the fake engine's pictures
+DECLARATION = '''
+"""An engine of another package."""
+
+from shadowbench.plugin.engine import Engine
 
 
-def srgb(linear: np.ndarray) -> np.ndarray:
-    """The sRGB curve of IEC 61966-2-1."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+class Fake(Engine):
+    """Fake: draws what a file says."""
 
-
-@pytest.fixture(scope="session")
-def prepared(truth_cache: None) -> Callable[..., PreparedTruth]:
-    """The prepared truth of a built-in scene's first view."""
-    return lru_cache(lambda name, size=256: prepare_truth(cached_truth(chosen_view(name, size))))
-
-
-@pytest.fixture(scope="session")
-def drawn(truth_cache: None) -> Callable[..., np.ndarray]:
-    """Visibility without an error but its shift, in pixels to the right and down, smooth over the pixel or hard.
-
-    Made of a truth with 4 × 4 samples a pixel; a shift is a multiple of ¼, a hard sample lies ⅛ beside the centre.
-    """
-    finer = lru_cache(lambda name, size: cached_truth(chosen_view(name, FINER * size), 1).visibility)
-
-    def draw(name: str, size: int = 256, shift: tuple[float, float] = (0, 0), hard: bool = False) -> np.ndarray:
-        across, down = (round(FINER * part) for part in shift)
-        moved = np.roll(finer(name, size), (down, across), (0, 1))
-        if hard:
-            return moved[FINER // 2 :: FINER, FINER // 2 :: FINER]
-        return moved.reshape(size, FINER, size, FINER).mean((1, 3))
-
-    return draw
-
-
-@pytest.fixture(scope="session")
-def comparison(prepared: Callable[..., PreparedTruth]) -> Callable[..., Comparison]:
-    """A mask beside the truth of a built-in scene."""
-    return lambda mask, name: Comparison(mask, prepared(name, len(mask)))
-
-
-@pytest.fixture
-def png(tmp_path: Path) -> Callable[..., Path]:
-    """Stores values in [0, 1] as 8-bit PNG, (H, W) grey or (H, W, 3) in colour."""
-
-    def write(name: str, values: np.ndarray) -> Path:
-        file = tmp_path / name
-        Image.fromarray(np.rint(np.asarray(values) * 255).astype(np.uint8)).save(file)
-        return file
-
-    return write
+    name = "fake"
+    package = "fake"
+    host = "python"
+    lights = frozenset({"directional"})
+    presets = {"shipped": "", "documented": ""}
+    seconds = 20.0
+'''
+ENTRY_POINTS = """
+[shadowbench.engines]
+fake = fake_engine_package:Fake
+absent = no_such_package:Absent
+"""
 
 
 @pytest.fixture
@@ -78,36 +46,30 @@ def view(truth_cache: None) -> View:
 
 
 @pytest.fixture
-def engine(tmp_path: Path, view: View, monkeypatch: pytest.MonkeyPatch) -> type[Engine]:
-    """An engine that draws the truth of a view."""
-    place = tmp_path / "fake"
-    place.mkdir()
+def engine(tmp_path: Path, view: View, monkeypatch: pytest.MonkeyPatch) -> Iterator[type[Engine]]:
+    """The fake engine, of a package on the path; what it is to do wrongly stands in its file `fault`."""
+    site, package = tmp_path / "site", tmp_path / "site" / "fake_engine_package"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text(DECLARATION)
+    (package / "requirements.txt").write_text("fake==1.0\n")
+    (package / "fault").write_text("none")
+    shutil.copy(Path(__file__).parent / "fake_engine.py", package / "draw.py")
     for one in (view, probe_view(SIZE)):
-        truth = cached_truth(one)
-        probe = one.scene.name == "probe"
-        np.savez(place / f"{one.scene.name}.npz", cosine=truth.cosine, visibility=truth.visibility, probe=probe)
-    shutil.copy(Path(__file__).parent / "fake_engine.py", place / "draw.py")
-    (place / "requirements.txt").write_text("fake==1.0\n")
-    (place / "fault").write_text("none")
-
-    class Fake(Engine):
-        """A test."""
-
-        name = "fake"
-        package = "fake"
-        host = "python"
-        lights = frozenset({"directional"})
-        seconds = 20.0
-        place: ClassVar[Path]
-
-        @classmethod
-        def folder(cls) -> Path:
-            return cls.place
-
-    Fake.place = place
+        truth, probe = cached_truth(one), one.scene.name == "probe"
+        np.savez(package / f"{one.scene.name}.npz", cosine=truth.cosine, visibility=truth.visibility, probe=probe)
+    (site / "fake-1.0.dist-info").mkdir()
+    (site / "fake-1.0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: fake\nVersion: 1.0\n")
+    (site / "fake-1.0.dist-info" / "entry_points.txt").write_text(ENTRY_POINTS)
+    monkeypatch.syspath_prepend(site)
+    monkeypatch.delitem(sys.modules, "fake_engine_package", raising=False)
     monkeypatch.setenv("SHADOWBENCH_ENGINES", str(tmp_path / "engines"))
-    python = environment(Fake) / "bin" / "python"
+    for table in (registry.engines, registry.preset_names):
+        table.cache_clear()
+    fake = registry.engines()["fake"]
+    python = environment(fake) / "bin" / "python"
     python.parent.mkdir(parents=True)
     python.write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
     python.chmod(0o755)
-    return Fake
+    yield fake
+    for table in (registry.engines, registry.preset_names):
+        table.cache_clear()

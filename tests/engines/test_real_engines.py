@@ -12,7 +12,7 @@ import pytest
 
 from tests.conftest import Answer
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("installed")]
 
 Command = Callable[..., Answer]
 SIZE = ["--view-size", "256", "--rounds", "0"]
@@ -21,7 +21,7 @@ SIZE = ["--view-size", "256", "--rounds", "0"]
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> None:
     """three.js, Babylon.js and OGRE; where they have been installed before, nothing is downloaded."""
-    from shadowbench.engines.environment import install, needed_programs
+    from shadowbench.engines.programs import install, needed_programs
     from shadowbench.plugin.registry import engines
 
     for name in ("three", "babylon", "ogre"):
@@ -29,7 +29,6 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> None:
         install(engines()[name])
 
 
-@pytest.mark.usefixtures("installed")
 def test_ogre_s_shadow_volumes_agree_with_the_truth(tmp_path: Path, shadowbench: Command) -> None:
     """Somebody else's exact shadows, of closed meshes that 16 bits can index; also from within the scene's bounds."""
     scenes = ["cube-on-plane", "stairs", "railings", "street", "colonnade", "spot-lamp", "room-with-lamp"]
@@ -39,7 +38,6 @@ def test_ogre_s_shadow_volumes_agree_with_the_truth(tmp_path: Path, shadowbench:
         assert 1 - row.iou <= 5e-4, row.scene
 
 
-@pytest.mark.usefixtures("installed")
 @pytest.mark.parametrize(
     ("engine", "preset"),
     [("three:cast=back", "shadow-map:preset=three"), ("babylon:preset=documented", "shadow-map:preset=babylon")],
@@ -59,17 +57,6 @@ def test_a_preset_named_after_an_engine_draws_as_it_does(
     assert (medians["acne"][theirs] - medians["acne"][ours]).abs().max() <= 0.005
 
 
-@pytest.mark.usefixtures("installed")
-def test_engines_draw_the_same_twice(tmp_path: Path, shadowbench: Command) -> None:
-    found = []
-    for name in ("first", "second"):
-        specs = ["-t", "three", "-t", "babylon", "-t", "ogre"]
-        assert shadowbench("run", "spot-lamp", *specs, *SIZE, "-o", tmp_path / name, "-q").code == 0
-        found.append(pd.read_csv(tmp_path / name / "table.csv")["mask_sha256"].tolist())
-    assert found[0] == found[1]
-
-
-@pytest.mark.usefixtures("installed")
 def test_a_browser_that_is_killed_fails_a_cell_and_the_rest_goes_on(
     tmp_path: Path, start: Any, records: Callable[..., list[dict[str, Any]]]
 ) -> None:
@@ -87,7 +74,6 @@ def test_a_browser_that_is_killed_fails_a_cell_and_the_rest_goes_on(
     assert code == 3
 
 
-@pytest.mark.usefixtures("installed")
 def test_a_run_that_is_killed_leaves_no_program(
     tmp_path: Path, start: Any, records: Callable[..., list[dict[str, Any]]]
 ) -> None:

@@ -8,8 +8,7 @@ import pytest
 
 from shadowbench.files import data_folder
 from shadowbench.gl.device import Device
-from shadowbench.gl.program import Drawable, Program, State, link
-from shadowbench.gl.shaders import VERSION, compose
+from shadowbench.gl.program import VERSION, Drawable, Program, State, compose, link
 
 FULLSCREEN = "fullscreen.vert"
 NEARER = State(depth_test="<=")

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from shadowbench.gl.clock import QUERIES, WALL, Clock, Sample, work_of
+from shadowbench.gl.clock import QUERIES, WALL, Clock, work_of
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Program
 
@@ -95,31 +95,6 @@ def test_a_query_that_the_wall_refutes_is_the_last(queried, impossible) -> None:
     assert clock.name == WALL
 
 
-def test_what_the_cpu_draws_is_timed_by_the_wall(queried) -> None:
-    clock = queried(1_000_000)  # for the second frame alone
-    assert clock.frame(lambda: None, on_cpu=True) == Sample(pytest.approx(10), pytest.approx(10), WALL)
-    assert clock.frame(lambda: None).clock == QUERIES
-
-
-def test_passes_name_every_clock_that_measured_them(queried) -> None:
-    clock = queried(1_000_000, 1_000_000, 1_000_000, 20_000_000)
-
-    def frame() -> None:
-        for name in ("map", "resolve"):
-            with clock.timed(name):
-                pass
-
-    assert [clock.passes(frame).clocks for _ in range(3)] == [{QUERIES}, {QUERIES, WALL}, {WALL}]
-
-
-def test_software_is_timed_by_the_wall_and_a_gpu_by_its_own_queries(device) -> None:
-    assert Clock(SimpleNamespace(software=True)).name == "finish+wall"
-    assert Clock(SimpleNamespace(software=False)).name == "gl_time_elapsed"
-    if device.software:
-        sample = Clock(device).frame(lambda: None)
-        assert sample == Sample(sample.ms, sample.ms, WALL)
-
-
 def test_work_of_a_fullscreen_triangle(device, busy) -> None:
     work = work_of(device, busy)
     assert work["draws"] == 1
@@ -130,21 +105,6 @@ def test_work_of_a_fullscreen_triangle(device, busy) -> None:
         assert SIDE**2 <= work["fragments"] <= 1.1 * SIDE**2
 
 
-def test_primitives_are_triangles_before_clipping(device) -> None:
-    """Of two triangles outside the view, as the page on timing says."""
-    outside = (
-        "#version 330\nvoid main() { gl_Position = vec4(5.0 + gl_VertexID % 2, 5.0 + gl_VertexID % 3, 0.0, 1.0); }"
-    )
-    linked = device.context.program(outside, "#version 330\nout float value;\nvoid main() { value = 1.0; }")
-    vertices = device.context.vertex_array(linked, [])
-    target = device.context.simple_framebuffer((SIDE, SIDE), 1, dtype="f4")
-    target.use()
-    work = work_of(device, lambda: vertices.render(vertices=6))
-    device.free((vertices, target, linked))
-    if device.pipeline_statistics:
-        assert (work["primitives"], work["fragments"]) == (2, 0)
-
-
 def test_work_adds_up_and_repeats_exactly(device, busy, monkeypatch) -> None:
     once = work_of(device, busy)
     assert work_of(device, busy) == once
@@ -152,13 +112,3 @@ def test_work_adds_up_and_repeats_exactly(device, busy, monkeypatch) -> None:
     assert twice == {name: 2 * count for name, count in once.items()}
     monkeypatch.setattr(Device, "pipeline_statistics", False)
     assert work_of(device, busy) == {"draws": 1}
-
-
-def test_queries_are_over_when_drawing_fails(device, busy) -> None:
-    def fail() -> None:
-        raise RuntimeError("out of luck")
-
-    with pytest.raises(RuntimeError, match="out of luck"):
-        work_of(device, fail)
-    work_of(device, busy)
-    device.check("counting again")

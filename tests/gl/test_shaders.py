@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from shadowbench.gl.shaders import VERSION, compose
+from shadowbench.gl.program import VERSION, compose
 
 
 def write(folder: Path, **files: str) -> None:
@@ -27,13 +26,6 @@ def test_includes_nest_and_a_file_is_included_once_at_its_first_include(tmp_path
     assert [line for line in lines if line] == [VERSION, "from c", "from a", "from b"]
 
 
-def test_an_include_slot_takes_its_file(tmp_path) -> None:
-    write(tmp_path, slope="slope", none="none")
-    text = "#include <bias>\n"
-    assert "slope" in compose(text, [tmp_path], slots={"bias": "slope.glsl"})
-    assert "none" in compose(text, [tmp_path], slots={"bias": "none.glsl"})
-
-
 def test_a_slot_in_a_path_takes_a_name(tmp_path) -> None:
     """Also one that an include renames."""
     write(tmp_path, wide="wide", narrow="narrow", bias='#include "<bias_of>.glsl"\nbias_max')
@@ -46,16 +38,6 @@ def test_a_file_without_the_name_that_an_include_renames_is_included_once(tmp_pa
     write(tmp_path, units="uniform float metre;", bias='#include "units.glsl"\nfloat bias_max;')
     text = compose('#include "bias.glsl" with bias = a\n#include "bias.glsl" with bias = b\n', [tmp_path])
     assert text.split("\n")[1:] == ["uniform float metre;", "float a_max;", "", "float b_max;", ""]
-
-
-def test_a_slot_takes_text_of_several_lines_with_includes_of_its_own(tmp_path) -> None:
-    write(tmp_path, common="common", bias="#include <bias>\nafter")
-    text = '#include "common.glsl"\n#include "bias.glsl"\n#include <bias>\n'
-    slots = {"bias": '// inline\n#include "common.glsl"\nuniform float bias_max;'}
-    lines = compose(text, [tmp_path], slots=slots).splitlines()
-    assert [line for line in lines if line] == [VERSION, "common", "// inline", "uniform float bias_max;", "after"]
-    renamed = compose("#include <bias> with bias = bias_a\n", [tmp_path], slots=slots)
-    assert "uniform float bias_a_max;" in renamed
 
 
 def test_a_file_may_be_included_with_renamed_identifiers(tmp_path) -> None:
@@ -79,27 +61,12 @@ def test_a_file_may_be_included_with_renamed_identifiers(tmp_path) -> None:
     ]
 
 
-def test_an_empty_slot_is_named(tmp_path) -> None:
-    with pytest.raises(KeyError, match="bias"):
-        compose("#include <bias>\n", [tmp_path])
-
-
-def test_a_missing_include_is_named_with_where_it_was_looked_for(tmp_path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"no shader file 'a/b\.glsl' in .*" + tmp_path.name):
-        compose('#include "a/b.glsl"\n', [tmp_path])
-
-
 def test_the_first_folder_takes_precedence(tmp_path) -> None:
     own, shared = tmp_path / "own", tmp_path / "shared"
     write(own, a="own")
     write(shared, a="shared", b="shared b")
     text = compose('#include "a.glsl"\n#include "b.glsl"\n', [own, shared]).splitlines()
     assert text[1:] == ["own", "shared b"]
-
-
-def test_text_that_only_looks_like_an_include_is_kept(tmp_path) -> None:
-    text = '// #include "nothing.glsl"\nint a; // see #include <b>\n'
-    assert compose(text, [tmp_path]).endswith(text)
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)

@@ -101,24 +101,17 @@ Row = tuple[tuple[str, ...], Kind, str] | tuple[tuple[str, ...], Kind, str, tupl
 TABLE: dict[str, list[Row]] = {
     "translation": [(REST, "bits", LOCAL), ((FIXED,), "none", METRES)],
     "scaling by a power of two": [(REST, "bits", LOCAL), ((FIXED,), "none", METRES)],
-    "scaling and translation": [
-        (REST, "equal", "all lengths (texels, biases, offsets) scale with the scene"),
-        ((FIXED,), "none", METRES),
-    ],
-    "rotation about y by quarter turns": [
-        (REST, "equal", "light-space bases, axis-aligned boxes and cube faces rotate with the scene"),
-    ],
     "rotation about y": [
         (RAYS, "equal", "only geometry is used"),
         (
             (FIXED, VISIBLE, TIGHT),
             "equal",
-            "the map is fitted to the light, the camera and points, which rotate with the scene",
+            POINTS,
         ),
         (
             (SCENE,),
             "equal",
-            "the map of a sun is fitted to the scene's points, that of a spot to its bounding box",
+            OF_A_SUN,
             SUN,
         ),
         ((STABLE,), "within", ORIGIN),
@@ -135,9 +128,6 @@ TABLE: dict[str, list[Row]] = {
     "reordered triangles": [(REST, "equal", "nearest depths, layer counts and hulls do not depend on the order")],
     "reversed winding": [
         (REST, "equal", "no faces are culled at default biases; shadow volumes treat inward-wound parts as open"),
-    ],
-    "duplicated meshes": [
-        (REST, "equal", "nearest depths are the same, and doubled counts are zero at the same pixels"),
     ],
     "a caster inside a caster": [
         (REST, "equal", "stored depths and hulls are those of the outer caster; counts can only grow"),
@@ -171,8 +161,7 @@ TABLE: dict[str, list[Row]] = {
     "a caster over another": [((FIXED,), "bleeds", RATIO, SUN), (REST, "none", ONE_FIT)],
     "more PCF taps": [
         ((FIXED, CUBE), "agree", "with a constant bias, the larger kernel includes the texels of the smaller one"),
-        (RAYS, "none", "there is no filter"),
-        (REST, "none", "the map is padded by the filter radius"),
+        (REST, "none", "there is no filter, or its radius pads the map"),
     ],
 }
 NOT_ANALYSED = Claim("none", "not analysed yet")

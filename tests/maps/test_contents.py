@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from shadowbench.maps.contents import kernel_weights
+from shadowbench.maps.caster_map import kernel_weights
 from shadowbench.scenes.model import Light, Mesh
+from tests.samples import by_turns, pairs
 
 SUN = Light("sun", "directional", (0.4, -1.0, 0.3))
 SPOT = Light("spot", "spot", (0.5, -1.0, 0.2), (-1.5, 3.0, -0.7), 1.0)
 DOWN = Light("sun", "directional", (0.0, -1.0, 0.0))
 
 
-def plate(y: float, x: tuple[float, float] = (-2.0, 2.0), z: tuple[float, float] = (-2.0, 2.0)) -> Mesh:
+def plate(y: float, x: tuple[float, float] = (-2.2, 2.2), z: tuple[float, float] = (-2.2, 2.2)) -> Mesh:
+    """A horizontal rectangle."""
     corners = np.array([[x[0], y, z[0]], [x[0], y, z[1]], [x[1], y, z[1]], [x[1], y, z[0]]])
     return Mesh(f"plate at {y}", corners, np.array([[0, 1, 2], [0, 2, 3]]))
 
@@ -45,8 +47,7 @@ def contents(looking, studio, build):
     return make
 
 
-@pytest.mark.parametrize("kernel", ["box", "gaussian"])
-@pytest.mark.parametrize("width", [1, 2, 3, 4.5, 5, 17, 63, 64])
+@pytest.mark.parametrize(("width", "kernel"), by_turns([1, 2, 4.5, 17, 63, 64], ["box", "gaussian"]))
 def test_the_weights_of_a_kernel_are_symmetric_and_sum_to_1(kernel, width) -> None:
     weights = kernel_weights(kernel, width, 65)
     assert weights.sum() == pytest.approx(1)
@@ -55,18 +56,11 @@ def test_the_weights_of_a_kernel_are_symmetric_and_sum_to_1(kernel, width) -> No
     assert (weights > 0).sum() <= width + 2
 
 
-@pytest.mark.parametrize("width", [1, 3, 5, 9])
-def test_a_box_of_an_odd_width_weighs_its_texels_equally(width) -> None:
-    assert kernel_weights("box", width, width) == pytest.approx(np.full(width, 1 / width))
-    wide = kernel_weights("box", width + 1, width + 2)
-    assert wide * (width + 1) == pytest.approx([0.5, *np.ones(width), 0.5]), "an even one has half of either end"
-
-
-@pytest.mark.parametrize("width", [5, 8, 33])
-def test_a_gaussian_has_a_standard_deviation_of_a_quarter_of_its_width(width) -> None:
-    weights = kernel_weights("gaussian", width, 65)
-    for texels in range(width // 2):
-        assert weights[32 + texels] / weights[32] == pytest.approx(math.exp(-((texels / (width / 4)) ** 2) / 2))
+def test_a_box_weighs_its_texels_equally_and_a_gaussian_deviates_by_a_quarter_of_its_width() -> None:
+    assert kernel_weights("box", 5, 5) == pytest.approx(np.full(5, 1 / 5))
+    assert kernel_weights("box", 6, 7) * 6 == pytest.approx([0.5, *np.ones(5), 0.5]), "half of either end"
+    weights, texels = kernel_weights("gaussian", 8, 65), np.arange(4)
+    assert weights[32:36] / weights[32] == pytest.approx(np.exp(-((texels / 2) ** 2) / 2))
 
 
 @pytest.mark.parametrize("light", [SUN, SPOT], ids=lambda light: light.kind)
@@ -77,9 +71,9 @@ def test_the_first_moment_is_the_linear_depth_of_the_map(contents, light) -> Non
     assert found[0, ::-1, :, 0] == pytest.approx(one.technique.map_image().astype(float), abs=2e-5)
 
 
-@pytest.mark.parametrize("kernel", ["box", "gaussian"])
-@pytest.mark.parametrize("width", [2, 5, 31])
-@pytest.mark.parametrize("filter_", ["vsm", "evsm(positive=5)", "msm"])
+@pytest.mark.parametrize(
+    ("filter_", "width", "kernel"), pairs(["vsm", "evsm(positive=5)", "msm"], [5, 31], ["box", "gaussian"])
+)
 def test_the_blur_is_scipy_s_with_the_far_contents_around(contents, filter_, width, kernel) -> None:
     name, _, items = filter_.strip(")").partition("(")
     items = f"{items}," if items else ""
@@ -97,16 +91,15 @@ def test_the_blur_is_scipy_s_with_the_far_contents_around(contents, filter_, wid
 
 
 @pytest.mark.parametrize(
-    ("filter_", "expected"),
+    ("spec", "filter_", "expected"),
     [
-        ("vsm", [1, 1]),
-        ("esm", [1]),
-        ("evsm(positive=3,negative=2)", [math.exp(3), math.exp(6), -math.exp(-2), math.exp(-4)]),
-        ("msm", [0.98, 0.98**2, 0.98**3, 0.98**4]),
-        ("pcss", [1]),
+        ("shadow-map", "vsm", [1, 1]),
+        ("cascades", "esm", [1]),
+        ("cube-map", "evsm(positive=3,negative=2)", [math.exp(3), math.exp(6), -math.exp(-2), math.exp(-4)]),
+        ("cascades", "msm", [0.98, 0.98**2, 0.98**3, 0.98**4]),
+        ("cube-map", "pcss", [1]),
     ],
 )
-@pytest.mark.parametrize("spec", ["shadow-map", "cascades", "cube-map"])
 def test_empty_texels_store_the_far_plane(contents, spec, filter_, expected) -> None:
     light = SPOT if spec == "cube-map" else SUN
     found, one = contents(f"{spec}:size=64,filter={filter_}", light)

@@ -1,7 +1,6 @@
 """Caster culling: masks are identical with and without it."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from itertools import product
 
 import numpy as np
 import pytest
@@ -10,70 +9,43 @@ from hypothesis import strategies as st
 
 from shadowbench.maps.culling import kept_ranges, may_shadow
 from shadowbench.plugin.registry import techniques
-from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
+from tests.samples import by_turns
 
-KNOWN = techniques()
-CULLING = [name for name, technique in KNOWN.items() if "cull" in technique.Params.model_fields]
 SIZE = 96
 
 
-def views(name: str):
-    """Each camera with each light of a built-in scene."""
-    scene = load_scene(name)
-    return [view_of(scene, camera, light, SIZE) for camera in scene.cameras for light in scene.lights]
-
-
-def by_turns(able: Mapping[str, Sequence[str]]) -> list[Any]:
-    """Each with each of its own; one of them, by turns, is fast."""
-    return [
-        pytest.param(name, one, marks=[] if one == ones[turn % len(ones)] else pytest.mark.slow)
-        for turn, (name, ones) in enumerate(able.items())
-        for one in ones
-    ]
-
-
-def answering(name: str) -> list[str]:
-    """Techniques that answer a light of a scene."""
-    kinds = {light.hard_kind for light in load_scene(name).lights}
-    return [technique for technique in CULLING if kinds & KNOWN[technique].lights]
-
-
-@pytest.mark.parametrize(("name", "technique"), by_turns({name: answering(name) for name in builtin_names()}))
-def test_a_mask_is_the_same_without_culling(name: str, technique: str, build, studio) -> None:
-    for view in views(name):
-        if view.light.hard_kind not in KNOWN[technique].lights:
-            continue
-        shot = studio.shot(view)
-        size = "size=128," if "size" in KNOWN[technique].Params.model_fields else ""
-        culled, whole = (build(f"{technique}:{size}cull={cull}", shot).draw(shot) for cull in ("true", "false"))
-        assert (culled == whole).all(), view.camera.name
-
-
-SCENES = ["street", "deep-street", "canopy"]
-OTHERWISE = [
+SPECS = [
+    "shadow-map:size=128",
     "shadow-map:fit=scene,size=128",
-    "shadow-map:fit=view,size=128,reversed=true",
+    "shadow-map:fit=view,size=128",
     "shadow-map:fit=fixed,size=128",
     "shadow-map:bias=polygon-offset(-2,-4),size=128",
     "shadow-map:bias=front-cull,depth=d16,size=128",
+    "cascades:size=128",
     "cascades:size=128,depth_clamp=false",
     "cascades:size=128,layers=geometry",
+    "shadow-volume:compare=position",
     "shadow-volume:faces=triangle",
     "shadow-volume:counter=color",
     "shadow-volume:count=z-pass",
 ]
+SCENES = ["street", "deep-street", "canopy", "terrain", "colonnade"]
+LAMPS = by_turns(
+    ["cube-map:size=128", "cube-map:layers=passes,size=128", "shadow-volume:compare=position", "shadow-map:size=128"],
+    ["room-with-lamp", "lamp-by-wall", "lamp-over-table", "spot-lamp"],
+)
 
 
-@pytest.mark.parametrize(("spec", "name"), by_turns(dict.fromkeys(OTHERWISE, SCENES)))
-def test_culling_leaves_masks_unchanged_with_other_parameters(spec: str, name: str, build, studio, device) -> None:
-    shot = studio.shot(views(name)[0])
-    if "reversed" in spec and not device.clip_control:
-        spec = spec.replace(",reversed=true", "")
-    culled, whole = (
-        build(f"{spec},cull={cull}" if ":" in spec else spec, shot).draw(shot) for cull in ("true", "false")
-    )
-    assert (culled == whole).all()
+@pytest.mark.parametrize(("spec", "name"), [*by_turns(SPECS, SCENES), *LAMPS])
+def test_a_mask_is_the_same_without_culling(spec: str, name: str, build, studio) -> None:
+    scene, lights = load_scene(name), techniques()[spec.partition(":")[0]].lights
+    for camera, light in product(scene.cameras, scene.lights):
+        if light.hard_kind in lights:
+            shot = studio.shot(view_of(scene, camera, light, SIZE))
+            culled, whole = (build(f"{spec},cull={cull}", shot).draw(shot) for cull in ("true", "false"))
+            assert (culled == whole).all(), camera.name
 
 
 @pytest.mark.parametrize(
@@ -85,8 +57,8 @@ def test_culling_leaves_masks_unchanged_with_other_parameters(spec: str, name: s
         ("shadow-volume", "deep-street", "culled_parts", 1),
     ],
 )
-def test_culled_casters_are_counted_in_the_row(spec, name, fact, least, build, studio) -> None:
-    shot = studio.shot(views(name)[0])
+def test_culled_casters_are_counted_in_the_row(spec, name, fact, least, build, studio, builtin) -> None:
+    shot = studio.shot(builtin(name, SIZE))
     culled, whole = (build(f"{spec}:cull={cull}", shot) for cull in ("true", "false"))
     for one in (culled, whole):
         one.draw(shot)

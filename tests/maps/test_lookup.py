@@ -9,6 +9,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tests.samples import pairs
+
 SIZE = 192
 EDGE = 2e-3  # texels
 TIE = 2e-6  # of depth in [0, 1]
@@ -115,47 +117,39 @@ ROUNDING = 1e-6
 WEIGHTS = 0.006  # GPUs weigh texels with 8 bits, of coordinates rounded likewise: .0048 on an H100, less on llvmpipe
 
 
-@pytest.mark.parametrize("wrap", ["border", "edge", "repeat"])
-@pytest.mark.parametrize("kind", SCENES)
-def test_the_hard_filter_compares_the_texel_that_contains_the_point(looked_up, kind: str, wrap: str) -> None:
-    mask, lookup = looked_up(kind, "filter=hard,bias=constant(0.01)", 0.01, wrap)
-    check(mask, lookup.nearest(), lookup, ROUNDING)
+BIAS = "constant(0.01)"
+GATHERED = "receiver-plane(limit=1e-9,slack=0,ulps=0)"
+"""Planes limited to nothing, their slack off: the texels' own comparisons, weighted by the shader."""
 
 
-@pytest.mark.parametrize("taps", [3, 5, 7])
-@pytest.mark.parametrize("kind", SCENES)
-def test_pcf_is_the_mean_over_texels_around_the_one(looked_up, kind: str, taps: int) -> None:
-    mask, lookup = looked_up(kind, f"filter=pcf({taps}),bias=constant(0.01)", 0.01)
-    check(mask, lookup.box(taps), lookup, ROUNDING)
-
-
-@pytest.mark.parametrize("wrap", ["border", "edge", "repeat"])
-@pytest.mark.parametrize("kind", SCENES)
-def test_hardware_weights_four_comparisons(looked_up, kind: str, wrap: str) -> None:
-    mask, lookup = looked_up(kind, "filter=hardware,bias=constant(0.01)", 0.01, wrap)
-    check(mask, lookup.linear(), lookup, WEIGHTS)
-
-
-@pytest.mark.parametrize("bias", ["constant(0.01)", "constant(0.01)+receiver-plane(limit=1e-9,slack=0,ulps=0)"])
-@pytest.mark.parametrize(("taps", "weights"), [(3, [1, 2, 1]), (5, [1, 3, 4, 3, 1])])
-@pytest.mark.parametrize("kind", SCENES)
-def test_castano_interpolates_a_kernel(looked_up, kind: str, taps: int, weights: list[float], bias: str) -> None:
-    """By hardware comparison, and by gathered texels that are compared one by one."""
-    mask, lookup = looked_up(kind, f"filter=castano({taps}),bias={bias}", 0.01)
-    check(mask, lookup.kernel(weights), lookup, WEIGHTS)
+@pytest.mark.parametrize(
+    ("kind", "wrap", "filter_"), pairs(SCENES, ["border", "edge", "repeat"], ["hard", "hardware", "pcf(3)", "pcf(7)"])
+)
+def test_lookups_are_of_the_texels_around_the_point(looked_up, kind: str, wrap: str, filter_: str) -> None:
+    """`hard` compares the texel that contains it, `hardware` weighs four, `pcf` is the mean over some around it."""
+    mask, lookup = looked_up(kind, f"filter={filter_},bias={BIAS}", 0.01, wrap)
+    expected = lookup.linear() if filter_ == "hardware" else lookup.box(int(filter_[4:-1] or 1))
+    check(mask, expected, lookup, WEIGHTS if filter_ == "hardware" else ROUNDING)
 
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_gathered_texels_are_weighted_as_the_hardware_does(looked_up, kind: str) -> None:
-    """Receiver planes limited to nothing, their slack off: the texels' own comparisons, weighted by the shader."""
-    mask, lookup = looked_up(kind, "filter=hardware,bias=receiver-plane(limit=1e-9,slack=0,ulps=0)", 0.0)
+    mask, lookup = looked_up(kind, f"filter=hardware,bias={GATHERED}", 0.0)
     check(mask, lookup.linear(), lookup, 1e-3)
 
 
-@pytest.mark.parametrize(("width", "unit", "texels"), [(2.5, "texel", 2.5), (4.0, "texel", 4.0), (10, "map", 2.56)])
-@pytest.mark.parametrize("kind", SCENES)
-def test_dither_takes_four_taps_by_the_parity_of_the_pixel(looked_up, kind, width, unit, texels) -> None:
-    mask, lookup = looked_up(kind, f"filter=dither-4(width={width},unit={unit}),bias=constant(0.01)", 0.01)
+@pytest.mark.parametrize(
+    ("kind", "taps", "bias"), [("directional", 3, BIAS), ("spot", 5, BIAS), ("spot", 3, f"{BIAS}+{GATHERED}")]
+)
+def test_castano_interpolates_a_kernel(looked_up, kind: str, taps: int, bias: str) -> None:
+    """By hardware comparison, and by gathered texels that are compared one by one."""
+    mask, lookup = looked_up(kind, f"filter=castano({taps}),bias={bias}", 0.01)
+    check(mask, lookup.kernel([1, 2, 1] if taps == 3 else [1, 3, 4, 3, 1]), lookup, WEIGHTS)
+
+
+@pytest.mark.parametrize(("kind", "items", "texels"), [("directional", "2.5", 2.5), ("spot", "10,unit=map", 2.56)])
+def test_dither_takes_four_taps_by_the_parity_of_the_pixel(looked_up, kind: str, items: str, texels: float) -> None:
+    mask, lookup = looked_up(kind, f"filter=dither-4({items}),bias={BIAS}", 0.01)
     check(mask, lookup.dithered(texels), lookup, WEIGHTS)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.measure.row_store import read_run_file, stream_rows
-from shadowbench.results.tables import read_sweep_positions
+from shadowbench.results.frame import read_sweep_positions
 from shadowbench.scores.masks import write_mask
 
 Shadowbench = Callable[..., Any]

@@ -14,7 +14,7 @@ import pytest
 
 from shadowbench import files, versions
 from shadowbench.gl.device import Device
-from shadowbench.gl.shaders import compose
+from shadowbench.gl.program import compose
 from shadowbench.measure import keys
 from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key, shader_names, view_key

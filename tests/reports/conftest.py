@@ -18,8 +18,8 @@ from PIL import Image
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import NAMES, Value, value_label
 from shadowbench.reports.stability import Stability, analyse
-from shadowbench.results.configurations import Section, sections
-from shadowbench.results.folder import read_folders, read_runs
+from shadowbench.results.frame import read_folders, read_runs
+from shadowbench.results.summary import Summary, summaries
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
 from tests.conftest import key_of
@@ -259,22 +259,22 @@ def run_folder(tmp_path) -> Callable[..., Path]:
         software: bool = True,
         processor: str = "A processor",
         pictures: bool = False,
-        about: bool = True,
+        about: dict[str, Any] | None = None,
     ) -> Path:
         records = [record for cell in cells for record in cell.records()]
-        return write_folder(tmp_path / name, records, run_file(software, processor) if about else {}, pictures)
+        return write_folder(tmp_path / name, records, run_file(software, processor) | (about or {}), pictures)
 
     return write
 
 
 @pytest.fixture
-def measured(run_folder) -> Callable[..., list[Section]]:
-    """The sections of a run with these cells, one per scene."""
+def measured(run_folder) -> Callable[..., list[Summary]]:
+    """The summaries of a run with these cells, one per scene."""
     count = itertools.count()
 
-    def make(*cells: Cell, **options: Any) -> list[Section]:
+    def make(*cells: Cell, **options: Any) -> list[Summary]:
         folder = run_folder(cells or CELLS, **({"name": f"run {next(count)}"} | options))
-        return [section for parts in sections(read_runs([folder]), ON_RECORD).values() for section in parts]
+        return summaries(read_runs([folder])[0], ON_RECORD)  # type: ignore[arg-type]
 
     return make
 

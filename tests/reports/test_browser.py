@@ -9,8 +9,8 @@ import pytest
 from playwright.sync_api import Locator, Page
 
 from shadowbench.reports.report import write_report
-from shadowbench.results.configurations import sections
-from shadowbench.results.folder import read_folders
+from shadowbench.results.frame import read_folders
+from shadowbench.results.summary import summaries
 from shadowbench.scores.difference import FACETS, FALSE_LIGHT
 from tests.reports.browsing import visiting
 from tests.reports.conftest import CELLS, POINTS, Cell, run_file, write_folder, write_sweep
@@ -28,13 +28,13 @@ KNOWN = (
 STAIRS = "stairs, 32² view"
 
 
-def write_page(page: Path, split: bool = False) -> Path:
+def write_page(page: Path) -> Path:
     """The report on a run with these cells, a bias sweep among them, and a sweep of `stress`."""
     rows = {"run": [row for cell in KNOWN for row in cell.records()], "sweep": [point.record() for point in POINTS]}
     folders = [write_folder(page.parent / name, rows[name], run_file(True, "A"), True) for name in rows]
     write_sweep(folders[0], CELLS, "shadow-map", {"shadow-map:bias=none": 0.0, "shadow-map": 1.0})
     runs, sweeps = read_folders(folders)
-    write_report(runs, sections(runs), sweeps, page, "html", split)
+    write_report([(run, summaries(run)) for run in runs], sweeps, page, "html")
     return page
 
 
@@ -112,14 +112,6 @@ def test_the_first_screen_has_the_answer_the_matrix_and_a_picture(browser, repor
         assert page.locator("#scene-shown").inner_text() == STAIRS
 
 
-def test_a_cell_of_the_matrix_shows_its_picture(page) -> None:
-    cell = page.locator(".matrix:visible button", has_text="ray-traced").first
-    cell.press("Enter")
-    page.evaluate("window.drawn")
-    assert cell.get_attribute("aria-pressed") == "true"
-    assert page.locator("#viewer .tag.a").inner_text() == "ray-traced"
-
-
 # Charts
 
 
@@ -157,33 +149,6 @@ def test_a_point_tells_what_it_is_and_a_click_shows_its_picture(page) -> None:
     assert page.locator("#viewer .tag.a").inner_text().startswith(spec)
 
 
-def test_a_chart_is_zoomed_by_buttons_and_with_shift_by_the_wheel_which_alone_scrolls(page) -> None:
-    figure = page.locator("figure:has(.chart.front)").first
-    chart = figure.locator(".chart")
-
-    def time_axis() -> list[float]:
-        page.wait_for_timeout(200)
-        domain: list[float] = chart.evaluate("element => element.view.scale('x').domain()")
-        return domain
-
-    whole = time_axis()
-    figure.get_by_role("button", name="Zoom in").press("Enter")
-    inner = time_axis()
-    assert whole[0] < inner[0] < inner[1] < whole[1]
-    figure.get_by_role("button", name="Reset").press("Enter")
-    assert time_axis() == pytest.approx(whole)
-    before = page.evaluate("scrollY")
-    chart.hover()
-    page.mouse.wheel(0, 200)
-    page.wait_for_function("before => scrollY > before", arg=before)
-    assert time_axis() == whole
-    chart.hover()
-    page.keyboard.down("Shift")
-    page.mouse.wheel(0, -200)
-    page.keyboard.up("Shift")
-    assert time_axis() != whole
-
-
 def test_eight_specs_at_most_are_shown_each_with_a_look_of_its_own(page) -> None:
     legend = page.locator("#charts .legend")
     on, off = legend.locator("[aria-pressed=true]"), legend.locator("[aria-pressed=false]")
@@ -205,24 +170,6 @@ def test_eight_specs_at_most_are_shown_each_with_a_look_of_its_own(page) -> None
     after = looks()
     assert turned_off not in after and turned_on in after and on.count() == 8
     assert all(after[spec] == look for spec, look in before.items() if spec in after), "a look stays with its spec"
-
-
-def test_the_legend_lights_what_the_charts_draw_and_names_what_has_no_points(page) -> None:
-    legend, absent = page.locator("#charts .legend"), page.locator("#charts .legend + p + p")
-    for title in page.locator("#scene option").all_inner_texts():
-        choose_scene(page, title)
-        lit = legend.locator("[aria-pressed=true]").evaluate_all("nodes => nodes.map((node) => node.dataset.spec)")
-        drawn = page.evaluate(
-            """[...document.querySelectorAll("#charts :is(.front, .sizes)")].flatMap((chart) =>
-            chart.view.data("source_0").filter((one) => one.shown).map((one) => one.spec))"""
-        )
-        assert set(lit) == set(drawn) and 3 <= len(lit) <= 8
-        assert not any(spec in absent.inner_text().split(": ")[1].rstrip(".").split(", ") for spec in lit)
-        if title.startswith("post"):
-            assert set(lit) == {*FILTERS}, "all that was asked for"
-            assert "ray-traced" in absent.inner_text()
-        if title == "all hard scenes":
-            assert "ray-traced" not in lit and "ray-traced" in absent.inner_text()
 
 
 # The wipe, and the errors
@@ -281,39 +228,6 @@ def test_any_two_can_be_wiped_as_shaded_as_mask_or_as_difference(page) -> None:
     assert box.get_by_text("dark facets of smooth surfaces").is_visible()
 
 
-def test_zoom_and_pan_are_those_of_both_sides(page) -> None:
-    box = page.locator("#viewer")
-    stage = box.locator(".stage")
-    frame = stage.bounding_box()
-    assert frame is not None
-
-    def transform() -> str:
-        page.wait_for_timeout(100)
-        a, b = (box.locator(f"canvas.{side}").evaluate("node => getComputedStyle(node).transform") for side in "ab")
-        assert a == b
-        return str(a)
-
-    def drag() -> None:
-        page.mouse.move(frame["x"] + 0.8 * frame["width"], frame["y"] + 100)
-        page.mouse.down()
-        page.mouse.move(frame["x"] + 0.7 * frame["width"], frame["y"] + 160)
-        page.mouse.up()
-
-    now = whole = transform()
-    page.mouse.move(frame["x"] + frame["width"] / 3, frame["y"] + frame["height"] / 3)
-    page.mouse.wheel(0, -300)
-    assert transform() == now, "the wheel scrolls the page until the picture is chosen"
-    page.evaluate("scrollTo(0, 0)")
-    stage.focus()
-    acts = [lambda: page.mouse.wheel(0, -300), lambda: stage.press("+"), lambda: stage.press("ArrowRight"), drag]
-    for act in (*acts, box.get_by_role("button", name="Zoom out").click, lambda: stage.press("0")):
-        before = now
-        act()
-        now = transform()
-        assert now != before
-    assert now == whole == "matrix(1, 0, 0, 1, 0, 0)"
-
-
 def test_thumbnails_show_the_errors_worst_or_best_first_and_lead_to_them(page) -> None:
     sheet = page.locator("#errors .sheet")
 
@@ -362,40 +276,6 @@ def test_the_table_is_sorted_by_any_column_both_ways(page) -> None:
         assert column(index) == rising[::-1]
 
 
-def test_the_table_is_filtered_by_technique_and_has_the_columns_that_are_chosen(page) -> None:
-    section = page.locator("#table")
-    rows, heads = section.locator("tbody tr"), section.locator("thead th")
-    every, before = rows.count(), heads.all_inner_texts()
-    section.get_by_label("technique").select_option("ray-traced")
-    assert rows.locator("th").all_inner_texts() == ["ray-traced"]
-    section.locator("summary", has_text="columns").press("Enter")
-    section.get_by_label("contact", exact=True).press("Space")
-    section.get_by_label("acne", exact=True).press("Space")
-    assert {*heads.all_inner_texts()} == {*before, "contact"} - {"acne"}
-    assert rows.locator("td").count() == heads.count() - 1
-    choose_scene(page, "terrace, 32² view")
-    assert "contact" in heads.all_inner_texts(), "columns are those of all scenes"
-    choose_scene(page, STAIRS)
-    section.get_by_label("technique").select_option("all")
-    assert rows.count() == every > 8
-
-
-def test_ten_thousand_configurations_are_listed_bit_by_bit(page) -> None:
-    section, most = page.locator("#table"), 10_000
-    page.evaluate(
-        """most => {
-            const { rows, ...columns } = data(currentPanel);
-            fillTable({ rows: Array.from({ length: most }, (_, at) => ({ ...rows[0], spec: `${at}` })), ...columns });
-        }""",
-        most,
-    )
-    rows = section.locator("tbody tr")
-    listed = rows.count()
-    assert 100 < listed < most
-    section.get_by_role("button", name=f"of {most} configurations are listed").press("Enter")
-    assert rows.count() == 2 * listed
-
-
 # The page as a whole
 
 
@@ -412,24 +292,6 @@ def test_the_theme_is_the_reader_s_and_is_turned_by_a_button(page) -> None:
     assert page.evaluate(ground) == dark
     page.emulate_media(media="print")
     assert (page.evaluate(ground), page.evaluate(ink)) == (light, written), "paper is white, whatever the screen is"
-
-
-def test_a_telephone_shows_all_of_it_without_scrolling_sideways(browser, report) -> None:
-    with visiting(browser, report, width=400, height=844) as page:
-        assert page.evaluate("document.documentElement.scrollWidth") == 400
-        for chart in page.locator(".chart svg").all():
-            box = chart.bounding_box()
-            assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= 400
-        table = page.locator("#table .wide")
-        first = table.locator("tbody th").first
-        before = first.bounding_box()
-        table.evaluate("node => { node.scrollLeft = 200; }")
-        after = first.bounding_box()
-        assert before is not None and after is not None and before["x"] == after["x"], "the first column stays"
-        row = table.locator("tbody button").nth(2)
-        row.press("Enter")
-        page.wait_for_timeout(500)
-        assert page.locator("#viewer .tag.a").inner_text().startswith(row.inner_text())
 
 
 def test_every_control_is_reached_by_keys_and_named(page) -> None:
@@ -461,19 +323,6 @@ def test_on_paper_no_text_is_smaller_than_nine_points_and_no_table_is_cut(browse
         assert len(sizes) > 200 and min(sizes) >= 9
         for table in page.locator("table.all, table.ranges, table.matrix").all():
             assert not table.is_visible() or table.evaluate("node => node.getBoundingClientRect().right") <= 703
-
-
-def test_a_split_report_opens_from_the_disk_and_loads_what_it_shows(browser, tmp_path) -> None:
-    file = write_page(tmp_path / "split #1 50%.html", split=True)
-    with visiting(browser, file) as page:
-        loaded: list[str] = []
-        page.on("request", lambda request: loaded.append(request.url))
-        assert page.locator(".sheet canvas").count() > 0 and page.locator("#table tbody tr").count() > 0
-        page.select_option("#scene", index=2)
-        page.evaluate("window.drawn")
-        files = tmp_path / "split #1 50%.files"
-        assert {url.rpartition("/")[0] for url in loaded if not url.startswith("data:")} == {files.as_uri()}
-        assert 1 < len(loaded) < len(list(files.iterdir()))
 
 
 # The address
@@ -537,31 +386,6 @@ def test_a_point_on_an_axis_tells_its_value_its_scores_and_its_failure(page) -> 
     broken = chart.locator('.mark-symbol.role-mark path[stroke]:not([stroke="none"])').first
     said = told(page, broken)
     assert "out of tolerance" in said and "1 − IoU" in said and "texels" in said
-
-
-def test_metric_and_light_are_choices_of_all_axes(page) -> None:
-    first, last = page.locator(".chart.axis[data-axis=elevation]"), page.locator(".chart.axis[data-axis=camera-step]")
-
-    def choose(name: str, value: str) -> list[str]:
-        """Choose, wait until all is drawn, give the lines of the first axis."""
-        page.locator(f"select[data-signal={name}]").select_option(value)
-        page.evaluate(
-            """Promise.all([...document.querySelectorAll(".chart.axis")].map((element) => element.view.runAsync()))
-            .then(() => null)"""
-        )
-        paths: list[str] = marks(first, "line").evaluate_all("nodes => nodes.map((node) => node.getAttribute('d'))")
-        return paths
-
-    before = choose("metric", "1 − IoU")
-    assert choose("metric", "leak") != before
-    assert 0 < len(choose("light", "sun")) < len(before)
-    choose("metric", "flips")
-    assert not first.is_visible() and last.is_visible()
-    assert choose("light", "all") == []
-    assert sorted(choose("metric", "1 − IoU")) == sorted(before)
-    for chart in (first, last):
-        box = chart.locator("svg").bounding_box()
-        assert box is not None and box["width"] > 300
 
 
 def test_a_breaking_point_shows_its_picture(page) -> None:

@@ -8,21 +8,30 @@ import numpy as np
 import vl_convert
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from shadowbench.reports.charts import bias_charts, default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.charts import (
+    COLORS,
+    MAX_SHOWN,
+    SHAPES,
+    bias_charts,
+    default_size,
+    front_chart,
+    pass_chart,
+    size_chart,
+    styles_of,
+)
 from shadowbench.reports.report import figures
-from shadowbench.reports.vega import COLORS, MAX_SHOWN, SHAPES, styles_of
-from shadowbench.results.configurations import Section, sections, specs_of
-from shadowbench.results.folder import read_runs
+from shadowbench.results.frame import read_runs
+from shadowbench.results.summary import Summary, specs_of, summaries
 from tests.reports.conftest import TRUTH_ERROR, Cell, marks, texts, write_sweep
 
 Chart = dict[str, Any]
 TEXT_WIDTH = 6  # pixels of a letter, on average
 
 
-def charts(section: Section) -> list[Chart]:
-    styles = styles_of(specs_of([section]))
-    made = front_chart(section, styles), size_chart(section, styles), pass_chart(section, default_size(section))
-    return [chart for chart in made if chart is not None]
+def charts(summary: Summary) -> list[Chart]:
+    styles = styles_of(specs_of([summary.run]))
+    drawn = front_chart(summary, styles), size_chart(summary, styles), pass_chart(summary, default_size(summary))
+    return [chart for chart in drawn if chart is not None]
 
 
 def domain(chart: Chart, channel: str) -> tuple[float, float]:
@@ -51,7 +60,7 @@ def test_errors_of_soft_shadows_are_drawn_down_to_that_of_the_truth(measured) ->
     soft = Cell("a", 512, 0.1, 3.0, rmse_pen=0.2), Cell("a", 1024, 0.2, 4.0, rmse_pen=TRUTH_ERROR)
     for chart in charts(measured(*soft)[0])[:2]:
         points = chart["data"]["values"]
-        assert [(point["size"], point["drawn"], point["told"]["RMSE"]) for point in points] == [
+        assert [(point["size"], point["drawn"], point["tooltip"]["RMSE"]) for point in points] == [
             (1024, TRUTH_ERROR, "<0.00200"),
             (512, 0.05, "0.0500"),
         ]
@@ -77,27 +86,22 @@ def test_only_what_was_measured_is_drawn(measured) -> None:
         assert not set(values(chart, "spec")) & {"planar-projection", "cube-map"}
     (untimed,) = measured(Cell("a", 512, 0.1, None))
     assert front_chart(untimed, None) is None and pass_chart(untimed, 512) is None
-    assert size_chart(untimed, None) is not None
+    phases = [Cell("a", 512, error, None, phase=phase) for phase, error in enumerate((0.1, 0.3, 0.2, 0.0))]
+    (point,) = size_chart(measured(*phases)[0], None)["data"]["values"]
+    assert point["low"] < point["drawn"] < point["high"], "an interval encloses its median"
 
 
 def test_figures_say_whose_times_they_have_and_why_passes_do_not_add_up(measured) -> None:
-    said = {
-        software: [texts(chart) for _, chart in figures({"": measured(software=software)}, [])]
-        for software in (True, False)
-    }
+    said = {}
+    for software in (True, False):
+        scenes = measured(software=software)
+        said[software] = [texts(chart) for _, chart in figures([(scenes[0].run, scenes)], [])]
     trend = "times of a software renderer: for trends only, not representative of a GPU"
     assert len(said[True]) == len(said[False]) == 3
     assert all(any(trend in text for text in one) for one in said[True])
     assert not any("software" in text for one in said[False] for text in one)
     assert {"ms; passes are timed separately,", "each finished before the next,"} <= set(said[True][2])
     assert {"so that their sum may exceed the frame;", "tick: the whole frame, timed separately"} <= set(said[True][2])
-
-
-def test_intervals_enclose_their_median(measured) -> None:
-    errors = (0.1, 0.3, 0.2, 0.0)
-    chart = charts(measured(*(Cell("a", 512, error, 3.0, phase=phase) for phase, error in enumerate(errors)))[0])[1]
-    (point,) = chart["data"]["values"]
-    assert point["low"] < point["drawn"] < point["high"]
 
 
 def test_passes_are_those_of_one_map_size_stacked_as_each_spec_draws_them(measured) -> None:
@@ -120,14 +124,14 @@ def test_a_bias_sweep_of_hard_shadows_is_drawn_as_a_line_for_each_map_size(run_f
     soft = [replace(cell, scene="post", rmse_pen=0.2) for cell in cells]
     folder = run_folder([*cells, *soft, Cell("unshadowed", None, 1.0, None)])
     write_sweep(folder, [*cells, *soft], "shadow-map", factors)
-    swept = sections(read_runs([folder]))
-    ((hard,), (other,)) = swept.values()
+    (run,) = read_runs([folder])
+    hard, other = summaries(run)
     chart = bias_charts(hard)["shadow-map"]
     drawn = [*zip(*(values(chart, name) for name in ("map", "factor", "best")), strict=True)]
     assert drawn == [(size, factor, factor == 0.5) for size in ("512", "1024") for factor in (0.5, 1.0, 4.0)]
     assert {"×0.5, ×1, ×4", "512", "1024", "acne"} <= set(texts(chart))
     assert other.soft and bias_charts(other) == {} == bias_charts(measured()[0])
-    assert [name for name, _ in figures(swept, []) if "bias" in name] == [f"{hard.file_stem}.bias-1"]
+    assert [name for name, _ in figures([(run, [hard, other])], []) if "bias" in name] == [f"{hard.file_stem}.bias-1"]
 
 
 def test_no_two_of_many_passes_or_specs_look_alike(measured) -> None:

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.measure.rows import Result
-from shadowbench.results.tables import cells_frame
+from shadowbench.results.frame import cells_frame
 from shadowbench.results.times import DRIFT, ReferenceTime, normalise_times, pareto_front, time_notes
 from shadowbench.scores.metrics import METRICS
 from tests.results.cells import cell
-from tests.runs import sections_of
+from tests.runs import summaries_of
 
 
 def timed(spec: str, frame_ms: float, reference_ms: float = 10.0, iqr: float = 0.02, **of: Any) -> Result:
@@ -49,7 +49,7 @@ def test_cells_of_different_blocks_are_ordered_by_their_ratios() -> None:
     assert frame["frame_ms"].tolist() == [18, 10, 16], "as they were measured, in the table of cells"
     times = shown(*MIXED)["frame_ms"]
     assert times.to_dict() == pytest.approx({"slow": 1.8 * 15, "reference": 15, "fast": 0.8 * 15})
-    rows = {one.spec: one.value("frame_ms") for one in sections_of(*MIXED)["cube"].configurations}
+    rows = {one.spec: one.frame_ms for one in summaries_of(*MIXED)["cube"].lines}
     assert rows == pytest.approx(times.to_dict())
 
 
@@ -96,7 +96,7 @@ def test_without_any_ratio_there_is_no_time() -> None:
 
 def test_each_table_has_a_reference_of_its_own() -> None:
     cells = [*MIXED, timed("lamp", 8.0, 4.0, scene="lamp", reference="cube-map:size=1024")]
-    found = {scene: section.reference for scene, section in sections_of(*cells).items()}
+    found = {scene: summary.reference for scene, summary in summaries_of(*cells).items()}
     assert {scene: one and (one.name, one.ms) for scene, one in found.items()} == {
         "cube": ("shadow-map:size=1024", 15),
         "lamp": ("cube-map:size=1024", 4),

@@ -168,8 +168,8 @@ def test_needs_tells_the_map_sizes_with_and_without_the_ground(tmp_path: Path, b
     both = needs(chosen_view(str(path), 128))
     assert both.texels.edge_size and both.without_ground and both.without_ground.edge_size
     row = next(row for row in explanations_of(both) if row.need == "without ground")
-    assert row.number == f"{both.without_ground.edge_size.value:.0f}"
-    assert row.reason.endswith(f"(--no-ground), instead of {both.texels.edge_size.value:.0f} with it")
+    assert row.number == f"{both.without_ground.edge_size:.0f}"
+    assert row.reason.endswith(f"(--no-ground), instead of {both.texels.edge_size:.0f} with it")
 
 
 def test_a_file_without_an_up_axis_is_rotated_by_the_option(tmp_path: Path) -> None:

@@ -10,11 +10,13 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import Bias
+from shadowbench.measure.rows import Result
 from shadowbench.plugin.registry import techniques
-from shadowbench.results.configurations import Configuration, Interval
 from shadowbench.results.curves import curves
-from shadowbench.results.tables import SweepPositions, add_factor_columns, read_sweep_positions
+from shadowbench.results.frame import SweepPositions, add_factor_columns, read_sweep_positions
 from shadowbench.studies.study import Study, read_study
+from tests.results.cells import GOOD, cell
+from tests.runs import summaries_of
 
 KNOWN = techniques()
 BIASES = [bias for bias in Bias.table.values() if bias.__module__ == Bias.__module__]
@@ -72,10 +74,10 @@ def test_a_factor_beyond_the_limits_of_the_bias_is_dropped_with_a_note(tmp_path:
 def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = [4, 1, 2]")
 
-    def row(scale: float, size: int, iou: float, ssim: float | None) -> Configuration:
+    def row(scale: float, size: int, iou: float, ssim: float | None) -> Result:
         spec = "shadow-map" if scale == 1 else f"shadow-map:bias=texel(scale={scale})"
-        values = {"iou": Interval(iou), "ssim": None if ssim is None else Interval(ssim)}
-        return Configuration("shadow-map", spec, spec, size, 1, (), values, 1)
+        metrics = GOOD | {"iou": iou, "ssim": ssim, "rmse_pen": None}
+        return Result(cell(spec, size=size, metrics=metrics), None)
 
     rows = [
         row(2.0, 1024, 0.97, 0.99),
@@ -84,10 +86,11 @@ def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> Non
         row(1.0, 512, 0.95, 0.95),
         row(4.0, 512, 0.94, 0.93),
     ]
-    small, large = curves(rows, made.sweep_positions)
+    (scene,) = summaries_of(*rows).values()
+    small, large = curves(scene, made.sweep_positions)
     assert (small.map_size, [factor for factor, _ in small.points], small.best) == (512, [1, 4], 1)
     assert (large.map_size, [factor for factor, _ in large.points], large.best) == (1024, [1, 2], 2)
-    assert curves(rows, {}) == []
+    assert curves(scene, {}) == []
 
 
 def test_a_run_prints_the_curve_with_default_and_best_and_keeps_the_factors(
@@ -118,15 +121,14 @@ def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path
         "spec = 'shadow-map'\nsize = [256, 512]\nbias = ['constant(units=0.25)', 'constant(units=0.5)']\n"
         "bias_sweep = [0.5, 1, 2]",
     )
-    values = {"iou": Interval(0.9), "ssim": Interval(0.9)}
     cells = list(dict.fromkeys((spec.sizeless_text, spec.map_size) for spec in made.specs))
     assert len(cells) == 8
-    rows = [Configuration("shadow-map", spec, spec, size, 1, (), values, 1) for spec, size in cells]
+    (scene,) = summaries_of(*(Result(cell(spec, size=size), None) for spec, size in cells)).values()
     frame = pd.DataFrame(cells, columns=["spec", "map_size"])
 
     def told(found: SweepPositions) -> list[tuple[str, int | None, list[tuple[float, str]]]]:
         return [
-            (one.base, one.map_size, [(factor, row.spec) for factor, row in one.points]) for one in curves(rows, found)
+            (one.base, one.map_size, [(factor, row.spec) for factor, row in one.points]) for one in curves(scene, found)
         ]
 
     def bias(units: float) -> str:

@@ -22,11 +22,6 @@ LIGHTS = (
 )
 
 
-@pytest.fixture(autouse=True)
-def guarded(no_overrun: None) -> None:
-    """Every ray of these tests is traced with guard words behind the buffers of its packet."""
-
-
 @pytest.fixture(params=LIGHTS, ids=lambda light: light.kind)
 def light(request: pytest.FixtureRequest) -> Light:
     chosen: Light = request.param
@@ -75,6 +70,6 @@ def ball(subdivisions: int, radius: float = 1.0, center: Position = (0.0, 0.0, 0
     return Mesh("ball", made.vertices * radius + center, np.asarray(made.faces, dtype=np.int32))
 
 
-def told(view: View) -> dict[str, str]:
+def reasons(view: View) -> dict[str, str]:
     """The reasons of a view's needs, by need."""
-    return {row.need: row.reason for row in explanations_of(needs(view))}
+    return {row.need: row.reason for row in explanations_of(needs(view, penumbrae=False))}

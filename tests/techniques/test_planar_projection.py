@@ -2,23 +2,20 @@
 
 import math
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.gl.gbuffer import GBufferPass
-from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import hard_names, load_scene
-from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.model import Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.vectors import vec3
 from shadowbench.techniques.planar_projection import flattening
 from shadowbench.truths.trace import trace
-from tests.samples import sampled
+from tests.samples import by_turns
 
 NAME = "planar-projection"
 FAST = ["cube-on-plane", "table-top", "lamp-over-table", "room-with-lamp"]
@@ -82,38 +79,28 @@ def lit_by(scene: Scene, kind: str) -> Light:
     return Light(kind, kind, vec3(away - shift), position, 1.2)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", FAST)
-def test_planes_are_shadowed_as_rays_say(name, kind, judged, device) -> None:
-    assert_planes_are_right(load_scene(name), kind, 256, judged, device)
+@pytest.mark.parametrize(
+    "cases",
+    [by_turns(FAST, KINDS), pytest.param(by_turns(sorted({*hard_names()} - {*FAST}), KINDS), marks=pytest.mark.slow)],
+    ids=["few", "other"],
+)
+def test_planes_are_shadowed_as_rays_say(cases, judged, device) -> None:
+    for name, kind in cases:
+        scene = load_scene(name)
+        view = view_of(scene, scene.cameras[0], lit_by(scene, kind), 256)
+        spec = parse_spec(NAME, techniques())
+        if spec.technique.unsupported(spec.params, view, device):
+            assert name == "terrain"
+            continue
+        seen = judged(view)
+        assert (seen.wanted & seen.planar).sum() > 250
+        assert seen.iou(seen.planar) >= 0.9999
+        assert seen.iou(seen.decided) <= seen.iou(seen.planar)
 
 
-OTHERS = [name for name in hard_names() if name not in FAST]
-OF_EACH = [(name, KINDS[number % 3]) for number, name in enumerate(OTHERS)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "kind"), sampled(product(OTHERS, KINDS), OF_EACH))
-def test_planes_of_every_other_builtin_are_too(name, kind, judged, device) -> None:
-    assert_planes_are_right(load_scene(name), kind, 512, judged, device)
-
-
-def assert_planes_are_right(scene, kind, size, judged, device) -> None:
-    view = view_of(scene, scene.cameras[0], lit_by(scene, kind), size)
-    spec = parse_spec(NAME, techniques())
-    if spec.technique.unsupported(spec.params, view, device):
-        assert scene.name == "terrain"
-        return
-    seen = judged(view)
-    assert (seen.wanted & seen.planar).sum() > 1000
-    assert seen.iou(seen.planar) >= 0.9999
-    assert seen.iou(seen.decided) <= seen.iou(seen.planar)
-
-
-@pytest.mark.parametrize(("name", "most"), [("sphere-and-torus", 0.95), ("statue", 0.75), ("canopy", 0.65)])
-def test_missing_shadows_off_the_planes_lower_the_score(name, most, judged, builtin) -> None:
-    seen = judged(builtin(name, 256))
-    assert seen.iou(seen.decided) < most < seen.iou(seen.planar)
+def test_missing_shadows_off_the_planes_lower_the_score(judged, builtin) -> None:
+    seen = judged(builtin("statue", 256))
+    assert seen.iou(seen.decided) < 0.75 < seen.iou(seen.planar)
     assert not (seen.dark & seen.other).any(), "what is on no plane stays lit"
     assert (seen.wanted & seen.other).sum() > 200
 
@@ -225,7 +212,7 @@ def far_lamp(distance: float, elevation: float) -> Light:
             {"eye": (0.0, 2.0, 1.0), "target": (0, 0, -1), "near": 0.2, "far": 9.0},
             500,
         ),
-        *((posts, far_lamp(distance, height), {}, 500) for distance in (1e3, 1e6) for height in (60.0, 1.0)),
+        *((posts, far_lamp(distance, height), {}, 500) for distance, height in ((1e3, 1.0), (1e6, 60.0))),
     ],
 )
 def test_the_ground_is_shadowed_as_rays_say(meshes, light, options, shadowed, shape, looking, sun, judged) -> None:
@@ -237,18 +224,6 @@ def test_the_ground_is_shadowed_as_rays_say(meshes, light, options, shadowed, sh
     assert seen.iou(floor) >= 0.9999
 
 
-def test_a_shadow_ends_at_its_planes_edge(shape, looking, judged) -> None:
-    """Half of a box's shadow falls off a table; behind the edge are nothing, and a ball that is on no plane."""
-    light = Light("sun", "directional", (1.0, -1.0, 0.1))
-    table = shape("plane", [2.0, 1.0, 3.0], (0.0, 0.0, 0.0), casts=False)
-    box = shape("box", 1.0, (0.6, 0.9, 0.0), receives=False)
-    ball = shape("sphere", 1.0, (1.7, -1.0, 0.0))
-    seen = judged(looking([table, box, ball], light, 512, eye=(1.2, 4.5, 2.0)))
-    assert not seen.dark[seen.triangle < 0].any() and not seen.dark[seen.triangle >= 14].any()
-    assert (seen.wanted & seen.decided & (seen.triangle >= 14)).sum() > 100, "the ball is in the box's shadow"
-    assert seen.iou(seen.planar) == 1.0 and (seen.dark & seen.planar).sum() > 500
-
-
 def test_triangles_in_the_plane_cast_nothing_and_those_above_do(shape, looking, sun, judged) -> None:
     floor, box = shape("plane", 6.0), shape("box", 1.0, (0.0, 0.5, 0.0))
     for height, casts in ((0.0, False), (0.01, True)):
@@ -257,15 +232,6 @@ def test_triangles_in_the_plane_cast_nothing_and_those_above_do(shape, looking, 
         same = bare.planar & covered.planar
         assert (bare.dark != covered.dark)[same].any() == casts
         assert covered.iou(covered.planar) >= 0.9999
-
-
-@pytest.mark.parametrize(
-    "light", [Light("sun", "directional", (1.0, 0.0, 0.3)), Light("p", "point", position=(2, 0, 1))]
-)
-def test_a_light_in_the_plane_leaves_it_lit(light, shape, looking, mask, studio) -> None:
-    view = looking([shape("plane", 8.0), shape("sphere", 1.0, (0.0, 0.5, 0.0))], light, 96)
-    assert (mask(NAME, view) == 1).all()
-    assert (studio.shot(view).triangle < 2).any()
 
 
 def test_a_plane_is_shadowed_on_whichever_side_the_light_is(shape, looking, judged) -> None:
@@ -324,32 +290,3 @@ def test_a_rounded_mesh_is_a_plane_that_does_not_shadow_itself(shape, looking, s
     ground = seen.decided & (seen.triangle < 2048)
     assert (ground & ~seen.other).sum() == ground.sum() and (seen.wanted & ground).sum() > 500
     assert seen.iou(ground) >= 0.9999
-
-
-def test_far_from_the_origin_the_projection_loses_nothing_more(device, studio, shape, looking, judged) -> None:
-    """In the file's own coordinates, all of them exact in float32: only the projection could lose digits."""
-    shift = np.array([2.0**14, 0.0, -(2.0**14)])
-    posts = [shape("box", [1 / 16, 1 / 4, 1 / 16], (k / 8, 1 / 8, k / 16)) for k in range(-12, 13, 2)]
-    meshes = [replace(mesh, vertices=mesh.vertices + shift) for mesh in (shape("plane", 8.0), *posts)]
-    light = Light("lamp", "point", position=vec3(np.add(shift, (1.0, 3.0, 1.0))))
-    far = looking(meshes, light, 512, eye=vec3(np.add(shift, (2.3, 4.0, 3.4))), target=vec3(shift))
-    geometry = DeviceGeometry(device, far.scene.geometry)
-    surfaces = GBufferPass(device, geometry)
-    surface = surfaces.draw(far)
-    seen = judged(
-        far, shot=replace(studio.shot(far), view=far, placement=IDENTITY_PLACEMENT, geometry=geometry, surface=surface)
-    )
-    for thing in (surface, surfaces, geometry):
-        thing.release()
-    floor = seen.planar & (seen.triangle < 2)
-    assert (seen.wanted & floor).sum() > 200
-    assert seen.iou(floor) == 1.0
-
-
-def test_planes_out_of_the_picture_are_not_drawn(shape, looking, sun, judged) -> None:
-    ground, box = shape("plane", 4.0), shape("box", 1.0, (0.0, 0.5, 0.0))
-    away = [shape("plane", 1.0, at) for at in ((30.0, 1.5, 0.0), (-30.0, 2.0, 0.0), (0.0, 3.0, -90.0), (0.0, 9.0, 9.0))]
-    near, spread = (looking(meshes, sun(45.0), 128) for meshes in ([ground, box], [ground, box, *away]))
-    drawn = [judged(view).facts for view in (near, spread)]
-    assert drawn[1]["planes"] == drawn[0]["planes"] + 4
-    assert drawn[1]["planes_drawn"] == drawn[0]["planes_drawn"] > 0

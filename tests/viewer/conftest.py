@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from imgui_bundle import imgui
@@ -11,10 +12,9 @@ from shadowbench.gl.device import Device
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
-from shadowbench.viewer import app
-from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.drawing import Viewer
+from shadowbench.viewer.judge import Judge
 from shadowbench.viewer.state import Origin, ViewerState
-from shadowbench.viewer.truth import TruthTask
 
 SCENE = """
 [camera]
@@ -32,44 +32,34 @@ translate = [0.0, 0.5, 0.0]
 """
 
 
-class Clock:
-    """A clock that tests set."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    monkeypatch.setattr(app, "FILES_S", 0.0)
-    return Clock()
+def clock() -> SimpleNamespace:
+    """A clock whose time is `now`, which tests set."""
+    return SimpleNamespace(now=100.0)
 
 
 @pytest.fixture(scope="module")
-def task() -> Iterator[TruthTask]:
-    task = TruthTask()
-    yield task
-    task.stop()
+def judge() -> Iterator[Judge]:
+    judge = Judge()
+    yield judge
+    judge.stop()
 
 
 @pytest.fixture
-def viewer(device: Device, clock: Clock, task: TruthTask, tmp_path: Path) -> Iterator[Viewer]:
-    """A viewer of `SCENE` at 64 × 64 pixels, whose plug-ins lie in the test's folder."""
+def viewer(device: Device, clock: SimpleNamespace, judge: Judge, tmp_path: Path) -> Iterator[Viewer]:
+    """A viewer of `SCENE` at 64 × 64 pixels."""
     file, known = tmp_path / "mine.toml", techniques()
     file.write_text(SCENE)
     scene = load_scene(file)
     specs = tuple(parse_spec(text, known) for text in ("shadow-map:size=64", "shadow-volume"))
     state = ViewerState(scene, scene.cameras[0], scene.lights[0], specs, 64, Origin(str(file)))
-    viewer = Viewer(device, state, known, task, [tmp_path / "plugin.py"], seconds=clock)
+    viewer = Viewer(device, state, known, judge, seconds=lambda: clock.now)
     yield viewer
     viewer.release()
 
 
 @pytest.fixture
-def settle(clock: Clock) -> Callable[[Viewer], None]:
+def settle(clock: SimpleNamespace) -> Callable[[Viewer], None]:
     """Lets motion rest, until everything is scored."""
 
     def settled(viewer: Viewer) -> None:

@@ -1,31 +1,44 @@
-"""What the window draws is what `render` draws; what a technique breaks stays its own."""
+"""What the window draws is what `render` draws, and its scores are of the masks on screen and of no others."""
 
-import shutil
+import gc
+import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
+from queue import SimpleQueue
+from random import Random
+from typing import Any
 
 import moderngl
 import numpy as np
+import psutil
 import pytest
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
+from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import View
 from shadowbench.scores.difference import FACETS, FALSE_LIGHT, FALSE_SHADOW
-from shadowbench.viewer.drawing import LEAST_SIZE, Drawing, moving_size
-from shadowbench.viewer.navigation import orbited
-from shadowbench.viewer.panes import Panes
-from shadowbench.viewer.state import OVERLAYS, Overlay, ViewerState
-from shadowbench.viewer.truth import Traced
+from shadowbench.scores.metrics import score
+from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.studies.artefacts import artefacts
+from shadowbench.truths.trace import trace
+from shadowbench.viewer.camera import orbited, with_kind
+from shadowbench.viewer.controls import show_artefact, status
+from shadowbench.viewer.drawing import LEAST_SIZE, Drawing, Viewer, moving_size
+from shadowbench.viewer.judge import Judge, Traced
+from shadowbench.viewer.state import ViewerState
+from shadowbench.viewer.window import label
 
 SIZE = 64
 KNOWN = techniques()
+Settle = Callable[[Viewer], None]
 BROKEN = """
 from shadowbench.plugin.base import Technique, TechniqueParams, param
 class Broken(Technique):
@@ -45,11 +58,11 @@ class Broken(Technique):
             stage.program("fullscreen.vert", "out float x;\\nvoid main() { x = nothing; }\\n")
         self.texture = stage.texture()
         self.wide = stage.texture((8, 8))
+        if self.params.how == "nan":
+            self.texture.write(b'\\xff' * 4 * stage.size[0] ** 2)
     def draw(self, frame):
         if self.params.how == "exit":
             raise SystemExit(3)
-        if self.params.how == "draw":
-            raise RuntimeError("while drawing")
         if self.params.how == "gl":
             frame.clock._device.raw("glActiveTexture", 1)
         return self.wide if self.params.how == "size" else self.texture
@@ -60,7 +73,12 @@ class Broken(Technique):
 def drawing(device: Device) -> Iterator[Drawing]:
     drawing = Drawing(device)
     yield drawing
-    drawing.reload()
+    drawing.release()
+
+
+def broken(how: str, folder: Path) -> Spec:
+    (folder / "broken.py").write_text(BROKEN)
+    return parse_spec(f"broken:how={how}", techniques([folder / "broken.py"]))
 
 
 def state_of(view: View, *specs: str) -> ViewerState:
@@ -70,15 +88,14 @@ def state_of(view: View, *specs: str) -> ViewerState:
 
 def mask_of(drawing: Drawing, state: ViewerState, size: int = SIZE) -> np.ndarray:
     drawn = drawing.draw(state, size)
-    mask = drawing.visibility(drawn, drawn.masks[0])
-    drawn.release()
+    mask = drawn.visibility(drawn.masks[0])
+    drawn.frame.surface.release()
     return mask
 
 
 @pytest.mark.parametrize(
     ("scene", "spec"),
     [
-        ("sphere-and-torus", "shadow-map:size=128"),
         ("sphere-and-torus", "cascades:size=64,filter=evsm"),
         ("room-with-lamp", "cube-map:size=64"),
         ("inside-volume", "shadow-volume"),
@@ -104,9 +121,26 @@ def test_the_mask_is_that_of_render_also_after_motion(
     assert np.array_equal(mask_of(drawing, state), expected)
 
 
-def broken(how: str, folder: Path) -> Spec:
-    (folder / "broken.py").write_text(BROKEN)
-    return parse_spec(f"broken:how={how}", techniques([folder / "broken.py"]))
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ("unsupported", "ZeroDivisionError: division by zero"),
+        ("build", "KeyError: 'nothing there'"),
+        ("shader", "ShaderError: fragment shader: "),
+        ("exit", "SystemExit: 3"),
+        ("gl", "RuntimeError: OpenGL error GL_INVALID_ENUM in drawing broken"),
+        ("size", "ValueError: broken:how=size drew 8 × 8 pixels; allowed: 64 × 64"),
+    ],
+)
+def test_what_a_technique_breaks_is_shown_and_the_other_is_drawn(
+    drawing: Drawing, builtin: Callable[..., View], tmp_path: Path, how: str, message: str
+) -> None:
+    state = state_of(builtin("cube-on-plane"), "unshadowed", "shadow-map:size=65536")
+    drawn = drawing.draw(replace(state, specs=(broken(how, tmp_path), *state.specs)), SIZE)
+    assert drawn.masks[0].failure.startswith(message)
+    assert drawn.masks[1].visibility is not None
+    assert drawn.masks[2].failure == "unsupported: the driver refuses a map of 65536² texels in d32f"
+    drawn.frame.surface.release()
 
 
 def test_a_technique_that_raised_for_one_view_is_drawn_for_the_next(
@@ -117,125 +151,29 @@ def test_a_technique_that_raised_for_one_view_is_drawn_for_the_next(
     for direction, failure in ((above, ""), ((0.0, 1.0, 0.0), "ZeroDivisionError"), (above, "")):
         drawn = drawing.draw(replace(state, light=replace(state.light, direction=direction)), SIZE)
         assert drawn.masks[0].failure.partition(":")[0] == failure
-        drawn.release()
+        drawn.frame.surface.release()
 
 
-@pytest.mark.parametrize(
-    ("how", "told"),
-    [
-        ("unsupported", "ZeroDivisionError: division by zero"),
-        ("build", "KeyError: 'nothing there'"),
-        ("shader", "ShaderError: fragment shader: "),
-        ("draw", "RuntimeError: while drawing"),
-        ("exit", "SystemExit: 3"),
-        ("gl", "RuntimeError: OpenGL error GL_INVALID_ENUM in drawing broken"),
-        ("size", "ValueError: broken:how=size drew 8 × 8 pixels; allowed: 64 × 64"),
-    ],
-)
-def test_a_broken_technique_is_told_and_the_other_is_drawn(
-    drawing: Drawing, builtin: Callable[..., View], tmp_path: Path, how: str, told: str
-) -> None:
-    state = state_of(builtin("cube-on-plane"), "unshadowed", "shadow-map:size=65536")
-    drawn = drawing.draw(replace(state, specs=(broken(how, tmp_path), *state.specs)), SIZE)
-    assert drawn.masks[0].failure.startswith(told)
-    assert drawn.masks[1].visibility is not None
-    assert drawn.masks[2].failure == "unsupported: the driver refuses a map of 65536² texels in d32f"
-    drawn.release()
-
-
-def test_techniques_that_are_no_longer_shown_are_freed(drawing: Drawing, builtin: Callable[..., View]) -> None:
-    state = state_of(builtin("cube-on-plane"), "shadow-map:size=128", "shadow-volume")
-    drawing.draw(state, SIZE).release()
-    both = drawing.bytes
-    drawing.keep_only(state.specs[:1], (SIZE,))
-    assert 128**2 * 4 <= drawing.bytes < both
-    drawing.keep_only(state.specs, (SIZE // 2,))
-    assert drawing.bytes == 0
-
-
-@pytest.mark.parametrize("overlay", OVERLAYS)
-def test_overlays_show_what_they_say(
-    device: Device, drawing: Drawing, builtin: Callable[..., View], overlay: Overlay
-) -> None:
+def test_overlays_show_the_error_and_the_mask(device: Device, drawing: Drawing, builtin: Callable[..., View]) -> None:
     state = state_of(builtin("sphere-and-torus"), "cascades:size=64,filter=hard")
-    panes, drawn = Panes(device), drawing.draw(state, SIZE)
-    mask = drawing.visibility(drawn, drawn.masks[0])
-    lit, every, far = mask > 0.5, np.ones((SIZE, SIZE), bool), np.full((SIZE, SIZE), np.inf, np.float32)
-    facets = np.tri(SIZE, dtype=bool)
-    wrong = Traced(1, (~lit).astype(np.float32), every, facets, far, soft=False, final=True)
-    pictures = [panes.draw(drawn, replace(state, overlay=one), "A", wrong) for one in (overlay, "picture")]
-    shown, plain = (download(one, "u1")[..., :3].astype(int) for one in pictures if one is not None)
-    if overlay == "picture":
-        assert np.array_equal(shown, plain)
-    elif overlay == "error":  # everything is wrong
-        assert np.abs(shown[lit] - FALSE_LIGHT).max() <= 1
-        assert np.abs(shown[~lit & ~facets] - FALSE_SHADOW).max() <= 1
-        assert np.abs(shown[~lit & facets] - FACETS).max() <= 1
-    elif overlay == "mask":
-        assert np.array_equal(shown[..., 0], np.rint(mask * 255))
-    else:
-        assert not np.array_equal(shown, plain)
-    device.free([one for one in pictures if one is not None])
-    drawn.release()
-    panes.reload()
-
-
-@pytest.mark.parametrize("spec", ["shadow-map:size=64", "cascades:size=64", "unshadowed"])
-def test_the_map_of_a_technique_is_shown(
-    device: Device, drawing: Drawing, builtin: Callable[..., View], spec: str
-) -> None:
-    drawn = drawing.draw(state_of(builtin("sphere-and-torus"), spec), SIZE)
-    technique = drawn.masks[0].technique
-    assert technique is not None
-    picture, depths = Panes(device).map_picture(technique), technique.map_image()
-    assert (picture is None) == (depths is None)
-    if picture is not None and depths is not None:
-        assert np.array_equal(download(picture, "u1")[..., 0], np.round(np.clip(depths, 0, 1) * 255))
-        picture.release()
-    drawn.release()
-
-
-@pytest.mark.parametrize(
-    ("spec", "scene"), [("shadow-map", "spot-lamp"), ("cascades", "stairs"), ("cube-map", "room-with-lamp")]
-)
-def test_texels_are_where_the_map_has_them(
-    device: Device, drawing: Drawing, builtin: Callable[..., View], spec: str, scene: str
-) -> None:
-    """Neighbouring pixels of a plane are at most as many texels apart as a map of half the size has, times two."""
-    found = []
-    for size in (64, 128):
-        drawn = drawing.draw(state_of(builtin(scene), f"{spec}:size={size},filter=hard"), SIZE)
-        texture = drawn.masks[0].technique.texels()  # type: ignore[union-attr]
-        assert isinstance(texture, moderngl.Texture)
-        found.append(download(texture).copy())
-        drawn.release()
-    small, large = found
-    inside = (small[..., 2] >= 0) & (large[..., 2] == small[..., 2])
-    assert inside.mean() > 0.2
-    assert (small[inside][:, :2].min() >= 0) and (small[inside][:, :2].max() <= 64)
-    assert np.allclose(large[inside][:, :2] / 2, small[inside][:, :2], atol=3.0), "but for the fit's padding in texels"
-
-
-def test_a_changed_shader_is_read_again(
-    device: Device, drawing: Drawing, builtin: Callable[..., View], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from shadowbench import files
-
-    shaders = tmp_path / "shaders"
-    shutil.copytree(files.data_folder("shaders"), shaders)
-    monkeypatch.setattr("shadowbench.plugin.stage.data_folder", lambda kind: tmp_path / kind)
-    state = state_of(builtin("cube-on-plane"), "shadow-map:size=64")
-    before = mask_of(drawing, state)
-    resolve = shaders / "shadow-map" / "resolve.frag"
-    resolve.write_text(resolve.read_text().replace("visibility = ", "visibility = 0.5 * "))
-    assert np.array_equal(mask_of(drawing, state), before)
-    drawing.reload()
-    assert mask_of(drawing, state).max() < 0.51
-    resolve.write_text("nonsense")
-    drawing.reload()
     drawn = drawing.draw(state, SIZE)
-    assert "resolve.frag:1" in drawn.masks[0].failure
-    drawn.release()
+    mask = drawn.visibility(drawn.masks[0])
+    lit, facets = mask > 0.5, np.tri(SIZE, dtype=bool)
+    wrong = Traced((~lit).astype(np.float32), np.ones((SIZE, SIZE), bool), facets, soft=False, final=True)
+
+    def pane(source: Any, **how: Any) -> np.ndarray:
+        texture = drawing.picture(drawn, replace(state, **how), source, wrong)
+        pixels = download(texture, "u1")[..., :3].astype(int)
+        device.free((texture,))
+        return pixels
+
+    assert np.array_equal(pane("A", overlay="mask")[..., 0], np.rint(mask * 255))
+    error = pane("A", overlay="error")  # everything is wrong
+    assert np.abs(error[lit] - FALSE_LIGHT).max() <= 1
+    assert np.abs(error[~lit & ~facets] - FALSE_SHADOW).max() <= 1
+    assert np.abs(error[~lit & facets] - FACETS).max() <= 1
+    assert np.array_equal(pane("truth", overlay="mask")[..., 0], 255 * ~lit), "of the truth it is the truth"
+    drawn.frame.surface.release()
 
 
 def test_a_moving_image_is_smaller_on_a_software_renderer_only() -> None:
@@ -243,3 +181,180 @@ def test_a_moving_image_is_smaller_on_a_software_renderer_only() -> None:
     assert moving_size(512, 1000, False) == 512
     assert moving_size(100, 1000, True) == LEAST_SIZE
     assert moving_size(16, 1000, True) == 16
+
+
+def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(viewer: Viewer, settle: Settle) -> None:
+    settle(viewer)
+    assert status(viewer) == "scored at 64² against the full truth"
+    truth, drawn = trace(viewer.state.view()), viewer.drawn
+    prepared, traced = prepare_truth(truth), viewer.judge.traced(viewer.state)
+    assert drawn is not None and traced is not None
+    assert np.array_equal(traced.visibility, truth.visibility)
+    assert np.array_equal(traced.scored, truth.receivers & ~truth.undecided)
+    for mask in drawn.masks:
+        scores = viewer.judge.scores[mask.spec.full_text]
+        assert dict(scores).items() >= score(drawn.visibility(mask), prepared).items()
+    viewer.change(replace(viewer.state, wipe=0.3, overlay="error"))
+    viewer.step()
+    assert viewer.drawn is drawn and viewer.waiting, "nothing is drawn again without a change of the view"
+    before = viewer.state
+    viewer.change(replace(before, camera=orbited(before.camera, 0.2, 0.0)))
+    viewer.step()
+    assert viewer.moving and not viewer.fresh
+    settle(viewer)
+    viewer.change(before)
+    viewer.step()
+    assert not viewer.fresh
+
+
+def test_a_pane_says_of_which_truth_it_is(viewer: Viewer, settle: Settle) -> None:
+    viewer.change(replace(viewer.state, layout="side by side", overlay="error"))
+    viewer.step()
+    assert label(viewer, "A") == "A: shadow-map: size=64 (error follows the truth)"
+    assert label(viewer, "truth") == "truth (tracing)"
+    settle(viewer)
+    assert set(viewer.pictures) == {"A", "B", "truth"}
+    assert (label(viewer, "A"), label(viewer, "truth")) == ("A: shadow-map: size=64", "truth")
+    viewer.change(replace(viewer.state, size=32, specs=viewer.state.specs[:1]))
+    viewer.step()
+    assert label(viewer, "truth") == "truth (of an earlier view)"
+    viewer.change(replace(viewer.state, layout="wipe", right="B"))
+    viewer.step()
+    assert "B" not in viewer.pictures and label(viewer, "B") == "B: none: add B"
+
+
+def test_only_answers_to_the_last_question_are_taken(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Judge, "_start", lambda judge: vars(judge).update(_ended=False, _questions=SimpleQueue()))
+    judge, state = Judge(), viewer.state
+    full = Traced(*(np.ones((4, 4)),) * 3, soft=False, final=True)  # type: ignore[arg-type]
+    for _ in range(2):
+        judge.ask(state, {})
+    judge._take(1, full)
+    judge._take(1, {"a": {"iou": 0.1}})
+    assert judge.traced(state) is full and not judge.is_answered, "a truth of the same view, but not its scores"
+    judge._take(2, {"a": {"iou": 0.3}})
+    assert judge.is_answered
+    judge.ask(replace(state, size=32), {})
+    judge.ask(state, {})
+    for answer in (full, {"a": {"iou": 0.4}}, "late"):
+        judge._take(3, answer)
+    assert judge.traced(state) is None and judge.failure == "" and not judge.is_answered
+    assert judge.scores == {"a": {"iou": 0.3}}, "earlier scores are kept, and known as such"
+
+
+def test_why_nothing_is_scored_is_said_and_a_dead_process_is_replaced(
+    viewer: Viewer, settle: Settle, clock: Any
+) -> None:
+    viewer.step()
+    psutil.Process(viewer.judge._process.pid).suspend()  # so that it has no answer before it is killed
+    clock.now += 1.0
+    viewer.step()
+    viewer.step()
+    assert viewer.judged and status(viewer) == "tracing the truth of this view …"
+    viewer.judge._process.kill()
+    while not viewer.judge.failure:
+        viewer.step()
+    assert status(viewer) == "not scored: the process that traces ended (code -9)"
+    viewer.change(viewer.state.with_spec(1, parse_spec("unshadowed", KNOWN)))
+    viewer.step()
+    assert status(viewer) == "moving: scores follow at rest"
+    settle(viewer)
+    camera = viewer.state.camera
+    viewer.change(replace(viewer.state, camera=replace(camera, position=camera.target)))
+    viewer.step()
+    assert "position and target are only" in viewer.broken
+    viewer.change(replace(viewer.state, camera=camera))
+    settle(viewer)
+    assert viewer.broken == ""
+
+
+def test_a_mask_that_is_not_drawn_or_nan_has_no_scores(viewer: Viewer, clock: Any, tmp_path: Path) -> None:
+    for how, message in (
+        ("build", "KeyError: 'nothing there'"),
+        ("nan", "ValueError: broken:how=nan drew visibility is NaN or infinite in 4096 of 4096 pixels"),
+    ):
+        viewer.change(viewer.state.with_spec(0, broken(how, tmp_path)))
+        viewer.step()
+        clock.now += 1.0
+        viewer.step()
+        assert message in (viewer.message, viewer.failures[0])
+        while not viewer.fresh:
+            time.sleep(0.01)
+            viewer.step()
+        assert viewer.judge.scores.keys() == {viewer.state.specs[1].full_text}
+        assert status(viewer) == f"scored at 64² against the full truth; A has no mask: {viewer.failures[0]}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", ["acne", "lamp-far-away", "eye-in-volume"])
+def test_an_artefact_is_shown_beside_its_cure(viewer: Viewer, settle: Settle, scene: str) -> None:
+    artefact = next(artefact for artefact in artefacts() if artefact.scene == scene)
+    assert show_artefact(viewer, artefact) in artefact.see
+    settle(viewer)
+    assert viewer.state.scene.name == scene and not any(viewer.failures)
+    shown, cured = (viewer.judge.scores[spec.full_text][artefact.metric] for spec in viewer.state.specs)
+    assert shown is not None and cured is not None and abs(shown - cured) > 0.03
+
+
+@pytest.mark.slow
+def test_scores_that_are_shown_as_fresh_are_always_of_what_is_shown(viewer: Viewer, clock: Any) -> None:
+    """Whatever is done, in whatever order, while the process beside traces and scores, or dies."""
+    random, truths, checked = Random(5), dict[object, PreparedTruth](), 0
+    specs = [parse_spec(text, KNOWN) for text in ("shadow-map:size=32", "shadow-volume", "cube-map:size=32", "hybrid")]
+    cameras = [orbited(viewer.state.camera, 0.1 * turn, 0.05) for turn in range(3)]
+    for number in range(200):
+        state, what = viewer.state, random.randrange(10)
+        if what == 0:
+            viewer.change(replace(state, camera=random.choice(cameras), size=random.choice((32, 64))))
+        elif what == 1:
+            viewer.change(state.with_spec(random.randrange(2), random.choice(specs)))
+        elif what == 2:
+            kind = random.choice(("directional", "spot", "point"))
+            viewer.change(replace(state, light=with_kind(state.scene.lights[0], kind, state.scene)))
+        elif what == 3 and number % 10 == 0:
+            viewer.judge._process.kill()
+        clock.now += random.choice((0.01, 0.3))
+        time.sleep(random.choice((0.0, 0.02, 0.1)))
+        viewer.step()
+        end = time.monotonic() + 5.0
+        while number % 8 == 0 and not viewer.fresh and time.monotonic() < end:  # slow machines need the time
+            clock.now += 0.3
+            time.sleep(0.01)
+            viewer.step()
+        if not viewer.fresh or viewer.drawn is None:
+            continue
+        viewed = viewer.state.viewed
+        truths[viewed] = truths.get(viewed) or prepare_truth(trace(viewer.state.view()))
+        for mask in viewer.drawn.masks:
+            if scores := viewer.judge.scores.get(mask.spec.full_text):
+                assert scores.items() >= score(viewer.drawn.visibility(mask), truths[viewed]).items()
+                checked += 1
+    assert checked > 20
+
+
+def live_objects() -> Counter[str]:
+    """Number of moderngl objects that have not been released, by type."""
+    kinds = (moderngl.Texture, moderngl.Buffer, moderngl.Framebuffer, moderngl.Program, moderngl.VertexArray)
+    gc.collect()
+    objects = [thing for thing in gc.get_objects() if type(thing) in kinds]
+    return Counter(type(thing).__name__ for thing in objects if not isinstance(thing.mglo, moderngl.InvalidObject))
+
+
+@pytest.mark.slow
+def test_nothing_is_left_behind_by_frames_and_other_techniques(viewer: Viewer, settle: Settle) -> None:
+    specs = [parse_spec(text, KNOWN) for text in ("shadow-map:size=64", "cascades:size=64", "shadow-volume")]
+
+    def change_all() -> None:
+        for number, spec in enumerate(specs):
+            for overlay in ("picture", "error", "mask"):
+                camera = orbited(viewer.state.camera, 0.01 * (number + 1), 0.0)
+                viewer.change(replace(viewer.state.with_spec(0, spec), camera=camera, overlay=overlay))
+                viewer.step()
+
+    change_all()
+    settle(viewer)
+    before = live_objects()
+    for _ in range(3):
+        change_all()
+    settle(viewer)
+    assert live_objects() == before

@@ -1,30 +1,32 @@
-"""The window itself, on a virtual display, driven by real events of a mouse and a keyboard."""
+"""The window itself, on a virtual display, driven by real events of a mouse and a keyboard; and its command."""
 
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 
 from shadowbench.commands import view as view_command
 from shadowbench.scores.masks import read_mask
+from shadowbench.viewer.drawing import Viewer
+from shadowbench.viewer.state import ViewerState, save_state
 
-HERE = Path(__file__).resolve().parent
-ROOT = HERE.parents[1]
-PAGE = ROOT / "docs" / "how-to" / "view.md"
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
-def display() -> Iterator[str]:
-    """A virtual display of the window's size."""
+def display() -> Iterator[dict[str, str]]:
+    """The environment of programs that see a virtual display of the window's size."""
     assert shutil.which("Xvfb") and shutil.which("xdotool"), "`tools/setup.sh Xvfb xdotool window` installs them"
     read, write = os.pipe()
     server = subprocess.Popen(
@@ -34,59 +36,42 @@ def display() -> Iterator[str]:
     )
     os.close(write)
     with os.fdopen(read) as pipe:
-        yield f":{pipe.readline().strip()}"
+        yield {**os.environ, "DISPLAY": f":{pipe.readline().strip()}", "PYTHONPATH": str(ROOT)}
     server.kill()
     server.wait()
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_the_tour_of_the_documentation(display: str, tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
-    """What was copied is the spec; `render` of the state gives the mask that the window held, bit for bit."""
-    environment = {**os.environ, "DISPLAY": display, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, str(HERE / "tour.py"), str(tmp_path)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+def test_the_tour_of_the_documentation(
+    display: dict[str, str], tmp_path: Path, shadowbench: Callable[..., Any]
+) -> None:
+    """`render` of the saved state gives the mask that the window held, bit for bit, and `score` its scores."""
+    command = [sys.executable, str(ROOT / "tests" / "viewer" / "tour.py"), str(tmp_path)]
+    done = subprocess.run(command, env=display, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "unexpectedly" not in done.stderr
     notes, masks = json.loads((tmp_path / "notes.json").read_text()), np.load(tmp_path / "masks.npy")
-    assert notes["copied"] == notes["specs"][0]
-    for number, spec in enumerate(notes["specs"]):
-        mask, picture = tmp_path / f"mask-{number}.png", tmp_path / f"picture-{number}.png"
-        answer = shadowbench("render", tmp_path / "view.toml", "-t", spec, "-o", picture, "--mask", mask)
+    for note, mask in zip(notes, masks, strict=True):
+        file = tmp_path / "mask.png"
+        words = (tmp_path / "view.toml", "-t", note["spec"], "-o", tmp_path / "picture.png", "--mask", file)
+        answer = shadowbench("render", *words)
         assert answer.code == 0, answer.err
-        assert np.array_equal(read_mask(mask), masks[number])
-        scored = shadowbench("score", tmp_path / "view.toml", mask, "--json")
-        metrics = json.loads(scored.out)["metrics"]
-        assert notes["scores"][number]["iou"] == pytest.approx(metrics["iou"], abs=1e-12)
+        assert np.array_equal(read_mask(file), mask)
+        metrics = json.loads(shadowbench("score", tmp_path / "view.toml", file, "--json").out)["metrics"]
+        assert note["scores"]["iou"] == pytest.approx(metrics["iou"], abs=1e-12)
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
-def test_labels_are_whole_in_a_small_window_and_a_switch_changes_the_lights_projection(display: str) -> None:
-    environment = {**os.environ, "DISPLAY": display, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, str(HERE / "narrow.py")]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("what", ["leave", "segv,after=1"])  # while it is drawn, and while its work is counted
-def test_a_technique_that_ends_the_window_is_named_in_the_terminal(display: str, wild: Path, what: str) -> None:
-    environment = {**os.environ, "DISPLAY": display, "PYTHONPATH": str(ROOT)}
-    spec = f"does:what={what}"
-    words = ["view", "post", "-t", "unshadowed", "-t", spec, "--plugin", wild, "--view-size", "64"]
-    command = [sys.executable, "-m", "shadowbench", *words]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.stderr.splitlines()[-1] == f"shadowbench: the window ended unexpectedly while drawing {spec}"
-
-
-def test_the_pages_tour_is_the_one_that_is_driven() -> None:
-    step = re.compile(r'^def \w+\(d: Driver\) -> None:\n    """(.+)"""$', re.MULTILINE)
-    steps = step.findall((HERE / "tour.py").read_text())
-    page = " ".join(PAGE.read_text().split())
-    assert len(steps) == 10
-    for line in steps:
-        assert line in page
+def test_a_window_that_is_killed_leaves_no_process_behind(display: dict[str, str]) -> None:
+    command = [sys.executable, "-m", "shadowbench", "view", "post", "--view-size", "64"]
+    window = psutil.Popen(command, env=display, stderr=subprocess.DEVNULL)
+    end = time.monotonic() + 60.0
+    while not (children := window.children(recursive=True)) or time.monotonic() < end - 55.0:
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    window.kill()
+    window.wait()
+    assert not psutil.wait_procs(children, timeout=30.0)[1]
 
 
 def test_without_a_display_one_line_says_what_to_do(
@@ -102,7 +87,7 @@ def test_without_a_display_one_line_says_what_to_do(
 
 
 @pytest.mark.parametrize(
-    ("python", "told"),
+    ("python", "message"),
     [
         ((3, 13), "view needs imgui_bundle; pip install '.[viewer]' in a checkout of shadowbench installs it"),
         (
@@ -112,20 +97,18 @@ def test_without_a_display_one_line_says_what_to_do(
     ],
 )
 def test_without_the_extra_one_line_says_what_to_install(
-    shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, python: tuple[int, int], told: str
+    shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, python: tuple[int, int], message: str
 ) -> None:
     monkeypatch.setattr(view_command, "sys", SimpleNamespace(version_info=python))
     monkeypatch.setitem(sys.modules, "imgui_bundle", None)
-    for name in [name for name in sys.modules if name == "shadowbench.viewer.window"]:
-        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules, "shadowbench.viewer.window", raising=False)
     answer = shadowbench("view", "post")
     assert answer.code == 2
-    assert answer.err == f"shadowbench: {told}\n"
+    assert answer.err == f"shadowbench: {message}\n"
 
 
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
+def test_invalid_options_are_one_line(shadowbench: Callable[..., Any]) -> None:
+    for words, message in (
         ((), "view: found no scene; allowed: SCENE, such as sphere-and-torus or a mesh file, or --state FILE.toml"),
         (("post", "--state", "x.toml"), "view: found SCENE and --state; allowed: SCENE, "),
         (("--state", "x.toml", "--cell", "abc"), "view: found --state and --cell; allowed: one"),
@@ -134,9 +117,28 @@ def test_without_the_extra_one_line_says_what_to_install(
         (("results", "--cell", "abc"), "rows.jsonl"),
         ((".",), ".: found a folder; allowed with --cell KEY"),
         (("--state", "x.toml", "--sun"), "options on how a SCENE is read, such as --view or --sun, are for one"),
-    ],
-)
-def test_invalid_options_are_one_line(shadowbench: Callable[..., Any], words: tuple[str, ...], told: str) -> None:
-    answer = shadowbench("view", *words)
-    assert answer.code == 2
-    assert told in answer.err and len(answer.err.splitlines()) == 1
+    ):
+        answer = shadowbench("view", *words)
+        assert answer.code == 2
+        assert message in answer.err and len(answer.err.splitlines()) == 1
+
+
+def test_the_command_opens_a_state_as_a_scene_and_a_mesh_from_a_side(
+    shadowbench: Callable[..., Any], viewer: Viewer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[ViewerState] = []
+    window = SimpleNamespace(run=lambda: None)
+    monkeypatch.setattr(view_command, "_window", lambda: lambda state, _: (shown.append(state), window)[1])
+    save_state(replace(viewer.state, overlay="mask", size=48), tmp_path / "state.toml")
+    (tmp_path / "own.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nv 0 1 0\nf 1 2 3\nf 1 2 4\n")
+    for words in (
+        ["state.toml"],
+        ["state.toml", "--camera", "top"],
+        ["own.obj", "--camera", "left", "--lamp", "0,9,0"],
+    ):
+        answer = shadowbench("view", tmp_path / words[0], *words[1:])
+        assert answer.code == 0, answer.err
+    state, scene, own = shown
+    assert (state.overlay, state.size) == ("mask", 48)
+    assert (scene.overlay, scene.camera.name) == ("picture", "top")  # options read the file as any other scene
+    assert (own.camera.name, own.light.name) == ("left", "lamp 0 9 0") and own.specs[0].text == "cube-map"

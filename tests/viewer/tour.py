@@ -1,160 +1,215 @@
-"""The tour of docs/how-to/view.md, step by step; each step's docstring is its line there.
+"""The tour of docs/how-to/view.md, driven by real events of a mouse and a keyboard: xdotool on a display.
 
-Run on a display, with the folder for what it saves: python tests/viewer/tour.py FOLDER
+The window runs in the main thread, the tour in another, which finds widgets where they were drawn last.
+What it saves: python tests/viewer/tour.py FOLDER
 The pictures of that page: python tests/viewer/tour.py FOLDER docs/pictures/view
 """
 
 import json
 import os
+import subprocess
 import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-import glfw
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
-from driver import Driver, drive, xdotool  # type: ignore[import-not-found]
+from imgui_bundle import imgui
+from PIL import Image, ImageGrab
 
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
 from shadowbench.viewer.state import Origin, ViewerState
+from shadowbench.viewer.window import ViewerWindow
 
-NOTES: dict[str, object] = {}
-
-
-def open_(d: Driver) -> None:
-    """Open a scene with two techniques. A moment later each has its scores against the truth of this very view."""
-    d.scored()
-    assert d.score("iou", 1) > 0.999
-
-
-def drag_the_light(d: Driver) -> None:
-    """Drag the yellow handle: the sun moves on its dome. The old scores are grey until motion rests."""
-    before, (x, y) = d.viewer.state.light, d.light()
-    d.drag((x, y), (x + 90, y - 40))
-    d.until("the light to move", lambda: d.viewer.state.light != before)
-    d.scored()
-    assert d.light() != (x, y)
-
-
-def add_acne(d: Driver) -> None:
-    """Choose **bias** *none* for A: acne, and its score says how much."""
-    d.choose("bias", "none", "A", lambda: d.viewer.state.specs[0].text == "shadow-map:bias=none")
-    d.scored()
-    assert d.score("acne") > 0.01
-
-
-def show_the_error(d: Driver) -> None:
-    """Choose **layout** *one* and **show** *error*: false shadow is orange, false light blue."""
-    d.choose("##layout", "one", "", lambda: d.viewer.state.layout == "one")
-    d.choose("##show", "error", "", lambda: d.viewer.state.overlay == "error")
-
-
-def cure_acne(d: Driver) -> None:
-    """Choose **bias** *slope*, and drag its **min**: acne goes, and light leaks where casters touch the ground."""
-    d.choose("bias", "slope", "A", lambda: d.viewer.state.specs[0].params.bias.name == "slope")
-    d.slide("min", "A", 0.8)
-    d.until("another bias", lambda: d.viewer.state.specs[0].params.bias.min > 0.01)
-    d.scored()
-    assert d.score("acne") < 0.01 < d.score("contact")
-
-
-def halve_the_map(d: Driver) -> None:
-    """Press **½** twice beside **size**, and choose **show** *texels*: the map's texels where they fall."""
-    for size in (512, 256):
-        d.click("½##size", "A")
-        d.until(f"a map of {size}", lambda size=size: d.viewer.state.specs[0].map_size == size)
-    d.choose("##show", "texels", "", lambda: d.viewer.state.overlay == "texels")
-    d.scored()
-
-
-def open_the_map(d: Driver) -> None:
-    """Open **Shadow map** and **Times and work**: the map itself, the last times of passes, and the counts of work."""
-    d.click("Times and work")
-    d.click("Shadow map")
-    d.until("the map", lambda: d.viewer.map_picture is not None)
-
-
-def wipe(d: Driver) -> None:
-    """Choose **show** *picture* and **layout** *wipe*, and drag the line between A and the truth."""
-    d.choose("##show", "picture", "", lambda: d.viewer.state.overlay == "picture")
-    d.choose("##layout", "wipe", "", lambda: d.viewer.state.layout == "wipe")
-    pane = d.window.canvas.panes[0]
-    y = pane.y + 0.8 * pane.side
-    d.drag((pane.x + pane.side / 2, y), (pane.x + 0.7 * pane.side, y))
-    d.until("the line to move", lambda: 0.65 < d.viewer.state.wipe < 0.75)
-
-
-def orbit(d: Driver) -> None:
-    """Drag the picture to orbit, and walk by W A S D. Ctrl+Z takes back one after the other."""
-    pane, start = d.window.canvas.panes[0], d.viewer.state.camera
-    x, y = pane.x + 0.3 * pane.side, pane.y + 0.8 * pane.side
-    d.drag((x, y), (x + 60, y))
-    d.until("the camera to move", lambda: d.viewer.state.camera != start)
-    d.scored()
-    orbited = d.viewer.state.camera
-    xdotool("keydown", "w", "sleep", 1, "keyup", "w")
-    d.until("the camera to walk", lambda: d.viewer.state.camera.target != orbited.target)
-    d.scored()
-    for camera in (orbited, start):
-        xdotool("key", "ctrl+z")
-        d.until("the camera to be back", lambda camera=camera: d.viewer.state.camera == camera)
-    d.scored()
-
-
-def take_along(d: Driver) -> None:
-    """Press **copy spec of A** and **save state**: the line for the command line, and a scene for every command."""
-    d.click("copy spec of A")
-    text = d.viewer.state.specs[0].text
-    d.until("the spec on the clipboard", lambda: d.viewer.message == f"copied: {text}")
-    NOTES["copied"] = glfw.get_clipboard_string(None).decode()
-    d.click("save state")
-    d.until("a state file", lambda: "view.toml: saved" in d.viewer.message)
-    d.scored()
-
-
-STEPS = (
-    open_, drag_the_light, add_acne, show_the_error, cure_acne, halve_the_map, open_the_map, wipe, orbit, take_along,
-)  # fmt: skip
-
+PATIENCE = 60.0  # seconds
+AWAY = (700, 850)  # a place of the pointer where the window has nothing to say
+ITEM = "item "  # begins the name of an item of a list: a widget may have the same label
+WIDGETS = ("button", "small_button", "slider_float", "begin_combo", "selectable")
 PANE = (420, 230, 980, 640)
-PICTURES = {
-    add_acne: ("acne", PANE),
-    show_the_error: ("error", PANE),
-    halve_the_map: ("texels", PANE),
-    wipe: ("window", None),
-}
+
+drawn: dict[tuple[str, str], tuple[float, float, float, float, float]] = {}
+"""Rectangles of the widgets and when they were drawn, by the id around them and their label."""
 
 
-def tour(d: Driver) -> None:
-    for step in STEPS:
-        step(d)
-        if step in PICTURES:
-            d.picture(*PICTURES[step])
-    viewer = d.viewer
-    NOTES["specs"] = [spec.text for spec in viewer.state.specs]
-    NOTES["scores"] = [dict(viewer.judge.scores[spec.full_text]) for spec in viewer.state.specs]
-    d.until("the masks", lambda: viewer.drawn is not None and viewer.drawn.size == viewer.state.size)
-    # Read back by the thread that owns the context.
-    masks: list[np.ndarray] = []
-    step = viewer.step
+def record_widgets() -> None:
+    """Note where each widget is drawn from now on."""
+    ids: list[str] = []
+    push, pop = imgui.push_id, imgui.pop_id
+    imgui.push_id = lambda name: (ids.append(str(name)), push(name))[1]
+    imgui.pop_id = lambda: (ids.pop(), pop())[1]
 
-    def read_back() -> None:
+    def recorded(make: Callable[..., Any], prefix: str) -> Callable[..., Any]:
+        def call(label: str, *arguments: Any, **options: Any) -> Any:
+            result = make(label, *arguments, **options)
+            low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+            drawn[ids[0] if ids else "", prefix + label] = (low.x, low.y, high.x, high.y, time.monotonic())
+            return result
+
+        return call
+
+    for name in WIDGETS:
+        setattr(imgui, name, recorded(getattr(imgui, name), ITEM if name == "selectable" else ""))
+
+
+def xdotool(*arguments: object) -> None:
+    subprocess.run(["xdotool", *map(str, arguments)], check=True)
+
+
+class Hands:
+    """The hands of a user on a window."""
+
+    def __init__(self, window: ViewerWindow, pictures: Path | None) -> None:
+        self.window, self.viewer, self.pictures = window, window.viewer, pictures
+
+    def until(self, what: str, holds: Callable[[], object]) -> None:
+        """Wait until something holds."""
+        end = time.monotonic() + PATIENCE
+        while not holds():
+            assert time.monotonic() < end, f"waited for: {what}; message: {self.viewer.message!r}"
+            time.sleep(0.02)
+
+    def place(self, label: str, panel: str = "") -> tuple[float, float]:
+        """The middle of a widget's frame, once it is drawn."""
+        self.until(f"{panel} {label}", lambda: time.monotonic() - drawn.get((panel, label), (0.0,) * 5)[4] < 3.0)
+        left, top, right, bottom, _ = drawn[panel, label]
+        return (left + min(right, left + 60)) / 2, (top + bottom) / 2
+
+    def click(self, label: str, panel: str = "") -> None:
+        x, y = self.place(label, panel)
+        xdotool("mousemove", round(x), round(y), "sleep", 0.2, "click", 1)
+
+    def choose(self, label: str, item: str, panel: str, chosen: Callable[[], object]) -> None:
+        """Choose an item of a combo box. An opened list is moved to its place in a later frame: look, and try again."""
+        item, end = ITEM + item, time.monotonic() + PATIENCE
+        while not chosen():
+            assert time.monotonic() < end, f"waited for: {label} {item}; message: {self.viewer.message!r}"
+            seen = drawn.get((panel, item), (0.0,) * 5)
+            if time.monotonic() - seen[4] > 1.5:
+                self.click(label, panel)
+            time.sleep(0.5)
+            now = drawn.get((panel, item), (0.0,) * 5)
+            if now[:4] == seen[:4] and now[4] > seen[4]:  # it is drawn, and where it was
+                self.click(item, panel)
+                time.sleep(1.0)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 8) -> None:
+        xdotool("mousemove", round(start[0]), round(start[1]), "sleep", 0.3, "mousedown", 1, "sleep", 0.3)
+        for step in range(1, steps + 1):
+            x, y = (a + (b - a) * step / steps for a, b in zip(start, end, strict=True))
+            xdotool("mousemove", round(x), round(y), "sleep", 0.1)
+        xdotool("sleep", 0.3, "mouseup", 1)
+
+    def scored(self) -> None:
+        """Wait until all that is shown is scored."""
+        viewer = self.viewer
+
+        def is_scored() -> bool:  # the other thread may not have drawn the latest state yet
+            texts = {spec.full_text for spec in viewer.state.specs}
+            return not viewer.moving and viewer.fresh and texts <= viewer.judge.scores.keys()
+
+        self.until("scores", is_scored)
+
+    def score(self, metric: str, index: int = 0) -> Any:
+        """A score of A or B."""
+        return self.viewer.judge.scores[self.viewer.state.specs[index].full_text][metric]
+
+    def picture(self, name: str, box: tuple[int, int, int, int] | None = None) -> None:
+        """Save what the display shows, or a box of it, if pictures are wanted."""
+        if self.pictures is not None:
+            xdotool("mousemove", *AWAY)
+            time.sleep(1.0)
+            shown = ImageGrab.grab(box, xdisplay=os.environ["DISPLAY"])
+            shown.quantize(256, Image.Quantize.MAXCOVERAGE).save(self.pictures / f"{name}.png", optimize=True)
+
+
+def tour(hands: Hands) -> None:
+    """What the page says, step by step; then notes and masks of what is shown are saved."""
+    viewer, canvas = hands.viewer, hands.window.canvas
+    hands.scored()
+    assert hands.score("iou", 1) > 0.999
+
+    sun, (x, y) = viewer.state.light, canvas.panes[0].point(canvas.places()["light"])
+    hands.drag((x, y), (x + 90, y - 40))
+    hands.until("the light to move", lambda: viewer.state.light != sun)
+    hands.scored()
+
+    hands.choose("bias", "none", "A", lambda: viewer.state.specs[0].text == "shadow-map:bias=none")
+    hands.scored()
+    assert hands.score("acne") > 0.01
+    hands.picture("acne", PANE)
+    hands.choose("##show", "error", "", lambda: viewer.state.overlay == "error")
+    hands.scored()
+    hands.picture("error", PANE)
+
+    hands.choose("bias", "slope", "A", lambda: viewer.state.specs[0].params.bias.name == "slope")
+    hands.scored()
+    assert hands.score("acne") < 0.01
+    for size in (512, 256):
+        hands.click("½##size", "A")
+        hands.until(f"a map of {size}", lambda size=size: viewer.state.specs[0].map_size == size)
+
+    hands.choose("##show", "picture", "", lambda: viewer.state.overlay == "picture")
+    hands.choose("##layout", "side by side", "", lambda: len(canvas.panes) == 3)
+    hands.scored()
+    hands.choose("##layout", "wipe", "", lambda: len(canvas.panes) == 1)
+    pane = canvas.panes[0]
+    y = pane.y + 0.8 * pane.side
+    hands.drag((pane.x + pane.side / 2, y), (pane.x + 0.7 * pane.side, y))
+    hands.until("the line to move", lambda: 0.65 < viewer.state.wipe < 0.75)
+    hands.picture("window")
+
+    camera = viewer.state.camera
+    hands.drag((pane.x + 0.3 * pane.side, y), (pane.x + 0.3 * pane.side + 60, y))
+    hands.until("the camera to move", lambda: viewer.state.camera != camera)
+    target = viewer.state.camera.target
+    xdotool("keydown", "w", "sleep", 1, "keyup", "w")
+    hands.until("the camera to walk", lambda: viewer.state.camera.target != target)
+    hands.click("save")
+    hands.until("a state file", lambda: "view.toml: saved" in viewer.message)
+    hands.scored()
+
+    notes = [{"spec": spec.text, "scores": dict(viewer.judge.scores[spec.full_text])} for spec in viewer.state.specs]
+    Path("notes.json").write_text(json.dumps(notes))
+    step, masks = viewer.step, list[np.ndarray]()
+
+    def read_back() -> None:  # by the thread that owns the context
         step()
-        masks[:] = [viewer.drawing.visibility(viewer.drawn, mask) for mask in viewer.drawn.masks]
+        masks[:] = [viewer.drawn.visibility(mask) for mask in viewer.drawn.masks] if viewer.drawn else []
 
-    viewer.step = read_back
-    d.until("the masks to be read", lambda: len(masks) == 2)
+    viewer.step = read_back  # type: ignore[method-assign]
+    xdotool("mousemove", *AWAY)
+    hands.until("the masks to be read", lambda: len(masks) == 2)
     np.save("masks.npy", np.array(masks))
-    Path("notes.json").write_text(json.dumps(NOTES))
+
+
+def main(folder: str, *pictures: str) -> None:
+    where = Path(pictures[0]).resolve() if pictures else None
+    os.chdir(folder)
+    scene, known = load_scene("sphere-and-torus"), techniques()
+    specs = tuple(parse_spec(text, known) for text in ("shadow-map", "shadow-volume"))
+    state = ViewerState(scene, scene.cameras[0], scene.lights[0], specs, origin=Origin("sphere-and-torus"))
+    record_widgets()
+    window, failures = ViewerWindow(state, known), list[str]()
+
+    def run() -> None:
+        try:
+            tour(Hands(window, where))
+        except BaseException:
+            failures.append(traceback.format_exc())
+        finally:
+            window.window.is_closing = True
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    window.run()
+    thread.join()
+    assert not failures, failures[0]
 
 
 if __name__ == "__main__":
-    pictures = Path(sys.argv[2]).resolve() if len(sys.argv) > 2 else None
-    os.chdir(sys.argv[1])
-    known = techniques()
-    scene = load_scene("sphere-and-torus")
-    specs = tuple(parse_spec(text, known) for text in ("shadow-map", "shadow-volume"))
-    state = ViewerState(scene, scene.cameras[0], scene.lights[0], specs, origin=Origin("sphere-and-torus"))
-    drive(state, known, tour, pictures)
+    main(*sys.argv[1:])

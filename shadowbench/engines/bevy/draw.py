@@ -1,14 +1,14 @@
 # Bevy by pybevy: https://docs.rs/bevy/0.18.0/bevy/light/struct.DirectionalLight.html
 import os
+import shutil
 import tempfile
 from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 
 FOLDER = tempfile.TemporaryDirectory()
 os.chdir(FOLDER.name)  # below which Bevy looks for assets/, from its first import on
-Path("assets").mkdir()
+os.mkdir("assets")
 
 import pybevy  # noqa: E402
 
@@ -22,9 +22,9 @@ def open(size):
     return metadata.version("pybevy"), "Vulkan"
 
 
-def load(glb, view):
+def load(model, view):
     global app
-    Path("assets", "scene.glb").write_bytes(glb)
+    shutil.copy(model, "assets")
     plugins = bevy.DefaultPlugins().set(bevy.WindowPlugin(primary_window=None)).disable(pybevy.winit.WinitPlugin)
     compiled = pybevy.render.RenderPlugin(synchronous_pipeline_compilation=True)  # or pictures lack what is not yet
     app = bevy.App().add_plugins(plugins.set(compiled), readback.ImageCopyPlugin())

@@ -21,12 +21,9 @@ def open(size):
     return bpy.app.version_string, gpu.platform.renderer_get()
 
 
-def load(glb, view):
+def load(model, view):
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder, "scene.glb")
-        model.write_bytes(glb)
-        bpy.ops.import_scene.gltf(filepath=str(model))
+    bpy.ops.import_scene.gltf(filepath=str(model))
     for item in [item for item in bpy.data.objects if item.type in ("LIGHT", "CAMERA")]:
         bpy.data.objects.remove(item)
     scene, pose = bpy.context.scene, view["camera"]

@@ -41,11 +41,6 @@ class Ogre(Engine):
         "shipped": "OgreMain/src/OgreSceneManager.cpp and Media/Main/Shadow.material, 14.6.2",
         "documented": "https://ogrecave.github.io/ogre/api/latest/_shadows.html",
     }
-    # Volumes are of closed meshes; the manual has texture shadows of a point light if it is out of the picture.
-    ruled_out = {
-        "shipped": ("canopy", "terrain"),
-        "documented": ("lamp-by-wall", "lamp-over-table", "room-with-lamp"),
-    }
 
     @classmethod
     def map_size(cls, params: TechniqueParams) -> int | None:

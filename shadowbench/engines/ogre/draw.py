@@ -33,10 +33,10 @@ def open(size):
     return Ogre.__version__, app.getRoot().getRenderSystem().getCapabilities().getDeviceName()
 
 
-def load(glb, view):
+def load(model, view):
     scene.destroyAllEntities()
     Ogre.ResourceGroupManager.getSingleton().clearResourceGroup("scene")
-    Path(FOLDER.name, "scene.glb").write_bytes(glb)
+    Path(FOLDER.name, "scene.glb").write_bytes(model.read_bytes())
     mesh = Ogre.MeshManager.getSingleton().load("scene.glb", "scene")
     mesh.buildEdgeList()
     entity = scene.createEntity(mesh)

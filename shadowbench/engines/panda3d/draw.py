@@ -1,7 +1,4 @@
 # Panda3D: https://docs.panda3d.org/1.10/python/programming/render-attributes/lighting
-import tempfile
-from pathlib import Path
-
 import gltf
 import numpy as np
 from panda3d import core
@@ -31,11 +28,9 @@ def open(size):
     return core.PandaSystem.get_version_string(), output.get_gsg().get_driver_renderer()
 
 
-def load(glb, view):
+def load(model, view):
     global scene
-    with tempfile.TemporaryDirectory() as folder:
-        (model := Path(folder, "scene.glb")).write_bytes(glb)
-        scene = core.NodePath(gltf.load_model(str(model)))
+    scene = core.NodePath(gltf.load_model(str(model)))
     scene.clear_light()
     for material in scene.find_all_materials():
         material.set_refractive_index(1)  # else a roughness of 1 reflects 4% everywhere

@@ -1,7 +1,5 @@
 # pygfx: https://docs.pygfx.org/stable/_autosummary/objects/pygfx.objects.LightShadow.html
 import math
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import pygfx
@@ -16,12 +14,9 @@ def open(size):
     return pygfx.__version__, renderer.device.adapter.info["device"]
 
 
-def load(glb, view):
+def load(model, view):
     global scene, camera
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder, "scene.glb")
-        model.write_bytes(glb)
-        scene = pygfx.Scene().add(pygfx.load_gltf(str(model), quiet=True).scene)
+    scene = pygfx.Scene().add(pygfx.load_gltf(str(model), quiet=True).scene)
     for node in list(scene.iter()):
         if isinstance(node, pygfx.Light | pygfx.Camera):
             node.parent.remove(node)

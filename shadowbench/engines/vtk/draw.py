@@ -1,7 +1,4 @@
 # VTK's shadow maps: https://vtk.org/doc/nightly/html/classvtkShadowMapPass.html
-import tempfile
-from pathlib import Path
-
 import numpy as np
 from vtkmodules import vtkRenderingOpenGL2 as gl
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -23,20 +20,17 @@ def open(size):
     return vtkVersion.GetVTKVersion(), next(line.split(": ")[1].strip() for line in lines if "renderer string" in line)
 
 
-def load(glb, view):
+def load(model, view):
     global renderer
     if renderer:
         window.RemoveRenderer(renderer)
     renderer = vtkRenderer()
     renderer.AutomaticLightCreationOff()
     window.AddRenderer(renderer)
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder, "scene.glb")
-        model.write_bytes(glb)
-        importer = vtkGLTFImporter()
-        importer.SetFileName(str(model))
-        importer.SetRenderWindow(window)
-        importer.Update()
+    importer = vtkGLTFImporter()
+    importer.SetFileName(str(model))
+    importer.SetRenderWindow(window)
+    importer.Update()
     pose, camera = view["camera"], renderer.GetActiveCamera()
     camera.SetPosition(pose["position"])
     camera.SetFocalPoint(pose["target"])

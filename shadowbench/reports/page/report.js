@@ -18,14 +18,14 @@ const first = byId("viewer") && new Viewer(byId("viewer"), (cell) => {
 });
 
 // Shows a configuration in the viewer: in the current scene or, in the panel of all scenes, in the given one.
-async function showPicture(spec, size, scene) {
-  const id = panelOf(currentPanel).scenes ? scene : currentPanel, { gallery } = await loaded(id);
+function showPicture(spec, size, scene) {
+  const id = panelOf(currentPanel).scenes ? scene : currentPanel, { gallery } = data(id);
   return gallery && openGallery(id, gallery.cells.find((one) => one.spec === spec && one.size === (size || null)) ?? { spec, size });
 }
 
 // asked: what an address says, which goes before the cell.
 async function openGallery(id, cell, asked) {
-  const { gallery } = await loaded(id), sameScene = id === pictureScene;
+  const { gallery } = data(id), sameScene = id === pictureScene;
   for (const node of document.querySelectorAll("#viewer, #errors")) node.hidden = !gallery;
   byId("notes").textContent = gallery?.notes.join(" ");
   byId("no-pictures").hidden = Boolean(gallery);
@@ -77,14 +77,13 @@ async function showErrors(shown = PAGE_ERRORS) {
 
 async function show(id, asked) {
   currentPanel = id;
-  const panel = panelOf(id), found = await loaded(id);
-  if (id !== currentPanel) return; // another was chosen while this was loaded
+  const panel = panelOf(id);
   for (const node of document.querySelectorAll("[data-panel]")) node.hidden = node.dataset.panel !== id;
   for (const node of document.querySelectorAll(".title-shown")) node.textContent = panel.title;
   byId("scene").value = id;
-  fillTable(found, (row) => showPicture(row.spec, row.map, row.scene));
+  fillTable(data(id), (row) => showPicture(row.spec, row.map, row.scene));
   const start = panel.start ?? {}, pictured = PAGE.panels.find((one) => one.run === panel.run && one.title === asked?.get("picture"));
-  await Promise.all([drawCharts(found.charts), openGallery(panel.scenes ? pictured?.id ?? start.scene : id, start, asked)]);
+  await Promise.all([drawCharts(data(id).charts), openGallery(panel.scenes ? pictured?.id ?? start.scene : id, start, asked)]);
   remember();
 }
 
@@ -161,7 +160,7 @@ async function begin() {
 }
 
 async function stability(box) {
-  const { charts, gallery, specs } = await loaded(box.id), elements = [...box.querySelectorAll(".chart")], legend = box.querySelector(".legend");
+  const { charts, gallery, specs } = data(box.id), elements = [...box.querySelectorAll(".chart")], legend = box.querySelector(".legend");
   if (legend) fillLegend(legend, new Set(specs), specs);
   for (const select of box.querySelectorAll("[data-signal]")) {
     select.addEventListener("change", () => {

@@ -157,7 +157,7 @@ class Viewer {
       const cell = this[side], canvas = this.find(`canvas.${side}`), preset = PAGE.names[cell?.spec] ? ` (${cell.spec})` : "";
       this.find(`select.${side}`).value = this.cells.indexOf(cell);
       this.find(`.tag.${side}`).textContent = nameOf(cell);
-      this.find(`.caption.${side}`).replaceChildren(cell ? `${nameOf(cell)}${preset}: ${cell.caption} ` : "truth: ray traced", make("code", {}, cell?.command ?? ""), ...(cell && PAGE.site ? [" ", make("a", { href: `scenes/${encodeURIComponent(cell.scene)}.html#${cell.key}` }, "row")] : []));
+      this.find(`.caption.${side}`).replaceChildren(cell ? `${nameOf(cell)}${preset}: ${cell.caption} ` : "truth: ray traced", make("code", {}, cell?.command ?? ""));
       canvas.ariaLabel = `${this.mode}: ${nameOf(cell)}`;
       const of = await load(view, cell);
       this.find(".smooth").hidden = !of.smooth;

@@ -1,0 +1,140 @@
+"""Cells drawn by other engines, each in a program of its own; all others are passed on."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from functools import cache
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self, cast
+
+from shadowbench.engines.programs import HERE, browser_version, environment, what_lacks
+from shadowbench.errors import InputError, Unsupported
+from shadowbench.geometry.topology import is_closed, surrounds
+from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.drawer import DeviceInfo
+from shadowbench.measure.gl_drawer import GLDrawer
+from shadowbench.measure.rendering import Rendering, Surface
+from shadowbench.measure.time_rows import Times
+from shadowbench.plugin.base import Phase
+from shadowbench.plugin.engine import Engine, EngineParams
+from shadowbench.plugin.spec import Spec
+from shadowbench.plugin.stage import ShaderText
+from shadowbench.scenes.model import View
+from shadowbench.versions import ENGINES
+
+if TYPE_CHECKING:
+    from shadowbench.engines.engine_session import EngineSession
+
+_MOST_OPEN = 2  # programs, of hundreds of MB each; a page of an engine that is drawn with others is opened again
+_MOST_BYTES = 1 << 30  # memory of an engine that is started anew: some keep what each picture took, and grow slow
+
+
+class EngineDrawer:
+    """Drawer of engines, beside that of techniques, `own`. A context manager, within which their programs run on."""
+
+    def __init__(self, own: GLDrawer) -> None:
+        self.own = own
+        self._sessions: dict[type[Engine], EngineSession] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        with ExitStack() as stack:
+            for session in self._sessions.values():
+                stack.callback(session.close)
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Facts about the device of techniques."""
+        return self.own.info
+
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """The computer."""
+        return self.own.machine
+
+    def identity(self, cell: Cell) -> Mapping[str, str]:
+        """See `Drawer`. Of an engine also what is installed, our files and declaration of it, and the browser."""
+        engine = engine_of(cell.spec)
+        own = self.own.device_identity
+        return own if engine is None else {**own, "engine": environment(engine).name, "adapter": _adapter(engine)}
+
+    def unsupported(self, block: Block, cell: Cell) -> str | None:
+        """See `Drawer`."""
+        engine = engine_of(cell.spec)
+        return self.own.unsupported(block, cell) if engine is None else _unsupported(engine, block.view, cell)
+
+    def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
+        """See `Drawer`. Raises InputError for an engine that is not installed."""
+        engine = engine_of(cell.spec)
+        if engine is None:
+            yield from self.own.draw(block, cell, keep)
+            return
+        for view in (block.view, *block.later):
+            yield self._draw(engine, view, cell)
+
+    def surface(self, block: Block) -> Surface:
+        """See `Drawer`."""
+        return self.own.surface(block)
+
+    def shaders(self, block: Block, cell: Cell) -> list[ShaderText]:
+        """See `Drawer`."""
+        return self.own.shaders(block, cell)
+
+    def time(self, block: Block, sizes: Mapping[Cell, int]) -> Iterator[tuple[Cell, Times | str]]:
+        """See `Drawer`. Engines are not timed: a picture's time is that of their host."""
+        return self.own.time(block, sizes)
+
+    def _draw(self, engine: type[Engine], view: View, cell: Cell) -> Rendering:
+        if reason := _unsupported(engine, view, cell):
+            raise Unsupported(reason)
+        session = self._sessions.pop(engine, None)
+        if session is not None and (session.ended or session.size != view.size or session.memory > _MOST_BYTES):
+            session.close()
+            session = None
+        if session is None:
+            while len(self._sessions) >= _MOST_OPEN:
+                self._close(next(iter(self._sessions)))
+            from shadowbench.engines.engine_session import EngineSession  # imports trimesh, 0.8 s
+
+            session = EngineSession(engine, view.size)
+        self._sessions[engine] = session  # behind those that were used before
+        try:
+            return session.draw(view, cast(EngineParams, cell.spec.params), Phase(cell.phase))
+        except BaseException:
+            self._close(engine)
+            raise
+
+    def _close(self, engine: type[Engine]) -> None:
+        self._sessions.pop(engine).close()
+
+
+def engine_of(spec: Spec) -> type[Engine] | None:
+    """The engine of a spec; None for a technique. Raises InputError for one that cannot draw here."""
+    if not issubclass(spec.technique, Engine):
+        return None
+    if lacking := what_lacks(spec.technique):
+        raise InputError(f"{spec.technique.name}: {lacking}")
+    return spec.technique
+
+
+def _unsupported(engine: type[Engine], view: View, cell: Cell) -> str | None:
+    """Why an engine cannot draw a cell; None if it can."""
+    if (reason := engine.unsupported(view)) or cast(EngineParams, cell.spec.params).sides == "double":
+        return reason
+    for mesh in view.scene.meshes:
+        if surrounds(mesh, view.camera.position) and is_closed(mesh):
+            return f"the camera is inside {mesh.name}, of which only the outside is drawn; sides=double draws both"
+    return None
+
+
+@cache
+def _adapter(engine: type[Engine]) -> str:
+    """Digest of what draws: the engine's file and that of its host, what it declares of them, and the browser."""
+    declared = engine.host, engine.imports, engine.scripts, engine.box, engine.encoding, engine.phased, ENGINES
+    browser = browser_version() if engine.host == "web" else ""
+    drawing = sorted(file for file in engine.folder().iterdir() if file.stem == "draw")
+    files = [*drawing, HERE / "python_host.py", HERE / "web_host.js"]
+    parts = repr((declared, browser)).encode(), *(file.read_bytes() for file in files)
+    return hashlib.sha256(b"".join(parts)).hexdigest()[:12]

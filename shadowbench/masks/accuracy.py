@@ -1,0 +1,413 @@
+"""A mask of another renderer, scored against the truth of its view, with checks for common mistakes; its row."""
+
+import hashlib
+import json
+import re
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from skimage.registration import phase_cross_correlation
+
+from shadowbench.errors import InputError
+from shadowbench.files import replace_file
+from shadowbench.masks.inputs import ExternalMask, TruthOfView, decode_srgb
+from shadowbench.measure.row_store import IMAGES, RowStore, identity
+from shadowbench.measure.scoring import mask_record
+from shadowbench.scenes.model import View, view_digest
+from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.difference import difference_picture, write_difference
+from shadowbench.scores.masks import write_mask
+from shadowbench.scores.metrics import METRICS, leading_error
+from shadowbench.scores.prepared import PENUMBRA, PreparedTruth
+from shadowbench.scores.soft_faults import soft_faults
+from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.trace import Truth
+from shadowbench.versions import of_scores
+
+_HARD_ERRORS = {
+    "edge_px": "edges lie {:.3g} px from the true ones on average",
+    "acne": "{:.2%} of the lit interior is dark",
+    "leak": "{:.2%} of the shadow's interior is lit",
+    "contact": "{:.2%} of the shadow next to its caster is lit (peter-panning)",
+}
+_IDENTITY = ("scene", "view", "light", "spec", "view_size", "renderer")
+_NAME = re.compile(r"[A-Za-z0-9][\w.+-]{0,79}")
+
+Image = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+Shift = tuple[float, float]
+
+_TURNS = {
+    "flipped vertically": (slice(None, None, -1), slice(None)),
+    "flipped horizontally": (slice(None), slice(None, None, -1)),
+    "rotated by 180°": (slice(None, None, -1), slice(None, None, -1)),
+}
+_CORRELATED = 0.5  # least absolute correlation with the truth for a mask to be reported as flipped or inverted
+
+_STEPS = 100  # steps of a pixel in which a shift is found
+_FEWEST_AT_EDGES = 64  # edge pixels needed to estimate a shift
+_FARTHEST = 8.0  # largest shift in pixels; a mask that seems shifted farther shows something else
+_SMALLEST = 0.2  # smallest shift in pixels; a filter alone may seem to shift a mask by less
+_UNDONE = 0.5  # largest share of the squared misfit left after undoing the shift; a bias leaves more
+_ALIKE = 0.8  # least correlation at edges after undoing the shift
+
+_FEWEST = 100  # pixels needed for a decision: a hard mask is the same in both encodings
+_BLURS = (0.0, 0.7, 1.4, 2.8, 5.6)
+"""Standard deviations in pixels: a mask may be smoother than the truth by an unknown amount."""
+_WIDE_BLURS = (*_BLURS, 1.0, 2.0, 4.0, 8.0, 11.0)
+_CLEAR = 0.75
+"""Largest misfit of a decoded mask, relative to that of the mask as it is, to be reported as encoded. Over the built-in
+scenes at 256², decoding left 1.13 and more of a linear mask's, 0.41 and less of an encoded one's."""
+_RAISED = (0.05, 0.95)  # visibility in the umbra that is neither a shadow of 0 nor a missing shadow
+_DARKEST = 5  # percentile of the umbra that must be raised to speak of ambient light
+_DEEP = 12  # px from the true edge, which soft edges do not reach
+
+
+@dataclass(frozen=True)
+class MaskEncoding:
+    """Faults of a whole mask that is scored as it is.
+
+    shift: columns to the right and rows down, None for no shift; srgb_encoded: None if too few pixels are soft to
+    decide; umbra: visibility of the mask's umbra if that is not 0.
+    """
+
+    shift: Shift | None
+    srgb_encoded: bool | None = None
+    umbra: float | None = None
+
+
+def misorientation(visibility: Image, prepared: PreparedTruth) -> str | None:
+    """How the mask is flipped or inverted, such as "flipped vertically"; None if it is not.
+
+    A mask is flipped if undoing that at least halves the gap of its correlation (Pearson 1895) with the truth to 1, and
+    raises the correlation above ½; it is inverted if the best correlation is below −½. Constant masks and truths, and
+    symmetries of the image, cannot be decided.
+    """
+
+    def correlation(mask: Image) -> float:
+        return _correlation(mask[prepared.valid], prepared.visibility[prepared.valid])
+
+    given = correlation(visibility)
+    correlations = {turn: correlation(visibility[slices]) for turn, slices in _TURNS.items()}
+    turn = max(correlations, key=lambda name: abs(correlations[name]))
+    best = correlations[turn]
+    turned = abs(best) > _CORRELATED and 1 - abs(best) < (1 - abs(given)) / 2
+    inverted = (best if turned else given) < -_CORRELATED
+    faults = ([turn] if turned else []) + (["inverted"] if inverted else [])
+    return " and ".join(faults) or None
+
+
+def detect_encoding(comparison: Comparison, linear: bool = False) -> MaskEncoding:
+    """What is wrong with a whole mask; linear: it is known to be linear, as that of screenshots.
+
+    A mask is sRGB-encoded if decoding makes its soft pixels fit the truth's `area` clearly better, each with its shift
+    undone and at the best blur.
+    """
+    truth, given = comparison.truth, comparison.visibility
+    umbra = _raised_umbra(comparison)
+    lowered = given if umbra is None else np.clip((given - umbra) / (1 - umbra), 0, 1).astype(np.float32)
+    as_given = Comparison(lowered, truth)
+    shift = estimate_shift(as_given)
+    soft = truth.valid & (given > PENUMBRA[0]) & (given < PENUMBRA[1])
+    if linear or np.count_nonzero(soft) < _FEWEST:
+        return MaskEncoding(shift, None, umbra)
+    decoded = Comparison(decode_srgb(lowered).astype(np.float32), truth)
+    shift_decoded = estimate_shift(decoded)
+    if _misfit(decoded, soft, shift_decoded) < _CLEAR * _misfit(as_given, soft, shift):
+        return MaskEncoding(shift_decoded, True, umbra)
+    return MaskEncoding(shift, False, umbra)
+
+
+def _raised_umbra(comparison: Comparison) -> float | None:
+    """Median visibility of the umbra, if it is raised all over, as ambient light does it; else None."""
+    truth, inside = comparison.truth, comparison.truth.shadow_interior
+    deep = inside & (truth.squared_edge_distance >= _DEEP**2)
+    inside = deep if np.count_nonzero(deep) >= _FEWEST else inside
+    if np.count_nonzero(inside) < _FEWEST:
+        return None
+    visibility = comparison.visibility[inside]
+    umbra = round(float(np.median(visibility)), 3)
+    if not _RAISED[0] < umbra < _RAISED[1] or np.percentile(visibility, _DARKEST) < umbra / 4:
+        return None
+    # A wide filter alone lightens a narrow umbra too, but not evenly.
+    even = float(np.abs(visibility - umbra).mean())
+    return umbra if even <= _misfit(comparison, inside, None, _WIDE_BLURS) else None
+
+
+def estimate_shift(comparison: Comparison) -> Shift | None:
+    """Shift of the whole mask against the truth, in columns to the right and rows down; None for no shift.
+
+    The peak of the correlation of the gradients of the mask and of the truth's `area`, as complex numbers, refined by
+    the upsampled DFT of Guizar-Sicairos et al. (2008). A shift is reported only if undoing it removes at least half of
+    the squared misfit and makes the mask much like the truth; a bias, by contrast, displaces each shadow differently.
+    """
+    valid, weight = comparison.truth.valid, comparison.truth.valid.astype(np.float32)
+    images = comparison.visibility, comparison.truth.area
+    inside = ndimage.gaussian_filter(_inside(valid, 3).astype(np.float32), 2.0)
+    gradients = [_gradient(image) * inside for image in images]
+    if not all(map(np.any, gradients)):
+        return None
+    (down, across), *_ = phase_cross_correlation(*gradients, upsample_factor=_STEPS, normalization=None)  # type: ignore[no-untyped-call]
+    if not _SMALLEST <= max(abs(across), abs(down)) <= _FARTHEST:
+        return None
+    shift = round(float(across), 3), round(float(down), 3)
+    mask, truth = (smooth(image, weight, 1.0) for image in images)
+    there = shift_image(truth, shift)
+    edges = _inside(valid, max(map(abs, shift)) + 2) & (np.abs(_gradient(there)) > 0.05)
+    if np.count_nonzero(edges) < _FEWEST_AT_EDGES:
+        return None
+    left, before = (np.square(mask - image).sum(where=edges, dtype=np.float64) for image in (there, truth))
+    return shift if left <= _UNDONE * before and _correlation(mask[edges], there[edges]) >= _ALIKE else None
+
+
+def shift_text(shift: Shift) -> str:
+    """A shift in words."""
+    across, down = shift
+    parts = [(across, "to the right", "to the left"), (down, "down", "up")]
+    return " and ".join(
+        f"{abs(value):.2f} px {forth if value > 0 else back}" for value, forth, back in parts if abs(value) >= 0.05
+    )
+
+
+def smooth(values: Image, weight: Image, sigma: float) -> Image:
+    """Weighted Gaussian mean of (H, W) values; 0 where the weights vanish nearby. sigma in pixels."""
+    total = ndimage.gaussian_filter(weight, sigma, mode="nearest")
+    mean = ndimage.gaussian_filter(values * weight, sigma, mode="nearest")
+    smoothed: Image = np.divide(mean, total, out=np.zeros_like(mean), where=total > 1e-3)
+    return smoothed
+
+
+def shift_image(image: Image, shift: Shift) -> Image:
+    """Image shifted by columns to the right and rows down, in pixels, with cubic splines."""
+    across, down = shift
+    result: Image = ndimage.shift(image, (down, across), order=3, mode="nearest")
+    return result
+
+
+def _correlation(mask: Image, truth: Image) -> float:
+    """Pearson correlation of (N,) values; 0 if either is constant, or nearly so."""
+    if not mask.size or min(np.ptp(mask), np.ptp(truth)) < 1e-3:
+        return 0.0
+    return float(np.corrcoef(mask, truth)[0, 1])
+
+
+def _gradient(image: Image) -> NDArray[np.complex64]:
+    """Derivatives along columns, and along rows as the imaginary part; 0 of a single pixel."""
+    if min(image.shape) < 2:
+        return np.zeros(image.shape, np.complex64)
+    down, across = np.gradient(image)
+    return np.asarray(across + 1j * down, np.complex64)
+
+
+def _inside(valid: Mask, margin: float) -> Mask:
+    """Pixels whose neighbourhood is valid too, so that the shift brings in no invalid pixels."""
+    size = 2 * int(np.ceil(margin)) + 1
+    inside: Mask = ndimage.minimum_filter(valid, size, mode="constant", cval=1)
+    return inside
+
+
+def _misfit(comparison: Comparison, where: Mask, shift: Shift | None, blurs: Sequence[float] = _BLURS) -> float:
+    """Mean absolute difference of a mask from the truth's `area`, shifted and at the best blur."""
+    area, weight = comparison.truth.area, comparison.truth.valid.astype(np.float32)
+    truth = area if shift is None else shift_image(area, shift)
+    blurred = (smooth(truth, weight, blur) if blur else truth for blur in blurs)
+    return min(float(np.abs(comparison.visibility - image).mean(where=where, dtype=np.float64)) for image in blurred)
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """Scores of a mask of another renderer; record: fields of its score record; comparison: mask and truth.
+
+    truth: of the view, whose digest is that of its contents.
+    """
+
+    external: ExternalMask
+    view: View
+    truth: Truth
+    digest: str
+    comparison: Comparison
+    record: dict[str, Any]
+
+    @property
+    def metrics(self) -> dict[str, float | None]:
+        """All metrics by name; None if a denominator is 0."""
+        metrics: dict[str, float | None] = self.record["metrics"]
+        return metrics
+
+    @property
+    def warnings(self) -> list[str]:
+        """A line for each fault of the whole mask."""
+        return [f"{self.external.name}: {line}" for line in self.record["input"]["warnings"]]
+
+    @property
+    def errors(self) -> dict[str, str]:
+        """A line for each metric, or fault of a soft shadow, that says what is wrong, the leading one first."""
+        if self.comparison.truth.soft:
+            return {fault.name: fault.line for fault in soft_faults(self.metrics, self.comparison.width_bias)}
+        leading = leading_error(self.metrics)
+        values = {name: value for name in _HARD_ERRORS if (value := self.metrics[name])}
+        return {name: _HARD_ERRORS[name].format(values[name]) for name in sorted(values, key=lambda x: x != leading)}
+
+    @property
+    def wrong(self) -> tuple[int, int]:
+        """Numbers of pixels of false shadow and of false light, on the other side of ½ than the truth."""
+        mask, truth = self.comparison, self.comparison.truth
+        return int(np.count_nonzero(mask.shadow & truth.lit)), int(np.count_nonzero(mask.lit & truth.shadow))
+
+    def values(self) -> dict[str, Any]:
+        """JSON object of `score --json`."""
+        false_shadow, false_light = self.wrong
+        return {
+            "scene": self.view.scene.name,
+            "view": self.view.camera.name,
+            "light": self.view.light.name,
+            "view_size": self.view.size,
+            **self.record,
+            "false_shadow": false_shadow,
+            "false_light": false_light,
+            "errors": self.errors,
+            "warnings": self.warnings,
+        }
+
+    def difference(self) -> NDArray[np.uint8]:
+        """Picture of the errors: false shadow orange, false light blue (see `difference_picture`)."""
+        return difference_picture(self.comparison)
+
+    def summary(self) -> list[str]:
+        """Lines of text about the errors."""
+        pixels, soft = self.comparison.truth.pixels, self.comparison.truth.soft
+        if soft:
+            error, inside = (
+                METRICS[name].text(self.metrics[name], "{:.2g}".format, self.record) for name in ("rmse", "rmse_pen")
+            )
+            lines = [f"{pixels} pixels scored: RMSE {error}, in the penumbra {inside}"]
+        else:
+            false_shadow, false_light = self.wrong
+            lines = [f"{pixels} pixels scored: {false_shadow} of false shadow, {false_light} of false light"]
+        if unmeasured := self.record["input"]["unmeasured"]:
+            lines.append(f"{unmeasured} more not scored: lit and ambient picture differ there by less than 1/64")
+        lines += [f"{name}: {line}" for name, line in self.errors.items()]
+        if soft:
+            error, inside = self.record["truth_error"], self.record["truth_error_pen"]
+            own = f"the truth's own error is {inside:.2g} there, {error:.2g} over all pixels"
+            lines.append(f"penumbra, {self.record['penumbra']} px: {own}")
+            if (share := self.record["width_share"]) is not None:
+                lines.append(f"widths of penumbrae are compared at {share:.0%} of the true edge")
+        return lines
+
+
+def accuracy_of(external: ExternalMask, against: View | TruthOfView) -> Accuracy:
+    """Score a mask against the truth of a view, traced here or read from a file.
+
+    The mask is scored unchanged: a shift, an sRGB encoding or an umbra that is not 0 is a warning and a field of
+    `record["input"]`. Raises InputError for a mask of another size than the truth, one that is flipped or inverted, and
+    screenshots without a pixel bright enough to score.
+    """
+    if isinstance(against, View):
+        against = TruthOfView(cached_truth(against), against, view_digest(against))
+    view, truth, unmeasured = against.view, against.truth, 0
+    if view.size != external.size:
+        raise InputError(
+            f"{external.name}: found {external.size} × {external.size} pixels; allowed: {view.size} × {view.size}, "
+            "as the truth has"
+        )
+    if external.measurable is not None:
+        unmeasured = int(np.count_nonzero(truth.receivers & ~truth.undecided & ~external.measurable))
+        truth = replace(truth, receivers=truth.receivers & external.measurable, facet_shadow=None)
+    prepared = against.prepared(truth)
+    if unmeasured and not prepared.pixels:
+        raise InputError(
+            f"{external.name}: lit − ambient is below 1/64 in every pixel; allowed: a lit picture of the view"
+        )
+    if fault := misorientation(external.visibility, prepared):
+        raise InputError(
+            f"{external.name}: is {fault}, against the truth of {view.scene.name}; "
+            "allowed: row 0 at the top, column 0 at the left, full = lit, 0 = in shadow"
+        )
+    comparison = Comparison(external.visibility, prepared)
+    screenshots = external.measurable is not None
+    encoding = detect_encoding(comparison, linear=screenshots)
+    input_record = {
+        "source": "screenshots" if screenshots else "mask",
+        "shift_px": encoding.shift,
+        "srgb_encoded": encoding.srgb_encoded,
+        "umbra": encoding.umbra,
+        "unmeasured": unmeasured,
+        "warnings": list(_warnings(encoding, screenshots)),
+    }
+    record = {**mask_record(external.visibility, truth, prepared), "input": input_record}
+    return Accuracy(external, view, against.truth, against.digest, comparison, record)
+
+
+def _warnings(encoding: MaskEncoding, screenshots: bool) -> Iterator[str]:
+    """What is wrong with a whole mask, in words."""
+    if encoding.shift is not None:
+        yield f"seems shifted by {shift_text(encoding.shift)}; scored as it is"
+    if encoding.umbra is not None:
+        advice = "; --ambient takes ambient light off" if screenshots else ""
+        yield f"its shadow is {encoding.umbra:.2f}, not 0; scored as it is{advice}"
+    if encoding.srgb_encoded:
+        yield "seems to be sRGB-encoded (its soft values are too light for a linear mask); scored as it is"
+
+
+def check_name(name: str) -> None:
+    """Raises InputError unless the name can be used in a spec, a column and a file name."""
+    if not _NAME.fullmatch(name):
+        raise InputError(f"--name: found {name!r}; allowed: letters, digits and . _ + -, at most 80 of them")
+
+
+def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
+    """Write an engine's score row, mask, difference and truth into a run folder; False if its newest row is the same.
+
+    The row's technique and spec are the engine's name, its renderer is `external: NAME`. A changed mask gets a new row
+    after the older one. Raises InputError if the folder cannot be written or another run writes into it.
+    """
+    check_name(name)
+    view = accuracy.view
+    cell, renderer = identity(view, technique=name, spec=name, full_spec=name), f"external: {name}"
+    content = _digest(  # of everything that the row depends on
+        {
+            "engine": name,
+            "view": (view.scene.name, view.camera.name, view.light.name, accuracy.digest),
+            "mask": accuracy.record["mask_sha256"],
+            "input": accuracy.record["input"],
+            "versions": of_scores(),
+        }
+    )
+    with closing(RowStore(folder)) as store:
+        named = {**cell, "renderer": renderer}
+        same = [row for row in store.scores.values() if all(row.get(part) == named[part] for part in _IDENTITY)]
+        if same and same[-1].get("content") == content:
+            return False
+        # A mask that was changed back gets a new row too, since the newest row of a cell counts.
+        key = content if content not in store.scores else _digest([content, same[-1]["key"]])
+        _write_pictures(accuracy, folder, key)
+        row = {"kind": "score", "key": key, **cell, "content": content, "renderer": renderer, "status": "ok"}
+        row |= {**accuracy.record, "gpu_bytes": None, "work": {}, "facts": {}, "assumptions": list(view.scene.notes)}
+        store.append(row)
+        return True
+
+
+def _digest(parts: object) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
+
+
+def _write_pictures(accuracy: Accuracy, folder: Path, key: str) -> None:
+    view, truth = accuracy.view, accuracy.truth
+    for kind in IMAGES:
+        (folder / kind).mkdir(exist_ok=True)
+    write_mask(folder / "masks" / f"{key}.png", accuracy.external.visibility)
+    write_difference(folder / "differences" / f"{key}.png", accuracy.difference())
+    write_mask(folder / "truth" / f"{view.name}.png", truth.visibility)
+    write_mask(folder / "truth" / f"{view.name}.undecided.png", truth.undecided.astype(np.float32))
+    write_mask(folder / "truth" / f"{view.name}.facets.png", truth.facets.astype(np.float32))
+    if accuracy.external.picture is not None:
+        with replace_file(folder / "pictures" / f"{key}.png") as temporary:
+            shutil.copyfile(accuracy.external.picture, temporary)

@@ -1,0 +1,234 @@
+"""What is scored: a mask file, an array, or screenshots; and a truth as a file, for scoring without its scene."""
+
+import json
+import shlex
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shadowbench.errors import InputError
+from shadowbench.measure.scoring import depths, points_at, prepare_truth
+from shadowbench.options import ViewOptions
+from shadowbench.scenes.model import Camera, Light, Scene, View, view_digest
+from shadowbench.scenes.scene_tables import LIGHT_TABLES, NAME
+from shadowbench.scenes.vectors import vec3
+from shadowbench.scores.masks import LEVELS, open_png, quantise, read_mask
+from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.strict import short
+from shadowbench.truths.cache import read_arrays, truth_of, write_truth
+from shadowbench.truths.trace import Truth
+
+LARGEST = 4096  # most pixels along a side of a mask: a small PNG may hold many, and scoring takes 130 bytes for each
+
+DARKEST = 1 / 64  # least difference of linear luminance between a lit and an ambient pixel for it to be scored
+
+_PICTURE = "allowed: a PNG, grey or RGB"
+_STORED = "allowed: a file that `shadowbench truth` wrote"
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB; ITU-R BT.709
+_PLAIN = {"L": 255, "RGB": 255, "I;16": LEVELS, "I": LEVELS}
+_REDUCED = {"P": "RGB", "RGBA": "RGB", "LA": "L", "1": "L"}  # without transparency
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalMask:
+    """Visibility drawn by another renderer: (N, N) float32, quantised; row 0 at the top.
+
+    name: its name in messages. Of screenshots only: measurable: (N, N) bool, pixels lit strongly enough; picture: the
+    shadowed screenshot.
+    """
+
+    name: str
+    visibility: NDArray[np.float32]
+    measurable: NDArray[np.bool_] | None = None
+    picture: Path | None = None
+
+    @property
+    def size(self) -> int:
+        """Pixels along a side, which is the view's size."""
+        return len(self.visibility)
+
+
+def mask_from_file(file: Path) -> ExternalMask:
+    """Read a square linear grey PNG of 8 or 16 bits, full = lit. Raises InputError for other or too large files."""
+    _side_of(file)
+    return ExternalMask(str(file), read_mask(file))
+
+
+def visibility_of(values: ArrayLike, name: str) -> NDArray[np.floating | np.bool_]:
+    """Visibility of an (N, N) array: bool or float unchanged, uint8 or uint16 divided by full scale = lit.
+
+    Raises InputError for others. Values are not checked.
+    """
+    array = np.asarray(values)
+    full = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS}.get(array.dtype, 1)
+    masked = np.ma.isMaskedArray(values)
+    if masked or (array.dtype.kind not in "bf" and full == 1):
+        found = "a masked array" if masked else f"an array of {array.dtype}"
+        raise InputError(f"{name}: found {found}; allowed: float in [0, 1], bool, uint8, uint16")
+    if full > 1 and array.max(initial=0) == 1:
+        raise InputError(f"{name}: found {array.dtype} up to 1; allowed: up to {full}, which is lit")
+    if array.ndim != 2 or array.shape[0] != array.shape[1] or array.size == 0:
+        across = " × ".join(map(str, (*array.shape[1::-1], *array.shape[2:])))
+        raise InputError(f"{name}: found {across} pixels; allowed: a square, as the view is")
+    return array if full == 1 else array.astype(np.float64) / full
+
+
+def mask_from_array(values: ArrayLike, name: str = "mask") -> ExternalMask:
+    """Mask of an (N, N) array: bool, float in [0, 1], uint8 or uint16, 1 or full scale = lit. Raises InputError."""
+    try:
+        return ExternalMask(name, quantise(visibility_of(values, name).astype(np.float64)))
+    except ValueError as error:
+        raise InputError(f"{name}: {error}; allowed: numbers in [0, 1]") from None
+
+
+def from_screenshots(lit: Path, shadowed: Path, ambient: Path | None = None, *, linear: bool = False) -> ExternalMask:
+    """Visibility (shadowed − ambient) / (lit − ambient) of PNG screenshots; ambient is 0 if absent.
+
+    linear: whether they hold linear values, not sRGB-encoded ones. Computed on linear luminance. Where lit − ambient is
+    below 1/64, visibility is 1 and not measurable. Raises InputError for files that are no PNG, not square, too large,
+    or of different sizes.
+    """
+    sides = {file: _side_of(file) for file in (lit, shadowed, ambient) if file}
+    for file, side in sides.items():
+        if side != sides[lit]:
+            raise InputError(f"{file}: found {side} × {side} pixels; allowed: {sides[lit]} × {sides[lit]}, as {lit}")
+    full, dimmed = read_luminance(lit, linear), read_luminance(shadowed, linear)
+    floor = read_luminance(ambient, linear) if ambient else np.zeros_like(full)
+    measurable = full - floor >= DARKEST
+    seen = np.divide(dimmed - floor, full - floor, out=np.ones_like(floor), where=measurable)
+    visibility = quantise(np.clip(seen, 0, 1))
+    return ExternalMask(str(shadowed), visibility, measurable, shadowed)
+
+
+def read_luminance(file: Path, linear: bool = False) -> NDArray[np.float64]:
+    """(H, W) linear luminance in [0, 1] of a grey or colour PNG, decoded from sRGB unless linear; alpha is ignored."""
+    with open_png(file, _PICTURE) as opened:
+        image = opened.convert(_REDUCED[opened.mode]) if opened.mode in _REDUCED else opened
+        if image.mode not in _PLAIN:
+            raise InputError(f"{file}: found a PNG of mode {image.mode}; {_PICTURE}")
+        levels = np.asarray(image) / _PLAIN[image.mode]
+    values = levels if linear else decode_srgb(levels)
+    luminance: NDArray[np.float64] = values @ _LUMINANCE if values.ndim == 3 else values
+    return luminance
+
+
+def decode_srgb(encoded: ArrayLike) -> NDArray[np.float64]:
+    """Linear values in [0, 1] of sRGB-encoded values in [0, 1]; IEC 61966-2-1."""
+    values = np.asarray(encoded, np.float64)
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def _side_of(file: Path) -> int:
+    """Pixels along a side of a PNG, from its header. Raises InputError if it is no PNG, not square or too large."""
+    allowed = f"allowed: a square PNG of at most {LARGEST} × {LARGEST} pixels"
+    with open_png(file, allowed) as image:
+        width, height = image.size
+    if width != height or width > LARGEST:
+        raise InputError(f"{file}: found {width} × {height} pixels; {allowed}")
+    return width
+
+
+def external_mask(
+    scene: str,
+    mask: Path | None,
+    lit: Path | None,
+    shadowed: Path | None,
+    ambient: Path | None,
+    *,
+    linear: bool = False,
+) -> ExternalMask:
+    """The mask of the options of `score`: a mask file, or screenshots; scene: the command's argument, for messages.
+
+    Raises InputError, with the right usage, for both, neither, an incomplete set of screenshots, or a mask said to be
+    linear.
+    """
+    options = {"MASK": mask, "--lit": lit, "--shadowed": shadowed, "--ambient": ambient}
+    given = " and ".join(name for name, file in options.items() if file is not None)
+    if mask is not None and given == "MASK":
+        if linear:
+            raise InputError("--linear: found MASK; allowed: with --lit and --shadowed, as a mask is always linear")
+        return mask_from_file(mask)
+    if mask is None and lit is not None and shadowed is not None:
+        return from_screenshots(lit, shadowed, ambient, linear=linear)
+    if given:
+        raise InputError(f"score: found {given}; allowed: MASK, or --lit and --shadowed, with or without --ambient")
+    command = f"shadowbench score {shlex.quote(scene)}"
+    raise InputError(
+        f"score: found neither a mask nor screenshots of {scene}; allowed: {command} MASK.png, or "
+        f"{command} --lit LIT.png --shadowed SHADOWED.png; `shadowbench export` writes the scene to draw"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class TruthOfView:
+    """A truth, and the view that it is of; digest: of the view.
+
+    From a file, the view has names, camera and kind of light only, and depth is (N, N) metres along the camera's axis,
+    from which widths of penumbrae are measured; None for a truth with its meshes.
+    """
+
+    truth: Truth
+    view: View
+    digest: str
+    depth: NDArray[np.float64] | None = None
+
+    def prepared(self, truth: Truth) -> PreparedTruth:
+        """The input of metrics; truth: the stored one, perhaps with fewer receivers."""
+        return prepare_truth(truth, None if self.depth is None else partial(points_at, self.view.camera, self.depth))
+
+
+def write_stored_truth(file: Path, truth: Truth, view: View) -> None:
+    """Write the arrays of a truth, with `depth`, and `about` its view as JSON, as a compressed .npz."""
+    camera, light = view.camera, view.light
+    about = {
+        "scene": view.scene.name,
+        "notes": list(view.scene.notes),
+        "camera": {
+            "name": camera.name,
+            "position": list(map(float, camera.position)),
+            "target": list(map(float, camera.target)),
+            "fov_y": float(camera.fov_y),
+            "up": list(map(float, camera.up)),
+        },
+        "light": {"name": light.name, "kind": light.kind},
+        "digest": view_digest(view),
+    }
+    write_truth(file, truth, depth=depths(view, truth.triangle), about=json.dumps(about))
+
+
+def stored_truth_of(scene: str | Path, options: ViewOptions) -> TruthOfView | None:
+    """The truth in a file of `shadowbench truth`; None for any other scene.
+
+    Raises InputError for a file with options of a scene, and for one that holds no truth.
+    """
+    file = Path(scene)
+    if file.suffix.lower() != ".npz":
+        return None
+    for option in (f"--{name.replace('_', '-')}" for name, value in asdict(options).items() if value):
+        raise InputError(f"{option}: {file} is the truth of one view; allowed: a scene, with {option}")
+    if not file.is_file():  # reading a named pipe would block
+        raise InputError(f"{file}: {'is not a file' if file.exists() else 'no such file'}; {_STORED}")
+    try:
+        arrays = read_arrays(file)
+        depth, about = arrays.pop("depth"), json.loads(str(arrays.pop("about")))
+        truth = truth_of(arrays, len(depth), np.iinfo(np.int32).max)
+        if truth is None or depth.shape != truth.visibility.shape:
+            raise ValueError("arrays of other names, types, shapes or ranges")
+        return TruthOfView(truth, _view_of(about, len(depth)), str(about["digest"]), depth)
+    except Exception as error:  # of many types in zipfile, NumPy and json
+        raise InputError(f"{file}: found no truth of a view in it ({short(error)}); {_STORED}") from None
+
+
+def _view_of(about: dict[str, Any], size: int) -> View:
+    """The view that `about` describes. Raises an exception of some kind if it describes none."""
+    eye, lamp = about["camera"], about["light"]
+    position, target, up = (vec3(np.array(eye[name], dtype=np.float64)) for name in ("position", "target", "up"))
+    camera, light = Camera(eye["name"], position, target, float(eye["fov_y"]), up), Light(lamp["name"], lamp["kind"])
+    named = all(map(NAME.fullmatch, (about["scene"], camera.name, light.name)))  # parts of file names
+    if not named or light.kind not in LIGHT_TABLES:
+        raise ValueError("another description of a view")
+    return View(Scene(about["scene"], (), (camera,), (light,), tuple(about["notes"])), camera, light, size)

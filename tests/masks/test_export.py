@@ -1,0 +1,323 @@
+"""`export`: the exported view, read back, has the same shadows, and its matrices give the same pixels."""
+
+import json
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.masks.export import (
+    MARGIN,
+    PADDING,
+    describe,
+    export_view,
+    glb_of,
+    light_box,
+)
+from shadowbench.measure.scoring import depths
+from shadowbench.scenes.meshes import read_meshes
+from shadowbench.scenes.model import Light, Scene, View, view_of
+from shadowbench.scores.masks import read_mask
+from shadowbench.truths.rays import ViewRays
+from shadowbench.truths.trace import Truth, trace
+
+SIZE = 128
+
+
+def read_back(folder: Path, size: int) -> View:
+    """The view of scene.glb; not through load_scene, which gives a ground to what has none."""
+    contents = read_meshes(folder / "scene.glb")
+    scene = Scene("read", contents.meshes, contents.cameras, contents.lights)
+    return view_of(scene, scene.cameras[0], scene.lights[0], size)
+
+
+def assert_same_shadows(view: View, folder: Path, truth: Truth | None = None) -> None:
+    truth = truth or trace(view, 1)
+    export_view(view, truth, folder, view.scene.name)
+    again = trace(read_back(folder, view.size), 1)
+    assert (truth.visibility[truth.receivers] < 0.5).any()
+    decided = ~truth.undecided
+    assert np.count_nonzero(decided & (truth.receivers != again.receivers)) == 0
+    assert np.count_nonzero(decided & (truth.visibility != again.visibility)) == 0
+
+
+@pytest.mark.parametrize("name", ["stairs", "spot-lamp", "room-with-lamp", "terrain"])
+def test_a_scene_that_is_read_back_has_the_same_shadows(builtin: Callable[..., View], name: str, tmp_path) -> None:
+    assert_same_shadows(builtin(name, SIZE), tmp_path)
+
+
+def test_a_scene_a_thousand_kilometres_away_keeps_its_shadows(builtin: Callable[..., View], tmp_path: Path) -> None:
+    near = builtin("stairs", SIZE)
+    far = np.array([1e6, 2e5, -3e5])
+    scene = replace(near.scene, meshes=tuple(replace(mesh, vertices=mesh.vertices + far) for mesh in near.scene.meshes))
+    camera = replace(
+        near.camera,
+        position=tuple(near.camera.position + far),
+        target=tuple(near.camera.target + far),
+    )
+    assert_same_shadows(view_of(scene, camera, near.light, SIZE), tmp_path)
+
+
+@pytest.mark.parametrize("name", ["stairs", "spot-lamp", "lamp-by-wall"])
+def test_camera_light_colours_and_names_are_read_back(builtin: Callable[..., View], name: str, tmp_path: Path) -> None:
+    view = builtin(name, SIZE)
+    export_view(view, trace(view, 1), tmp_path, name, colours=True)
+    found = read_back(tmp_path, SIZE)
+    assert found.camera.name == view.camera.name
+    assert found.camera.fov_y == view.camera.fov_y
+    np.testing.assert_allclose(found.camera.basis(), view.camera.basis(), atol=1e-12)
+    np.testing.assert_allclose(found.near_far, view.near_far, rtol=1e-6)
+    assert (found.light.kind, found.light.name) == (view.light.kind, view.light.name)
+    assert found.light.angle == pytest.approx(view.light.angle)
+    np.testing.assert_allclose(found.light.homogeneous[0], view.light.homogeneous[0], atol=1e-12)
+    assert [(mesh.name, mesh.color) for mesh in found.scene.meshes] == [
+        (mesh.name, mesh.color) for mesh in view.scene.meshes
+    ]
+
+
+def parsed(glb: bytes) -> tuple[dict[str, Any], Callable[[int], np.ndarray]]:
+    """The JSON of a .glb, and a function for the array of an accessor."""
+    (length,) = struct.unpack("<I", glb[12:16])
+    tree, data = json.loads(glb[20 : 20 + length]), glb[28 + length :]
+
+    def array(index: int) -> np.ndarray:
+        accessor = tree["accessors"][index]
+        width, kind = {"VEC3": 3, "SCALAR": 1}[accessor["type"]], {5126: "<f4", 5125: "<u4"}[accessor["componentType"]]
+        start = tree["bufferViews"][accessor["bufferView"]]["byteOffset"] + accessor.get("byteOffset", 0)
+        return np.frombuffer(data, kind, accessor["count"] * width, start).reshape(-1, width)
+
+    return tree, array
+
+
+def materials(glb: bytes) -> dict[str, dict[str, Any]]:
+    """Each mesh's material."""
+    tree, _ = parsed(glb)
+    return {mesh["name"]: tree["materials"][mesh["primitives"][0]["material"]] for mesh in tree["meshes"]}
+
+
+def test_normals_are_flat(builtin: Callable[..., View]) -> None:
+    view = builtin("stairs", SIZE)
+    tree, array = parsed(glb_of(view))
+    for mesh, written in zip(view.scene.meshes, tree["meshes"], strict=True):
+        (primitive,) = written["primitives"]
+        faces = array(primitive["indices"]).reshape(-1, 3)
+        corners = mesh.vertices[mesh.faces]
+        np.testing.assert_array_equal(array(primitive["attributes"]["POSITION"])[faces], corners.astype(np.float32))
+        normals = array(primitive["attributes"]["NORMAL"])[faces]
+        exact = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        exact /= np.linalg.norm(exact, axis=1, keepdims=True)
+        np.testing.assert_allclose(normals, np.repeat(exact[:, None], 3, axis=1), atol=1e-6)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1, atol=1e-6)
+
+
+def test_only_closed_meshes_that_are_wound_outwards_get_single_sided_materials(builtin: Callable[..., View]) -> None:
+    view = builtin("cube-on-plane", SIZE)
+    plane, cube = view.scene.meshes
+    turned = np.ascontiguousarray(cube.faces[:, ::-1])
+    beside = np.concatenate([cube.vertices, 0.5 * cube.vertices + 9]), len(cube.vertices)
+    meshes = {
+        "plane": plane,
+        "cube": cube,
+        "inward": replace(cube, faces=turned),
+        "open": replace(cube, faces=cube.faces[1:]),
+        "one turned": replace(cube, faces=np.concatenate([turned[:1], cube.faces[1:]])),
+        "part inward": replace(cube, vertices=beside[0], faces=np.concatenate([cube.faces, turned + beside[1]])),
+        "unshared": replace(
+            cube,
+            vertices=cube.vertices[cube.faces.ravel()],
+            faces=np.arange(3 * len(cube.faces), dtype=np.int32).reshape(-1, 3),
+        ),
+        "no caster": replace(cube, casts=False),
+        "far": replace(cube, vertices=cube.vertices + 1e6),
+    }
+    scene = replace(view.scene, meshes=tuple(replace(mesh, name=name) for name, mesh in meshes.items()))
+    every = replace(view, scene=scene)
+    single = {name for name, found in materials(glb_of(every, sides="closed")).items() if not found["doubleSided"]}
+    assert single == {"cube", "unshared", "no caster", "far"}
+    assert all(found["doubleSided"] for found in materials(glb_of(every)).values())
+    described = describe(every, "scene", "closed")
+    assert {mesh["name"] for mesh in described["meshes"] if mesh["closed"]} == single
+
+
+def test_bounds_box_and_sides_are_described(
+    shadowbench: Callable, builtin: Callable[..., View], tmp_path: Path
+) -> None:
+    view = builtin("stairs", SIZE)
+    for options, sides, color in (((), "double", [1, 1, 1]), (("--sides", "closed", "--colours"), "closed", None)):
+        folder = tmp_path / sides
+        assert shadowbench("export", "stairs", folder, "--view-size", str(SIZE), *options).code == 0
+        found = json.loads((folder / "view.json").read_text(encoding="utf-8"))
+        np.testing.assert_allclose([found["bounds"]["low"], found["bounds"]["high"]], view.scene.geometry.bounds)
+        assert found["light"]["box"] == light_box(view)
+        assert found["sides"] == sides
+        material = materials((folder / "scene.glb").read_bytes())["stairs"]
+        assert material["doubleSided"] == (sides == "double")
+        stairs = next(mesh for mesh in view.scene.meshes if mesh.name == "stairs")
+        assert material["pbrMetallicRoughness"]["baseColorFactor"] == [*(color or stairs.color), 1]
+
+
+@pytest.mark.parametrize("name", ["cube-on-plane", "colonnade", "room-with-lamp"])
+def test_the_nearest_surface_is_the_nearest_that_is_seen(builtin: Callable[..., View], name: str) -> None:
+    """As far as between two pixels; the camera of two scenes is within their bounds."""
+    view = builtin(name, SIZE)
+    hit = trace(view, 1).triangle
+    seen = float(depths(view, hit)[hit >= 0].min())
+    assert 0.99 * seen < describe(view, name)["camera"]["nearest"] <= seen
+
+
+def test_the_written_matrices_lead_to_the_pixel_centres_that_are_traced(
+    builtin: Callable[..., View], tmp_path: Path
+) -> None:
+    view = builtin("stairs", SIZE)
+    export_view(view, trace(view, 1), tmp_path, "stairs")
+    found = json.loads((tmp_path / "view.json").read_text(encoding="utf-8"))
+    matrix = np.array(found["camera"]["projection"]) @ np.array(found["camera"]["view"])
+    directions = ViewRays(view).directions(slice(0, SIZE)).reshape(3, -1).T
+    points = np.asarray(view.camera.position) + 3 * directions
+    clip = np.c_[points, np.ones(len(points))] @ matrix.T
+    x, y = (clip[:, :2] / clip[:, 3:]).T
+    rows, columns = np.divmod(np.arange(SIZE * SIZE), SIZE)
+    np.testing.assert_allclose(x, (2 * columns + 1) / found["image"]["width"] - 1, atol=1e-9)
+    np.testing.assert_allclose(y, 1 - (2 * rows + 1) / found["image"]["height"], atol=1e-9)
+
+
+def test_the_description_says_the_light_and_what_gltf_has_no_word_for(
+    builtin: Callable[..., View], tmp_path: Path
+) -> None:
+    view = builtin("cube-on-plane", 32)
+    cube = replace(view.scene.meshes[1], casts=False)
+    spot = Light("lamp", "spot", direction=(0.0, -2.0, 0.0), position=(0.0, 3.0, 0.0), angle=np.radians(60))
+    view = view_of(replace(view.scene, meshes=(view.scene.meshes[0], cube)), view.camera, spot, 32)
+    export_view(view, trace(view, 1), tmp_path, "cube-on-plane")
+    found = json.loads((tmp_path / "view.json").read_text(encoding="utf-8"))
+    expected = {"name": "lamp", "kind": "spot", "direction": [0, -1, 0], "position": [0, 3, 0]}
+    assert {key: found["light"][key] for key in expected} == expected
+    assert found["light"]["cone"] == pytest.approx(60)
+    assert [mesh["casts"] for mesh in found["meshes"]] == [True, False]
+    assert found["mask"]["score"] == "shadowbench score cube-on-plane MASK.png --view camera --light lamp"
+
+
+@pytest.mark.parametrize("name", ["window", "shade", "fence"])
+def test_a_light_s_size_is_in_the_description_and_gltf_has_the_light_at_its_centre(
+    builtin: Callable[..., View], name: str, tmp_path: Path
+) -> None:
+    view = builtin(name, 32)
+    export_view(view, trace(view, 1), tmp_path, name)
+    found = json.loads((tmp_path / "view.json").read_text(encoding="utf-8"))
+    light, read = found["light"], read_back(tmp_path, 32).light
+    assert light["kind"] == view.light.kind
+    assert (read.kind, read.soft, read.angle) == (view.light.hard_kind, False, view.light.frustum_angle or 0.0)
+    assert sum("glTF" in line for line in found["assumptions"]) == 1
+    if name == "window":
+        assert light["size"] == [1.4, 1.0] and light["radius"] is None
+        assert np.dot(light["up"], light["direction"]) == pytest.approx(0, abs=1e-12) and light["up"][1] > 0.5
+    else:
+        assert light["radius"] == pytest.approx(0.02 if name == "shade" else 0.2665)
+        assert light["size"] is None and light["up"] is None
+
+
+def test_the_example_is_a_mask_without_an_error(shadowbench: Callable, tmp_path: Path) -> None:
+    assert shadowbench("export", "spot-lamp", tmp_path / "out", "--view-size", "96").code == 0
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["scene.glb", "truth.png", "view.json"]
+    assert read_mask(tmp_path / "out" / "truth.png").shape == (96, 96)
+    answer = shadowbench("score", "spot-lamp", tmp_path / "out" / "truth.png", "--json")
+    assert json.loads(answer.out)["metrics"]["iou"] == 1
+    assert json.loads(answer.out)["warnings"] == []
+
+
+def test_bad_input_is_one_line(shadowbench: Callable, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for arguments, line in [
+        (("stairs", tmp_path / "new", "--view", "no"), "view: found 'no'; allowed: camera"),
+        (("stairs", tmp_path / "file" / "x"), "cannot be created"),
+        (("nowhere", tmp_path / "new"), "is no built-in scene"),
+        (("stairs", tmp_path / "new", "--sides", "front"), "'front' is not one of 'closed', 'double'"),
+    ]:
+        answer = shadowbench("export", *arguments)
+        assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1) and line in answer.err
+
+
+def in_camera(points: np.ndarray, box: dict) -> np.ndarray:
+    """(N, 3) right, up and depth of points in the box's orthographic camera, looking from position at target."""
+    forward = (np.array(box["target"]) - box["position"]) / box["depth"]
+    return (points - box["position"]) @ np.array([np.cross(forward, box["up"]), box["up"], forward]).T
+
+
+def used(view: View) -> np.ndarray:
+    return view.scene.geometry.vertices[view.scene.geometry.faces].reshape(-1, 3)
+
+
+@pytest.mark.parametrize("name", ["stairs", "fence"])
+def test_the_box_of_a_directional_light_is_tight(builtin: Callable[..., View], name: str) -> None:
+    view = builtin(name, SIZE)
+    box = light_box(view)
+    travelled = np.subtract(box["target"], box["position"]) / box["depth"]
+    np.testing.assert_allclose(travelled, np.negative(view.light.homogeneous[0]), atol=1e-12)
+    found = in_camera(used(view), box)
+    half = np.array([box["width"], box["height"]]) / 2
+    np.testing.assert_allclose(found[:, :2].min(axis=0), -half, rtol=1e-9)
+    np.testing.assert_allclose(found[:, :2].max(axis=0), half, rtol=1e-9)
+    margin = MARGIN * (half.max() * 2 + box["depth"])
+    assert 0 < found[:, 2].min() < margin
+    assert 0 < box["depth"] - found[:, 2].max() < margin
+
+
+def test_a_map_pads_the_box_by_texels_and_a_phase_moves_it_by_parts_of_one(builtin: Callable[..., View]) -> None:
+    view = builtin("stairs", SIZE)
+    tight, padded = light_box(view), light_box(view, 256)
+    texel = {side: padded[side] / 256 for side in ("width", "height")}
+    for side, length in texel.items():
+        assert padded[side] - tight[side] == pytest.approx(2 * PADDING * length)
+    moved = light_box(view, 256, (0.5, -0.25))
+    assert {name: moved[name] for name in ("up", "width", "height", "depth")} == {
+        name: padded[name] for name in ("up", "width", "height", "depth")
+    }
+    for end in ("position", "target"):
+        step = in_camera(np.array(moved[end]), padded) - in_camera(np.array(padded[end]), padded)
+        np.testing.assert_allclose(step, [0.5 * texel["width"], -0.25 * texel["height"], 0], atol=1e-12)
+
+
+def test_a_plane_across_the_light_or_along_it_has_a_box_with_a_volume(builtin: Callable[..., View]) -> None:
+    view = builtin("cube-on-plane", SIZE)
+    plane = replace(view.scene, meshes=view.scene.meshes[:1])
+    for direction in ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0)):
+        box = light_box(replace(view, scene=plane, light=Light("sun", "directional", direction=direction)))
+        assert min(box["width"], box["height"], box["depth"]) > 0
+
+
+def test_a_mesh_that_neither_casts_nor_receives_does_not_enlarge_the_box(builtin: Callable[..., View]) -> None:
+    view = builtin("cube-on-plane", SIZE)
+    sky = replace(view.scene.meshes[1], vertices=100 * view.scene.meshes[1].vertices, casts=False, receives=False)
+    assert light_box(replace(view, scene=replace(view.scene, meshes=(*view.scene.meshes, sky)))) == light_box(view)
+
+
+@pytest.mark.parametrize("name", ["spot-lamp", "room-with-lamp", "window"])
+def test_near_and_far_of_a_lamp_hold_what_it_lights(builtin: Callable[..., View], name: str) -> None:
+    view = builtin(name, SIZE)
+    box, offsets = light_box(view), used(view) - view.light.position
+    if view.light.kind == "point":
+        depths = lit = np.linalg.norm(offsets, axis=1)
+    else:
+        depths = offsets @ view.light.direction / np.linalg.norm(view.light.direction)
+        lit = depths[depths > np.cos(view.light.frustum_angle / 2) * np.linalg.norm(offsets, axis=1)]
+    assert 0 < box["near"] < lit.min()
+    assert depths.max() < box["far"] < 1.01 * depths.max()
+
+
+def test_near_is_at_the_triangle_that_is_nearest_not_at_its_corners(builtin: Callable[..., View]) -> None:
+    view = builtin("cube-on-plane", SIZE)
+    plane = replace(view.scene, meshes=view.scene.meshes[:1])
+    down, position = (0.0, -1.0, 0.0), (0.1, 0.5, 0.0)
+    for light, near in (
+        (Light("bulb", "point", position=position), 0.5),
+        (Light("spot", "spot", position=position, direction=down, angle=1.0), 0.5),
+        (Light("up", "spot", position=position, direction=(0.0, 1.0, 0.0), angle=1.0), 0.5),  # nothing in its cone
+        (Light("in", "point", position=(0.1, 0.0, 0.0)), None),
+    ):
+        box = light_box(replace(view, scene=plane, light=light))
+        assert box["near"] == (pytest.approx(near, rel=2e-3) if near else box["far"] / 1e4)
+        assert box["near"] < box["far"]

@@ -1,0 +1,212 @@
+"""The panels have a widget for every parameter, take no value that a file may not, and open files."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from imgui_bundle import imgui
+
+from shadowbench.errors import InputError
+from shadowbench.maps.biases import NoBias, Sum, Texel
+from shadowbench.plugin.params import Component
+from shadowbench.plugin.registry import own_techniques, techniques
+from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.scenes.model import Camera, Light
+from shadowbench.scenes.triangles import LARGEST
+from shadowbench.techniques.shadow_map import ShadowMap
+from shadowbench.viewer import controls
+from shadowbench.viewer.controls import (
+    SUM,
+    FilePanel,
+    better,
+    choices_of,
+    edited_spec,
+    limits,
+    preset_of,
+    presets,
+    with_inner,
+    with_value,
+)
+from shadowbench.viewer.drawing import Viewer
+from shadowbench.viewer.state import save_state
+from shadowbench.viewer.window import Canvas, Pane
+
+KNOWN = techniques()
+ODD = """
+from shadowbench.plugin.base import Technique, TechniqueParams, param
+class Odd(Technique):
+    name = "odd"
+    class Params(TechniqueParams):
+        '''Parameters.'''
+        width: int = param(4, "width in pixels", ge=1, le=64)
+        level: float = param(0.5, "visibility between", ge=0, lt=1)
+        word: str = param("some", "a text")
+        pair: tuple[int, int] = param((1, 2), "two")
+        count: int = param(4, "without an upper limit", ge=1)
+        seed: int = param(2**40, "of more than 32 bits", ge=0, le=2**62)
+        far: float = param(1e30, "beyond what a slider takes")
+    def build(self, stage):
+        self.texture = stage.texture()
+    def draw(self, frame):
+        return self.texture
+"""
+
+
+@pytest.fixture
+def odd(tmp_path: Path) -> Spec:
+    (tmp_path / "odd.py").write_text(ODD)
+    return parse_spec("odd", techniques([tmp_path / "odd.py"]))
+
+
+@pytest.fixture
+def drawn(frame: None, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """The functions of Dear ImGui that have drawn widgets, by their labels."""
+    widgets: dict[str, str] = {}
+
+    def recorded(name: str) -> Callable[..., Any]:
+        make = getattr(imgui, name)
+        return lambda label, *rest: widgets.update({label: name}) or make(label, *rest)
+
+    for name in ("begin_combo", "checkbox", "drag_float", "drag_int", "input_text", "slider_float", "slider_int"):
+        monkeypatch.setattr(imgui, name, recorded(name))
+    return widgets
+
+
+def test_every_parameter_has_a_widget_whose_limits_are_allowed(drawn: dict[str, str]) -> None:
+    for technique in own_techniques():
+        spec = parse_spec(technique.name, KNOWN)
+        drawn.clear()
+        assert edited_spec(spec, KNOWN) is spec, "a panel that is not touched changes nothing"
+        assert set(technique.Params.model_fields) <= set(drawn)
+        for key, info in technique.Params.model_fields.items():
+            for limit in limits(info):
+                if limit is not None:
+                    value = int(limit) if info.annotation is int else limit
+                    assert getattr(with_value(spec.params, key, value), key) == value
+
+
+@pytest.mark.parametrize("family", Component.__subclasses__(), ids=lambda family: family.__name__)
+def test_every_component_is_a_choice_and_unfolds_its_own_parameters(
+    drawn: dict[str, str], family: type[Component]
+) -> None:
+    host = {"Split": "cascades"}.get(family.__name__, "shadow-map")
+    key, spec = family.__name__.lower(), parse_spec(host, KNOWN)
+    choices = choices_of(type(spec.params).model_fields[key], getattr(spec.params, key))
+    assert set(choices) - {SUM} == set(family.table) and all(choices.values()), "each says in a line what it is"
+    for name, component in family.table.items():
+        if key == "split" and name != "practical":
+            continue  # a split of its own number of slices
+        drawn.clear()
+        edited_spec(replace(spec, params=with_value(spec.params, key, name)), KNOWN)
+        assert set(component.model_fields) <= set(drawn)
+
+
+def test_a_plug_ins_parameters_have_widgets_too(drawn: dict[str, str], odd: Spec) -> None:
+    assert edited_spec(odd, {"odd": odd.technique}) is odd, "they are drawn, without a docstring too"
+    assert {key: drawn[key] for key in type(odd.params).model_fields} == {
+        "width": "slider_int",
+        "level": "slider_float",
+        "count": "drag_int",
+        **dict.fromkeys(("word", "pair", "seed", "far"), "input_text"),
+    }
+    assert with_value(odd.params, "level", limits(type(odd.params).model_fields["level"])[1]).level < 1, "as is allowed"
+
+
+@pytest.mark.usefixtures("frame")
+def test_a_text_is_read_as_in_a_spec_and_what_is_not_allowed_is_one_line(
+    odd: Spec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    typed = {"seed": "7"}
+    monkeypatch.setattr(imgui, "input_text", lambda label, text, *_: (label in typed, typed.get(label, text)))
+    assert edited_spec(odd, {}).text == "odd:seed=7"
+    typed["seed"] = "((("
+    with pytest.raises(InputError, match="expected a number or a word"):
+        edited_spec(odd, {})
+    with pytest.raises(InputError, match="size=0: size: found 0; allowed: greater than or equal to 1"):
+        with_value(ShadowMap.Params(), "size", 0)
+
+
+def test_a_component_of_a_component_and_a_technique_of_a_technique_change_the_spec() -> None:
+    params = with_value(ShadowMap.Params(), "bias", SUM)
+    assert params.bias == Sum(first=Texel(), second=NoBias()), "a sum begins with the bias that was there"
+    assert with_value(params, "bias", SUM) == params
+    second = with_value(params.bias, "second", "constant")
+    spec = replace(parse_spec("shadow-map", KNOWN), params=with_inner(params, "bias", second))
+    assert spec.text == "shadow-map:bias=texel+constant"
+    samples = parse_spec("light-samples", KNOWN)
+    outer: Any = with_value(samples.params, "of", "shadow-map")
+    inner = with_inner(outer, "of", with_value(outer.of.params, "size", 64))
+    assert replace(samples, params=inner).text == "light-samples:of=shadow-map(size=64)"
+
+
+def test_presets_are_the_defaults_and_those_of_the_command_line() -> None:
+    assert list(presets(ShadowMap)) == ["default", *ShadowMap.presets]
+    for text, name in (("", "default"), (":preset=unity", "unity"), (":preset=unity,size=64", "custom")):
+        spec = parse_spec(f"shadow-map{text}", KNOWN)
+        assert preset_of(spec) == name and presets(ShadowMap).get(name, spec).params == spec.params
+
+
+@pytest.mark.usefixtures("frame")
+@pytest.mark.parametrize(
+    ("kind", "typed"), [("directional", math.nan), ("spot", -math.inf), ("rectangle", 1e300), ("point", math.inf)]
+)
+def test_a_typed_number_that_no_scene_file_takes_leaves_the_light(
+    monkeypatch: pytest.MonkeyPatch, kind: Any, typed: float
+) -> None:
+    """Dear ImGui takes "nan" and "inf" from the keyboard, and clamps what it can, to the limits that it is given."""
+
+    def clamped(low: float, high: float) -> float:
+        return min(max(typed, low), high) if math.isfinite(typed) else typed
+
+    monkeypatch.setattr(imgui, "slider_float", lambda _, value, low, high, *__: (True, clamped(low, high)))
+    monkeypatch.setattr(imgui, "drag_float", lambda _, value, __, low, high, *___: (True, clamped(low, high)))
+    monkeypatch.setattr(imgui, "drag_float3", lambda *_: (True, [typed] * 3))
+    lamp = Light("light", kind, (0.6, -0.8, 0.0), (0.0, 3.0, 0.0), math.radians(60), 0.0, (1.0, 1.0))
+    light = controls.edited_light(lamp)
+    numbers = [*light.direction, *light.position, light.angle, light.radius, *light.size]
+    assert all(abs(number) <= LARGEST for number in numbers) and any(light.direction)
+
+
+def test_the_better_score_is_marked() -> None:
+    for values, direction, expected in (
+        ([0.9, 0.8], "higher", [True, False]),
+        ([0.9, 0.8], "lower", [False, True]),
+        ([-0.1, 0.2], "near 0", [True, False]),
+        ([0.7, 1.1], "near 1", [False, True]),
+        ([0.9, 0.9000001], "higher", [False, False]),  # the same number as it is shown
+        ([0.9, None], "higher", [False, False]),
+        ([0.9], "higher", [False]),
+    ):
+        assert better(values, direction) == expected
+
+
+def test_a_handle_is_taken_where_it_is_shown() -> None:
+    pane, camera = Pane(0.0, 0.0, 400.0), Camera("camera", (0.0, 0.0, 5.0), (0.0, 0.0, 0.0), 0.8)
+    for direction, place, expected in (
+        ((-1.0, 1.0, 0.0), (-1.0, 1.0), "light"),  # outside the picture it is taken before its aim in the same corner
+        ((50.0, -50.0, 0.0), (0.0, 0.0), "aim"),  # of a light that shines on the camera's target
+        ((50.0, -50.0, 0.0), (0.5, 0.5), None),
+    ):
+        lamp = Light("lamp", "spot", direction=direction, position=(-50.0, 50.0, 0.0), angle=1.0)
+        viewer: Any = SimpleNamespace(state=SimpleNamespace(light=lamp, camera=camera))
+        assert Canvas(viewer).handle_at(pane, pane.point(place)) == expected
+
+
+def test_dropped_meshes_and_states_are_shown_and_other_files_are_one_line(viewer: Viewer, tmp_path: Path) -> None:
+    files, mesh, before = FilePanel(viewer), tmp_path / "own.obj", viewer.state
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nv 0 1 0\nf 1 2 3\nf 1 2 4\n")
+    for name in ("nothing.glb", "nothing.toml", "text.txt"):
+        files.dropped([str(tmp_path / name)])
+        assert name in viewer.message and viewer.state is before
+    files.dropped([])
+    assert viewer.state is before
+    files.dropped([str(mesh), "another"])
+    assert viewer.state.scene.name == "own"
+    assert viewer.message.startswith(f"{mesh} is shown; ") and "no ground in own.obj: assumed" in viewer.message
+    save_state(replace(before, specs=before.specs[1:], overlay="error", size=96), tmp_path / "state.toml")
+    files.dropped([str(tmp_path / "state.toml")])
+    assert (viewer.state.specs, viewer.state.overlay, viewer.state.size) == (before.specs[1:], "error", 96)
