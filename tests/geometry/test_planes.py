@@ -93,22 +93,6 @@ def test_curved_surfaces_are_no_planes() -> None:
     assert planes_of(grid(64, lambda x, z: 0.002 * x * x), least=0.04) == ()
 
 
-def test_a_floor_that_runs_into_a_ramp_is_found_up_to_its_foot() -> None:
-    """The ramp begins nearly flat, and must not tilt the plane fitted to the floor."""
-    mesh = grid(256, lambda x, z: np.where(x > 0, 0.01 * x * x, 0.0))
-    floor, *_ = planes_of(mesh, least=0.3)
-    assert floor.share == pytest.approx(0.5, abs=0.01)
-    np.testing.assert_allclose(np.abs(floor.equation), [0, 1, 0, 0], atol=1e-6)
-
-
-def test_only_what_is_searched_is_found_and_counted(shape) -> None:
-    meshes = [shape("plane", 8.0, receives=False), shape("box", 1.0, (0.0, 0.5, 0.0))]
-    found = planes_of(*meshes)
-    assert len(found) == 6 and all(plane.share == pytest.approx(1 / 6) for plane in found)
-    assert not any(set(plane.triangles) & {0, 1} for plane in found)
-    assert planes_of(*meshes, searched=np.zeros(14, dtype=bool)) == ()
-
-
 def test_a_stack_of_sheets_does_not_hide_the_ground_below_it() -> None:
     """There are more sheets than the maximum number of planes, with far more area than the ground in one cell."""
     sheets = [turned(grid(1, flat, 1.0), shift=(0.0, 0.5 + 1e-4 * k, 0.0)) for k in range(400)]

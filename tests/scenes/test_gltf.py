@@ -178,11 +178,6 @@ def test_a_hidden_node_hides_meshes_and_lights_below_it_and_no_camera(gltf_file:
     )
 
 
-def test_a_file_whose_triangles_are_all_hidden_says_so(gltf_file: Gltf) -> None:
-    hidden = {"KHR_node_visibility": {"visible": False}}
-    refused(gltf_file(nodes=[{"mesh": 0, "extensions": hidden}]), "model.gltf: all 1 triangles belong to hidden nodes")
-
-
 def test_ignored_light_properties_are_notes(gltf_file: Gltf) -> None:
     for light, words in (
         ({"type": "point", "range": 2.5}, ["range 2.5 m"]),

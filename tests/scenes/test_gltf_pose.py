@@ -200,14 +200,6 @@ def test_what_has_no_clips_says_so(tmp_path: Path) -> None:
         refused(source, "--time, --clip", "no glTF", chosen=Chosen(1.0))
 
 
-def test_what_a_clip_cannot_move_is_a_note(tmp_path: Path) -> None:
-    rig = moving([0.0], [[1, 0, 0]], "LINEAR")
-    rig.json["animations"][0]["channels"] += [{"sampler": 0, "target": {"path": "pointer"}}]
-    rig.json["animations"][0]["channels"] += [{"sampler": 0, "target": {"node": 0, "path": "weights"}}]
-    notes = read_gltf(rig.write(tmp_path / "a.glb"), "a.glb").notes
-    assert sum("2 channel(s) of the clip left out" in note for note in notes) == 1
-
-
 Place = tuple[str | int, ...]
 ATTRIBUTES: Place = ("meshes", 0, "primitives", 0, "attributes")
 JOINTS, WEIGHTS = (*ATTRIBUTES, "JOINTS_0"), (*ATTRIBUTES, "WEIGHTS_0")
