@@ -50,8 +50,8 @@ def corners(planes: Floats, extent: float) -> Floats:
     intersect = np.abs(determinant) > 1e-12
     points = -(a[:, 3:] * bc + b[:, 3:] * ca + c[:, 3:] * ab)[intersect] / determinant[intersect, None]
     inside = (points @ planes[:, :3].T + planes[:, 3] >= -1e-9 * extent).all(axis=1)
-    found: Floats = points[inside]
-    return found
+    inner: Floats = points[inside]
+    return inner
 
 
 def hull_points(points: Floats) -> Floats:

@@ -65,7 +65,7 @@ class Materials:
         self._contents: dict[object, bytes] = {}
         self._blended: set[int] = set()
         self._left_out = 0
-        self._told: set[str] = set()
+        self._lines: set[str] = set()
 
     def look(self, primitive: TrianglePrimitive) -> Look | None:
         """What a primitive looks like, None if it is opaque nowhere. Raises InputError for an alpha that is not read.
@@ -95,12 +95,12 @@ class Materials:
     @property
     def notes(self) -> list[str]:
         """A line for each simplification."""
-        where, found = self._data.where, []
+        where, lines = self._data.where, []
         if self._blended:
-            found.append(f"{len(self._blended)} blended material(s) cut out where alpha is below {BLEND_CUTOFF:g}")
+            lines.append(f"{len(self._blended)} blended material(s) cut out where alpha is below {BLEND_CUTOFF:g}")
         if self._left_out:
-            found.append(f"{self._left_out} primitive(s) left out whose alpha is below the cutoff everywhere")
-        return [*(f"{where}: {line}" for line in found), *sorted(self._told)]
+            lines.append(f"{self._left_out} primitive(s) left out whose alpha is below the cutoff everywhere")
+        return [*(f"{where}: {line}" for line in lines), *sorted(self._lines)]
 
     def _cutout(self, number: int | None, material: Material) -> Cutout | None:
         """How a material is cut out, read once."""
@@ -129,7 +129,7 @@ class Materials:
                 if sum(map(len, self._contents.values())) + len(content) > MOST_BYTES:
                     raise InputError(f"{where}: above {MOST_BYTES >> 20} MiB of images")
             except InputError as error:
-                self._told.add(f"{error}: {_NOT_DRAWN}")
+                self._lines.add(f"{error}: {_NOT_DRAWN}")
                 return None
             self._contents[source] = content
         wrap, opaque = self._sampling(material)[1], material.alphaMode == "OPAQUE"
@@ -141,7 +141,7 @@ class Materials:
         texture = None if material.texture is None else self._data.layout.textures[material.texture.index]
         if texture is not None and texture.image is None:
             kind = " or ".join(sorted(texture.extensions)) or "a texture without an image"
-            self._told.add(f"{self._data.where}: {kind}: {lost}")
+            self._lines.add(f"{self._data.where}: {kind}: {lost}")
         return None if texture is None else texture.image
 
     def _sampling(self, material: Material) -> tuple[bool, tuple[Wrap, Wrap]]:
@@ -187,8 +187,8 @@ class Materials:
         colors = primitive.floats("COLOR_0", "VEC3", "VEC4")
         if colors is None:
             return None, None
-        found = primitive.by_corner(np.clip(colors, 0.0, 1.0))
-        return found[..., 3] if colors.shape[1] == 4 else None, found[..., :3].mean(axis=1)
+        at_corners = primitive.by_corner(np.clip(colors, 0.0, 1.0))
+        return at_corners[..., 3] if colors.shape[1] == 4 else None, at_corners[..., :3].mean(axis=1)
 
     @staticmethod
     def _coordinates(primitive: TrianglePrimitive, info: TextureInfo | None) -> NDArray[np.float32] | None:
@@ -217,18 +217,18 @@ def instance_matrices(data: Data, node: NodeTable) -> Floats:
     if not node.instances:
         return np.eye(4)[None]
     where = f"{data.where}: node {node.name or ''!r:.60}: EXT_mesh_gpu_instancing"
-    found = {
+    attributes = {
         name: floats_of(data, node.instances[name], kind) for name, kind in TYPES.items() if name in node.instances
     }
-    if not all(np.isfinite(rows).all() for rows in found.values()):
+    if not all(np.isfinite(rows).all() for rows in attributes.values()):
         raise InputError(f"{where}: found infinite or undefined numbers; allowed are finite ones")
     matrices = np.tile(np.eye(4), (data.layout.instance_count(node), 1, 1))
-    if "ROTATION" in found:
-        if not found["ROTATION"].any(axis=1).all():
+    if "ROTATION" in attributes:
+        if not attributes["ROTATION"].any(axis=1).all():
             raise InputError(f"{where}: found a rotation of four zeros; allowed: unit quaternions")
-        matrices[:, :3, :3] = Rotation.from_quat(found["ROTATION"]).as_matrix()
-    matrices[:, :3, :3] *= found.get("SCALE", np.ones((1, 3)))[:, None, :]
-    matrices[:, :3, 3] = found.get("TRANSLATION", 0.0)
+        matrices[:, :3, :3] = Rotation.from_quat(attributes["ROTATION"]).as_matrix()
+    matrices[:, :3, :3] *= attributes.get("SCALE", np.ones((1, 3)))[:, None, :]
+    matrices[:, :3, 3] = attributes.get("TRANSLATION", 0.0)
     return matrices
 
 
@@ -379,7 +379,7 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
     hidden = [node.data for node in nodes if not node.visible]
     primitives = layout.primitives
     used = {each.material for each in primitives}
-    found = [
+    lines = [
         ([node.mesh is not None for node in hidden], "mesh(es) of hidden nodes left out"),
         ([node.light is not None for node in hidden], "light(s) of hidden nodes left out"),
         (
@@ -391,12 +391,12 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
             "primitive(s) of points or lines left out: they have no surface",
         ),
     ]
-    return [f"{where}: {sum(which)} {line}" for which, line in found if any(which)] + _ignored(layout, where)
+    return [f"{where}: {sum(which)} {line}" for which, line in lines if any(which)] + _ignored(layout, where)
 
 
 def _ignored(layout: Layout, where: str) -> list[str]:
     """A note on the extensions that change what is seen and are not read, if there are any."""
     names = {*layout.extensionsUsed, *layout.extensions}.union(*(node.extensions for node in layout.nodes))
-    found = sorted(name for name in names if not HONOURED.fullmatch(name))
-    shown = ", ".join(f"{name:.40}" for name in found[:5]) + ", ..." * (len(found) > 5)
-    return [f"{where}: drawn as if the file did not use {shown}"] if found else []
+    ignored = sorted(name for name in names if not HONOURED.fullmatch(name))
+    shown = ", ".join(f"{name:.40}" for name in ignored[:5]) + ", ..." * (len(ignored) > 5)
+    return [f"{where}: drawn as if the file did not use {shown}"] if ignored else []

@@ -262,8 +262,8 @@ class Poser:
     def posed(self, primitive: TrianglePrimitive) -> dict[int, Posed]:
         """A primitive as each visible node deforms it that does, by the node's number."""
         users = [node for node in self._users.get(primitive.mesh, ()) if node.visible]
-        found = {node.number: self._deformed(primitive, node) for node in users}
-        return {index: each for index, each in found.items() if each is not None}
+        deformed = {node.number: self._deformed(primitive, node) for node in users}
+        return {index: each for index, each in deformed.items() if each is not None}
 
     def stands(self, primitive: TrianglePrimitive, posed: Mapping[int, object]) -> bool:
         """Whether a primitive is also needed as it is stored. posed: what the method of this name returned."""
@@ -331,10 +331,10 @@ def blended(primitive: TrianglePrimitive, joints: Floats) -> Blend | None:
     joints: (J, 4, 4) as of `joint_matrices`. Weights are divided by their sum; a vertex without any follows the
     first of its joints, both as in three.js. Raises InputError.
     """
-    found = _influences(primitive, len(joints))
-    if found is None:
+    influences = _influences(primitive, len(joints))
+    if influences is None:
         return None
-    numbers, weights = found
+    numbers, weights = influences
     sums = weights.sum(axis=1)
     uneven = int((np.abs(sums - 1.0) > UNEVEN).sum())
     weights[sums == 0.0, 0] = 1.0

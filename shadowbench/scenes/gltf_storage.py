@@ -123,9 +123,9 @@ def as_floats(elements: NDArray[Any], accessor: Accessor) -> Floats:
 
 
 def _wrong(data: Data, index: int, allowed: str) -> InputError:
-    found = data.layout.accessors[index]
+    accessor = data.layout.accessors[index]
     return InputError(
-        f"{data.where}: accessors {index + 1}: found {found.type} of {found.componentType}; allowed: {allowed}"
+        f"{data.where}: accessors {index + 1}: found {accessor.type} of {accessor.componentType}; allowed: {allowed}"
     )
 
 
@@ -214,11 +214,11 @@ class TrianglePrimitive(NamedTuple):
         return index
 
     def _compressed(self, name: str, types: tuple[str, ...]) -> NDArray[Any]:
-        found = self.decoded[name]
-        if found.shape[1] not in [NUMBERS[each] for each in types]:
+        values = self.decoded[name]
+        if values.shape[1] not in [NUMBERS[each] for each in types]:
             allowed = " or ".join(types)
-            raise InputError(f"{self.data.where}: {name}: found {found.shape[1]} components; allowed: {allowed}")
-        return found
+            raise InputError(f"{self.data.where}: {name}: found {values.shape[1]} components; allowed: {allowed}")
+        return values
 
 
 def read_json(path: Path) -> tuple[dict[str, Any], bytes | None]:

@@ -223,16 +223,16 @@ class _Files:
         where = f"{where}: {file!r:.200}"
         folders = self._folders
         try:
-            found = [path for folder in folders if (path := Path(os.path.realpath(folder / file))).is_file()]
+            paths = [path for folder in folders if (path := Path(os.path.realpath(folder / file))).is_file()]
         except (OSError, ValueError) as error:  # a null byte, a name too long
             raise InputError(f"{where} cannot be a path: {short(error)}") from error
-        if not found:
+        if not paths:
             more = f" or {folders[1]}" if len(folders) > 1 else " (or give --assets DIR)"
             raise InputError(f"{where} is not a file in {folders[0]}{more}")
-        for path in found:
+        for path in paths:
             if any(path.is_relative_to(folder) for folder in folders):
                 return path
-        raise InputError(f"{where} leads to {found[0]}, outside {folders[0]}; allowed are that folder and --assets DIR")
+        raise InputError(f"{where} leads to {paths[0]}, outside {folders[0]}; allowed are that folder and --assets DIR")
 
 
 LONGEST_PATH = 4096

@@ -115,11 +115,11 @@ def joined(meshes: Sequence[Mesh]) -> Geometry:
 def triangle_colors(meshes: Sequence[Mesh], colors: Sequence[Vec3]) -> Floats:
     """(F, 3) linear RGB of the triangles of meshes, given a colour for each."""
     counts = [len(mesh.faces) for mesh in meshes]
-    found = np.repeat(np.array(colors, dtype=np.float64), counts, axis=0)
-    for mesh, own in zip(meshes, np.split(found, np.cumsum(counts[:-1], dtype=np.int64)), strict=True):
+    rows = np.repeat(np.array(colors, dtype=np.float64), counts, axis=0)
+    for mesh, own in zip(meshes, np.split(rows, np.cumsum(counts[:-1], dtype=np.int64)), strict=True):
         if mesh.tints is not None:
             own *= mesh.tints
-    return found
+    return rows
 
 
 def _normals(meshes: Sequence[Mesh]) -> NDArray[np.float32] | None:

@@ -45,7 +45,7 @@ class MaterialFiles:
 
     def __init__(self, names: Iterable[str], folder: Path, where: str) -> None:
         self._folder, self._where = folder, where
-        self._told: dict[str, None] = {}
+        self._lines: dict[str, None] = {}
         self._cut: set[str] = set()
         self._files: dict[str, bytes | None] = {}
         self._looks: dict[tuple[object, ...], Look] = {}
@@ -61,7 +61,7 @@ class MaterialFiles:
     def notes(self) -> list[str]:
         """A line for each."""
         cut = f"{self._where}: {len(self._cut)} material(s) cut out where d · map_d is below {BLEND_CUTOFF:g}"
-        return [*self._told, *([cut] if self._cut else [])]
+        return [*self._lines, *([cut] if self._cut else [])]
 
     def look(self, name: str) -> Look | None:
         """What a material looks like, one object for all alike, grey if no file has it; None if opaque nowhere."""
@@ -96,7 +96,7 @@ class MaterialFiles:
                 moves = list(takewhile(len, (_numbers(word, 1) for word in words[: min(3, len(words) - 1)])))
                 words = words[len(moves) :]
                 if any(move != [_MOVES[option]] for move in moves):
-                    self._told[f"{self._where}: {key} {option}: left out"] = None
+                    self._lines[f"{self._where}: {key} {option}: left out"] = None
             else:
                 value = words.pop(0).lower()
                 words = words[1:] if option == "-mm" else words
@@ -122,7 +122,7 @@ class MaterialFiles:
                         raise InputError(f"{self._where}: map_d {file!r:.60}: {found}")
                     mask = Cutout(np.ascontiguousarray(image[..., 3]) if colored else mask_of(image))
                 except InputError as error:
-                    self._told[f"{error}: left out"] = None
+                    self._lines[f"{error}: left out"] = None
             self._masks[file, colored] = mask
         return self._masks[file, colored]
 
@@ -133,7 +133,7 @@ class MaterialFiles:
             try:
                 self._files[file] = read_beside(file, self._folder, f"{self._where}: {what} {file!r:.60}", self._room)
             except InputError as error:
-                self._told[f"{error}: left out"] = None
+                self._lines[f"{error}: left out"] = None
         return self._files[file]
 
     @property
@@ -166,10 +166,10 @@ def _statements(text: str) -> Iterator[tuple[str, str, str]]:
 def _numbers(text: str | None, count: int) -> list[float]:
     """The first `count` numbers; none if there are fewer, or other words among them."""
     try:
-        found = [float(word) for word in (text or "").split()[:count]]
+        values = [float(word) for word in (text or "").split()[:count]]
     except ValueError:
         return []
-    return found if len(found) == count and all(map(math.isfinite, found)) else []
+    return values if len(values) == count and all(map(math.isfinite, values)) else []
 
 
 NO_SHAPE = {"vp", "g", "s", "mg", "mtllib", "usemtl", "o"}
@@ -224,8 +224,8 @@ def _more_numbers(vertices: Rows) -> str:
     """
     more = vertices.counts > 3
     more[more] = (vertices.counts[more] > 4) | (vertices.values[vertices.starts[more] + 3] != 1)
-    found = int(np.count_nonzero(more))
-    return f"weights or colours of {found} vertices left out: the first three numbers are x y z" if found else ""
+    count = int(np.count_nonzero(more))
+    return f"weights or colours of {count} vertices left out: the first three numbers are x y z" if count else ""
 
 
 class _Faces:
@@ -243,14 +243,14 @@ class _Faces:
         chosen = self._columns == column
         indices, line = self._values[chosen], self._line[chosen]
         before = np.searchsorted(things.starts, self._lines.starts)[line]
-        found = np.where(indices > 0, indices - 1, indices + before)
-        wrong = (indices == 0) | (found < 0) | (found >= len(things.starts))
+        meant = np.where(indices > 0, indices - 1, indices + before)
+        wrong = (indices == 0) | (meant < 0) | (meant >= len(things.starts))
         if wrong.any():
             k = int(wrong.argmax())
             count = f"the file has {len(things.starts)}, {before[k]} before this line"
             message = f"a face uses {what} {indices[k]}; an OBJ counts from 1 or -1, {count}"
             raise self._lines.error(int(line[k]), message)
-        return self._corner[chosen], found
+        return self._corner[chosen], meant
 
 
 def _normals(faces: _Faces, lines: Lines) -> Singles | None:
@@ -260,13 +260,13 @@ def _normals(faces: _Faces, lines: Lines) -> Singles | None:
     corners, numbers_of = faces.references(2, lines, "normal")
     given = numbers(lines)
     lines.check(given.counts >= 3, given.counts, 3)
-    found = np.zeros((int(faces.counts.sum()), 3), dtype=np.float32)
-    found[corners] = unit_normals(given.vectors)[numbers_of]
-    has_one = np.zeros(len(found), dtype=bool)
+    normals = np.zeros((int(faces.counts.sum()), 3), dtype=np.float32)
+    normals[corners] = unit_normals(given.vectors)[numbers_of]
+    has_one = np.zeros(len(normals), dtype=bool)
     has_one[corners] = True
     of_face = np.repeat(np.arange(len(faces.counts)), faces.counts)
-    found[np.isin(of_face, of_face[~has_one])] = 0.0
-    return found if found.any() else None
+    normals[np.isin(of_face, of_face[~has_one])] = 0.0
+    return normals if normals.any() else None
 
 
 def _coordinates(faces: _Faces, lines: Lines) -> Singles | None:
@@ -277,9 +277,9 @@ def _coordinates(faces: _Faces, lines: Lines) -> Singles | None:
     given = numbers(lines)
     lines.check(given.counts >= 2, given.counts, 2)
     places = given.values[given.starts[:, None] + np.arange(2)] * [1.0, -1.0] + [0.0, 1.0]  # v upwards in an OBJ
-    found = np.zeros((int(faces.counts.sum()), 2), dtype=np.float32)
-    found[corners] = np.nan_to_num(places, posinf=0.0, neginf=0.0)[numbers_of]
-    return found
+    coordinates = np.zeros((int(faces.counts.sum()), 2), dtype=np.float32)
+    coordinates[corners] = np.nan_to_num(places, posinf=0.0, neginf=0.0)[numbers_of]
+    return coordinates
 
 
 class _Parts(NamedTuple):
@@ -303,13 +303,13 @@ def _parts(objects: Lines, others: Lines, faces: Lines, folder: Path) -> tuple[_
     number = {kind: k for k, kind in enumerate(kinds)}
     statement = np.searchsorted(uses.starts, faces.starts)
     pairs = owners * len(kinds) + np.array([number[id(looks[name])] for name in materials])[statement]
-    found, parts = np.unique(pairs, return_inverse=True)
-    if len(found) > MOST_COPIES:
-        raise InputError(f"{faces.where}: {len(found)} objects by material; allowed are at most {MOST_COPIES}")
-    if not len(found):
+    distinct, parts = np.unique(pairs, return_inverse=True)
+    if len(distinct) > MOST_COPIES:
+        raise InputError(f"{faces.where}: {len(distinct)} objects by material; allowed are at most {MOST_COPIES}")
+    if not len(distinct):
         return _Parts(parts, (None,), (Look(),)), files.notes
     keys = list(kinds)
-    objects_of, kinds_of = found // len(kinds), [keys[k] for k in (found % len(kinds)).tolist()]
+    objects_of, kinds_of = distinct // len(kinds), [keys[k] for k in (distinct % len(kinds)).tolist()]
     several = np.bincount(objects_of, minlength=len(names)) > 1
     called = tuple(
         " ".join(filter(None, (names[k], titles[kind]))) or None if several[k] else names[k]
@@ -337,6 +337,8 @@ def _objects(objects: Lines, faces: Lines) -> tuple[Integers, tuple[str | None, 
 def _left_out(others: Lines) -> str:
     """A note with the numbers of unsupported statements, such as curves or damaged lines; empty without."""
     words = (printable(others.line(k).split(None, 1)[0]) for k in range(len(others.starts)))
-    found = Counter(word for word in words if word.lower() not in NO_SHAPE)
-    counts = ", ".join(f"{count} {word:.20}" for word, count in found.most_common(5)) + ", ..." * (len(found) > 5)
-    return f"{found.total()} statement(s) left out that make no face: {counts}" if found else ""
+    statements = Counter(word for word in words if word.lower() not in NO_SHAPE)
+    counts = ", ".join(f"{count} {word:.20}" for word, count in statements.most_common(5)) + ", ..." * (
+        len(statements) > 5
+    )
+    return f"{statements.total()} statement(s) left out that make no face: {counts}" if statements else ""

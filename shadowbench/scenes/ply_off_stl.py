@@ -131,10 +131,10 @@ def _header(text: str, where: str) -> tuple[Order, list[Element]]:
                 order = ORDERS[kind]
             case ["element", name, count] if order and count.isdecimal() and name not in [e.name for e in elements]:
                 elements.append(Element(name, int(count[:30]), []))
-            case ["property", *words] if elements and (found := _property(words, order)) is not None:
-                if found.name in [each.name for each in elements[-1].properties]:
+            case ["property", *words] if elements and (added := _property(words, order)) is not None:
+                if added.name in [each.name for each in elements[-1].properties]:
                     raise InputError(f"{where}: line {number}: two properties have one name")
-                elements[-1].properties.append(found)
+                elements[-1].properties.append(added)
             case _:
                 raise InputError(f"{where}: line {number}: {line!r:.60} is not valid in the header of a PLY")
     if order is None:
@@ -203,9 +203,9 @@ def _binary_rows(element: Element, body: bytes, at: int, order: Order, where: st
         return columns, end  # usual, and far faster
     starts, counts = [], []
     for _ in range(rows):
-        row, found, at = _row(steps, body, at, where)
+        row, own_counts, at = _row(steps, body, at, where)
         starts += row
-        counts += found
+        counts += own_counts
     letters, columns = np.frombuffer(body, dtype=np.uint8), {}
     table = np.array([starts, counts]).reshape(2, rows, -1).transpose(0, 2, 1)
     for (name, own, length), start, count in zip(properties, *table, strict=True):

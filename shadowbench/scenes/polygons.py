@@ -127,12 +127,12 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
             else:
                 faces[row : row + len(triangulation)] = start + triangulation
                 kept[row + len(triangulation) : row + size - 2] = False
-    found = [
+    lines = [
         (int((counts < 3).sum()), "face(s) of fewer than 3 corners left out"),
         (nonplanar, "polygon(s) not planar: cut as seen along their mean normal"),
         (crossing, "polygon(s) that cross themselves: cut as fans from their first corner"),
     ]
-    return faces[kept], owner[kept], [f"{where}: {count} {line}" for count, line in found if count]
+    return faces[kept], owner[kept], [f"{where}: {count} {line}" for count, line in lines if count]
 
 
 class _Fans(NamedTuple):
@@ -181,8 +181,8 @@ def _earcut(ring: Floats, normal: Floats) -> Integers | None:
     ring = ring / (np.abs(ring).max() or 1.0)
     # Projected along the normal onto a coordinate plane, which is exact for axis-aligned polygons.
     flat = np.ascontiguousarray(ring[:, axes] - ring[:, [axis]] * (normal[axes] / (normal[axis] or 1.0)))
-    found = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32))
-    faces: Integers = found.reshape(-1, 3).astype(np.int64)
+    indices = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32))
+    faces: Integers = indices.reshape(-1, 3).astype(np.int64)
     edges = flat[faces] - flat[np.roll(faces, -1, axis=1)]
     faces = faces[_area(flat[faces]) > FLATTEST * np.einsum("ijk,ijk->ij", edges, edges).max(axis=1)]
     if len(faces) < len(ring) - 2:
