@@ -13,7 +13,7 @@ from shadowbench.measure.cells import Cell
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.model import View
-from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.studies.study import find_study, read_study
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth

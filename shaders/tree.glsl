@@ -10,7 +10,7 @@ const uint LEAF = 0x80000000u;     // then the first triangle times 8 plus their
 const float INFINITE = 1.0e30;
 #ifdef CUTOUTS
 #include "cutout.glsl"
-uniform sampler2D tree_cutouts;    // texture coordinates, vertex alpha and cut-out of three corners each, side by side
+uniform sampler2D tree_cutouts;    // place in the cut-out, and its number, of three corners each, side by side
 
 // Whether a triangle is opaque where a ray meets it; weights: of its corners, not normalised.
 bool is_opaque_at(int i, vec3 weights) {
@@ -20,7 +20,7 @@ bool is_opaque_at(int i, vec3 weights) {
     weights /= weights.x + weights.y + weights.z;
     vec4 corner = texelFetch(tree_cutouts, first, 0), place = corner;
     for (int k = 1; k < 3; ++k) place += weights[k] * (texelFetch(tree_cutouts, first + ivec2(k, 0), 0) - corner);
-    return is_opaque(int(place.w + 0.5), place.xy, place.z);
+    return is_opaque(int(corner.z + 0.5), place.xy);
 }
 #else
 bool is_opaque_at(int i, vec3 weights) { return true; }

@@ -8,28 +8,18 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
-import numpy as np
 from numba.core import event
-from numba.core.caching import NullCache
 
 _log = logging.getLogger(__name__)
 _own: list[Any] = []  # what `compiled` has returned
 
-COMPILING = "compiling loops: 10 s in all, a minute with cut-outs, once on a machine"
-UNCACHED = (
-    "compiling loops: 10 s in all, a minute with cut-outs, in every process, since Numba finds no folder to cache in: "
-    "set NUMBA_CACHE_DIR"
-)
-
-DISABLED = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]  # by NUMBA_DISABLE_JIT
+COMPILING = "compiling loops: 10 s in all, once on a machine if Numba can cache them (NUMBA_CACHE_DIR)"
 
 
 def compiled(**options: Any) -> Callable[[Any], Any]:
-    """Decorator: `numba.njit` without the GIL, cached on disk if possible; Python with NUMBA_DISABLE_JIT."""
+    """Decorator: `numba.njit` without the GIL, cached on disk if possible."""
 
     def compile_cached(function: Any) -> Any:
-        if DISABLED:  # Python would warn of what compiled code computes in silence, such as 0/0
-            return np.errstate(all="ignore")(function)
         _own.append(cached_if_possible(lambda cache: numba.njit(nogil=True, cache=cache, **options)(function)))
         return _own[-1]
 
@@ -45,15 +35,14 @@ def cached_if_possible(make: Callable[[bool], Any]) -> Any:
 
 
 class _Announcer(event.Listener):
-    """Announces the first compilation in this process; of what its cache has, Numba tells nothing."""
+    """Announces the first compilation in this process; loops that are read from the cache cause no event."""
 
     announced = False
 
     def on_start(self, event: Any) -> None:
-        dispatcher = event.data["dispatcher"]
-        if not _Announcer.announced and any(dispatcher is one for one in _own):
+        if not _Announcer.announced and any(event.data["dispatcher"] is own for own in _own):
             _Announcer.announced = True
-            _log.warning(UNCACHED if isinstance(dispatcher._cache, NullCache) else COMPILING)
+            _log.warning(COMPILING)
 
     def on_end(self, event: Any) -> None:
         pass

@@ -10,14 +10,14 @@ from importlib.metadata import PackageNotFoundError, version
 VERSION = "0.1.0"
 """Version of this package."""
 
-DRAW = 2
+DRAW = 3
 """Raised when Python code changes a mask, count of work, fact or number of bytes; shaders and plug-ins are hashed."""
-TRACE = 2
+TRACE = 3
 """Raised when any array of a truth changes."""
 SCORE = 3
 """Raised when a metric or another number about a given mask and truth changes, or is added."""
 
-ENGINES = 1
+ENGINES = 2
 """Raised when Python code changes the mask of another engine: its scene, its light's box, or masks made of pictures."""
 
 ABSENT = "not installed"

@@ -15,8 +15,7 @@ from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.drawer import DeviceInfo, Drawer
 from shadowbench.plugin.params import Component
 from shadowbench.results.law import SHORTEST_MS, kind_of
-from shadowbench.scores.metrics import METRICS, is_soft
-from shadowbench.scores.soft_faults import soft_faults
+from shadowbench.scores.metrics import METRICS, is_soft, soft_faults
 
 _KINDS = {
     "contact": "of the shadow next to its caster is lit",

@@ -14,14 +14,14 @@ from shadowbench.scenes.triangles import Faces, Geometry
 
 _Value = TypeVar("_Value", bound=np.generic)
 TRIANGLE_ROW = 2048  # triangles whose values are side by side in a texture
-_CUTOUT_ROW = 16384  # texels of cut-outs that are: the width that OpenGL 4.1 guarantees
+_CUTOUT_ROW = 16384  # words of cut-outs that are: the width that OpenGL 4.1 guarantees
 TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(TRIANGLE_ROW), "CUTOUT_ROW": str(_CUTOUT_ROW)}
 """Defines of `triangle.glsl` and `cutout.glsl`."""
 CUTOUTS = {"CUTOUTS": "1"}
 """Define with which shaders cut out."""
 SMOOTH = {"SMOOTH": "1"}
 """Define with which shaders know the smooth surface, in scenes that have one."""
-_CORNER = np.dtype([("position", "f4", 3), ("cutout_place", "f4", 3), ("cutout_face", "i4", 2)])
+_CORNER = np.dtype([("position", "f4", 3), ("cutout_place", "f4", 2), ("cutout_face", "i4", 2)])
 
 
 def triangle_texels(values: NDArray[_Value], row: int = TRIANGLE_ROW) -> NDArray[_Value]:
@@ -114,7 +114,7 @@ class DeviceGeometry:
     def _triangles(self, program: Program, triangles: _Triangles) -> Drawable:
         if program.cut is None or triangles.corners is None:
             return self._indexed(program, *triangles.whole)
-        content = [(triangles.corners, "3f 3f 2i", *(_CORNER.names or ()))]
+        content = [(triangles.corners, "3f 2f 2i", *(_CORNER.names or ()))]
         # Of attributes that the shaders read.
         vertices = self._device.context.vertex_array(program.cut.linked, content, skip_errors=True)
         cut = Drawable(program.cut, vertices, textures=self.cutouts)
@@ -145,18 +145,16 @@ def _corners(positions: NDArray[np.float64], cutouts: CutoutFaces) -> NDArray[np
     """(K, 3) corners of cut-out triangles at (K, 3, 3) positions."""
     corners = np.empty(positions.shape[:2], dtype=_CORNER)
     corners["position"] = positions
-    corners["cutout_place"] = np.dstack([cutouts.coordinates, cutouts.alpha])
+    corners["cutout_place"] = cutouts.places
     corners["cutout_face"] = np.stack([cutouts.number, cutouts.faces], axis=1)[:, np.newaxis]
     return corners
 
 
 def _cutout_textures(device: Device, packed: PackedCutouts) -> dict[str, moderngl.Texture]:
     """Textures of `cutout.glsl`."""
-    least = packed.least.astype(np.float32).view(np.int32)
-    rows = np.column_stack([packed.table, least, np.zeros_like(least)]).reshape(-1, 2, 4)
-    table, texels = triangle_texels(rows), triangle_texels(packed.texels, _CUTOUT_ROW)
+    table, words = triangle_texels(packed.table), triangle_texels(packed.words, _CUTOUT_ROW)
     create = device.context.texture
     return {
-        "cutout_table": create((2 * TRIANGLE_ROW, len(table)), 4, table.tobytes(), dtype="i4"),
-        "cutout_texels": create(texels.shape[::-1], 1, texels.tobytes(), dtype="u1"),
+        "cutout_table": create((TRIANGLE_ROW, len(table)), 4, table.tobytes(), dtype="i4"),
+        "cutout_words": create(words.shape[::-1], 1, words.tobytes(), dtype="u4"),
     }

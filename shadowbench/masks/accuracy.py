@@ -21,12 +21,10 @@ from shadowbench.masks.inputs import ExternalMask, TruthOfView, decode_srgb
 from shadowbench.measure.row_store import IMAGES, RowStore, identity
 from shadowbench.measure.scoring import mask_record
 from shadowbench.scenes.model import View, view_digest
-from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.comparison import PENUMBRA, Comparison, PreparedTruth
 from shadowbench.scores.difference import difference_picture, write_difference
 from shadowbench.scores.masks import write_mask
-from shadowbench.scores.metrics import METRICS, leading_error
-from shadowbench.scores.prepared import PENUMBRA, PreparedTruth
-from shadowbench.scores.soft_faults import soft_faults
+from shadowbench.scores.metrics import METRICS, leading_error, soft_faults
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 from shadowbench.versions import of_scores

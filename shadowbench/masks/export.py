@@ -15,7 +15,7 @@ from shadowbench.files import make_folder, replace_file
 from shadowbench.geometry.convex import caster_and_receiver_faces, caster_and_receiver_vertices
 from shadowbench.geometry.lights import light_space, window
 from shadowbench.geometry.topology import is_closed
-from shadowbench.masks.export_cutouts import add_masks, corner_attributes, name_attributes
+from shadowbench.masks.export_cutouts import add_masks, corner_attributes
 from shadowbench.options import FIRST, SceneOptions
 from shadowbench.scenes.model import WHITE, Camera, Light, Mesh, View
 from shadowbench.scenes.triangles import bounds_of
@@ -284,7 +284,6 @@ def glb_of(view: View, *, sides: "Sides" = "double", colours: bool = False) -> b
         for mesh, material, written in zip(scene.meshes, materials, tree["meshes"], strict=True):
             written["name"] = mesh.name
             written["primitives"][0]["material"] = distinct.index(material)
-            name_attributes(written["primitives"][0]["attributes"])
         near, far = view.near_far
         lens = {"yfov": camera.fov_y, "aspectRatio": 1.0, "znear": near, "zfar": far}
         tree["cameras"] = [{"name": camera.name, "type": "perspective", "perspective": lens}]

@@ -16,8 +16,8 @@ from shadowbench.options import ViewOptions
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_digest
 from shadowbench.scenes.scene_tables import LIGHT_TABLES, NAME
 from shadowbench.scenes.vectors import vec3
+from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.scores.masks import LEVELS, open_png, quantise, read_mask
-from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.strict import short
 from shadowbench.truths.cache import read_arrays, truth_of, write_truth
 from shadowbench.truths.trace import Truth

@@ -15,8 +15,7 @@ from shadowbench.measure.cells import Step
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import METRICS
+from shadowbench.scores.metrics import METRICS, Metric
 from shadowbench.truths.trace import Truth
 
 EDGE = 2  # pixels around a true edge in which flips are counted

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from shadowbench.scenes.model import Camera, View
 from shadowbench.scenes.triangles import facet_normals
 from shadowbench.scenes.vectors import Floats
-from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.comparison import Comparison, PreparedTruth
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.scores.metrics import values_of
-from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import Truth
 
 

@@ -25,8 +25,7 @@ from shadowbench.plugin.engine import Engine
 from shadowbench.plugin.params import WORD, Component
 from shadowbench.plugin.spec import forget_parsed, parse_spec
 from shadowbench.scenes.scene_tables import LONGEST_NAME
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import METRICS, plug_in
+from shadowbench.scores.metrics import METRICS, Metric, plug_in
 
 GROUP = "shadowbench.techniques"
 ENGINES = "shadowbench.engines"

@@ -21,8 +21,7 @@ from shadowbench.results.summary import (
     known,
 )
 from shadowbench.results.times import time_notes
-from shadowbench.scores.metrics import METRICS
-from shadowbench.scores.soft_faults import soft_faults
+from shadowbench.scores.metrics import METRICS, soft_faults
 from shadowbench.techniques.shadow_map import ENGINES
 
 Digits = Callable[[float], str]

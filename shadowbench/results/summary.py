@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from statistics import fmean
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -21,8 +22,7 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.frame import Run
 from shadowbench.results.law import Law
 from shadowbench.results.times import ROUGH, ReferenceTime, normalise_times, pareto_front
-from shadowbench.scores.metric import Metric
-from shadowbench.scores.metrics import METRICS, is_soft, ranking
+from shadowbench.scores.metrics import METRICS, Metric, is_soft, ranking
 from shadowbench.techniques.unshadowed import Unshadowed
 
 _BOOTSTRAPS = 2000
@@ -408,7 +408,7 @@ def over_scenes(parts: Sequence[Summary], title: str) -> Summary:
     for _, every in lines.groupby(["spec", "map_size"], sort=False, dropna=False):
         own = every[every["scored"] > 0]
         if len(own):
-            mean = own.iloc[0].to_dict() | own[numbers].mean(skipna=False).to_dict()
+            mean = own.iloc[0].to_dict() | own[numbers].apply(fmean).to_dict()  # NaN if one is
             mean |= {"cells": own["cells"].sum(), "phases": own["phases"].min(), "scored": len(own)}
             mean |= {"refused": (), "unsupported": every["unsupported"].sum()}
             means.append(mean if len(own) == 1 else mean | dict.fromkeys(spreads, math.nan))

@@ -1,12 +1,16 @@
-"""Surfaces cut out by alpha, as leaves are: where one is opaque. One definition for the truth and all techniques.
+"""Surfaces cut out by alpha, as leaves are: bitmaps, made once when a scene is loaded, that say where one is opaque.
 
-A point of a triangle is opaque where α₈ / 255 · factor · vertex alpha ≥ cutoff, or falls short of it by no more than
-float32 may round it: equality counts as opaque wherever it is computed. α₈ is that of the nearest texel, or mixed
-bilinearly of the four around, as the texture's sampler says for magnification; always of the base level, without mip
-maps, and never decoded from sRGB. Texture coordinates are float32 and interpolated linearly across the triangle;
-u = v = 0 is the corner of the first texel, v downwards, as in glTF.
+A sub-texel is opaque where α₈ / 255 · factor · vertex alpha ≥ cutoff at its centre, but for rounding. α₈ is that of the
+texel, or mixed bilinearly of the four around, as the texture's sampler says for magnification; always of the base
+level, without mip maps, and never decoded from sRGB. Truth, techniques and exported files all take the nearest
+sub-texel, so that all of them see the same surface.
+
+A texel has one sub-texel where the sampler takes the nearest, else SUBTEXELS², fewer in images of more than MOST_SIDE /
+SUBTEXELS. Where vertex alpha varies over a mesh, each of its triangles has a bitmap of its own. Texture coordinates are
+interpolated linearly across the triangle; u = v = 0 is the corner of the first texel, v downwards, as in glTF.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,167 +20,199 @@ import numpy as np
 from numpy.typing import NDArray
 
 Wrap = Literal["repeat", "mirror", "clamp"]
+Wraps = tuple[Wrap, Wrap]
+Alphas = NDArray[np.uint8]
+Bits = NDArray[np.bool_]
+Single = NDArray[np.float32]
 WRAPS: tuple[Wrap, ...] = ("repeat", "mirror", "clamp")
+SUBTEXELS = 8  # along a side of a texel
+MOST_SIDE = 4096  # sub-texels along a side of an image, above which a texel has fewer
+TILE_SIDES = (17, 257)  # least and most sub-texels along a side of a triangle of its own
+MOST_TILED = 1 << 26  # sub-texels of such triangles in a mesh, above which each has fewer
 ROUNDED = 1e-3  # of a step of 8 bits: several times what mixing alphas and vertex alphas in float32 rounds
 
 
 @dataclass(frozen=True, eq=False)
 class Cutout:
-    """How a surface is cut out. alpha: (H, W) uint8 texels, read-only; wrap: of u and v outside 0 to 1.
+    """Where a surface is opaque: one bit a sub-texel.
 
-    levels: lowest and highest alpha, which `replace` keeps, as many materials may share an image.
+    words: (height, ⌈width / 32⌉) uint32, the lowest bit first; wrap: of places in u and v outside the bitmap; share: of
+    the sub-texels that are opaque.
     """
 
-    alpha: NDArray[np.uint8] = field(repr=False)
-    factor: float = 1.0
-    cutoff: float = 0.5
-    nearest: bool = False
-    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
-    levels: tuple[int, int] = (-1, -1)
+    words: NDArray[np.uint32] = field(repr=False)
+    width: int
+    wrap: Wraps
+    share: float
 
-    def __post_init__(self) -> None:
-        alpha = self.alpha.view()
-        alpha.flags.writeable = False
-        object.__setattr__(self, "alpha", alpha)
-        if self.levels[0] < 0:
-            object.__setattr__(self, "levels", (int(alpha.min()), int(alpha.max())))
+    @classmethod
+    def of(cls, bits: Bits, wrap: Wraps = ("clamp", "clamp")) -> Self:
+        """The cut-out of a (height, width) bitmap."""
+        packed = np.packbits(bits, axis=1, bitorder="little")
+        padded = np.pad(packed, ((0, 0), (0, -packed.shape[1] % 4)))
+        return cls(padded.view("<u4").astype(np.uint32), bits.shape[1], wrap, float(bits.mean()))
 
-    @cached_property
-    def least(self) -> float:
-        """The least α₈ · vertex alpha that is opaque."""
-        if self.factor <= 0.0:
-            return 0.0 if self.cutoff <= 0.0 else float("inf")
-        return 255.0 * self.cutoff / self.factor - ROUNDED
+    @property
+    def bits(self) -> Bits:
+        """(height, width) whether each sub-texel is opaque."""
+        octets = self.words.astype("<u4").view(np.uint8)
+        return np.unpackbits(octets, axis=1, count=self.width, bitorder="little").astype(bool)
 
-    def is_whole(self, least: float = 1.0) -> bool:
-        """Whether every texel is opaque, with vertex alphas of at least `least`."""
-        return self.levels[0] * least >= self.least
+    @property
+    def size(self) -> tuple[int, int]:
+        """Sub-texels across and down."""
+        return self.width, len(self.words)
 
-    def is_clear(self, most: float = 1.0) -> bool:
-        """Whether no texel is opaque, with vertex alphas of at most `most`."""
-        return self.levels[1] * most < self.least
+    def places(self, coordinates: NDArray[np.floating]) -> Single:
+        """(F, 3, 2) places in sub-texels of texture coordinates; shifted by whole periods, so that float32 suffices."""
+        places = coordinates * np.array(self.size, dtype=np.float64)
+        for axis, wrap in enumerate(self.wrap):
+            if wrap != "clamp":
+                period = self.size[axis] * (2 if wrap == "mirror" else 1)
+                places[..., axis] -= period * np.floor(places[:, :1, axis] / period)
+        return places.astype(np.float32)
 
-    def opaque(
-        self, coordinates: NDArray[np.floating], vertex_alpha: NDArray[np.floating] | float = 1.0
-    ) -> NDArray[np.bool_]:
-        """(…,) bool at (…, 2) texture coordinates, in float64."""
-        opaque: NDArray[np.bool_] = self._mixed(np.asarray(coordinates, np.float64)) * vertex_alpha >= self.least
-        return opaque
-
-    def _mixed(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(…,) α₈ at (…, 2) texture coordinates."""
-        places = coordinates * self.alpha.shape[::-1]
-        if self.nearest:
-            return self._texels(np.floor(places))
-        first = np.floor(places - 0.5)
-        right, down = np.moveaxis(places - 0.5 - first, -1, 0)
-        above, below = (
-            self._texels(first + np.array([0, row])) * (1 - right) + self._texels(first + np.array([1, row])) * right
-            for row in (0, 1)
-        )
-        mixed: NDArray[np.float64] = above * (1 - down) + below * down
-        return mixed
-
-    def _texels(self, index: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(…,) texels at (…, 2) whole numbers, column then row, wrapped."""
-        sizes = self.alpha.shape[::-1]
-        column, row = (wrapped(index[..., axis], sizes[axis], self.wrap[axis]).astype(np.int64) for axis in range(2))
-        return self.alpha[row, column].astype(np.float64)
+    def opaque(self, places: NDArray[np.floating]) -> Bits:
+        """(…,) whether (…, 2) places are opaque."""
+        column, row = (wrapped(np.floor(places[..., axis]), self.size[axis], self.wrap[axis]) for axis in range(2))
+        bits: Bits = (self.words[row, column >> 5] >> (column & 31).astype(np.uint32)) & 1 != 0
+        return bits
 
 
-def wrapped(index: NDArray[np.float64], size: int, wrap: Wrap) -> NDArray[np.float64]:
-    """Whole numbers as those of texels, from 0 to size − 1."""
+def cut_out(
+    alpha: Alphas, factor: float = 1.0, cutoff: float = 0.5, nearest: bool = False, wrap: Wraps = ("repeat", "repeat")
+) -> Cutout:
+    """The cut-out of (H, W) texels."""
+    return Cutout.of(_subtexels(alpha, nearest, wrap) * factor >= 255.0 * cutoff - ROUNDED * factor, wrap)
+
+
+def cut_out_triangles(
+    alpha: Alphas,
+    factor: float,
+    cutoff: float,
+    nearest: bool,
+    wrap: Wraps,
+    coordinates: Single | None,
+    vertex_alpha: Single,
+) -> tuple[Cutout, Single]:
+    """One cut-out with a square tile for each triangle, and (F, 3, 2) places in it.
+
+    coordinates: (F, 3, 2) texture coordinates, None for 0; vertex_alpha: (F, 3). A tile's first row and column are two
+    sides of its triangle, with corners at centres of sub-texels; as fine as the texture's ones, within TILE_SIDES.
+    """
+    values, count = _subtexels(alpha, nearest, wrap), len(vertex_alpha)
+    corners = (np.zeros((count, 3, 2)) if coordinates is None else coordinates) * np.array(values.shape[::-1])
+    extent = np.ptp(corners, axis=1).max() + 1
+    side = int(min(np.clip(np.ceil(extent), *TILE_SIDES), max(2, math.isqrt(MOST_TILED // count))))
+    row_of_tiles = math.ceil(math.sqrt(count))
+    bits = np.zeros((-(-count // row_of_tiles) * side, row_of_tiles * side), dtype=np.bool_)
+    third, second = np.mgrid[:side, :side] / (side - 1)
+    weights = np.stack([1 - second - third, second, third], axis=2)
+    tiles = np.stack(np.divmod(np.arange(count), row_of_tiles)[::-1], axis=1) * side
+    for tile, own, alphas in zip(tiles, corners, vertex_alpha, strict=True):
+        column, row = np.moveaxis(np.floor(weights @ own), 2, 0)
+        texels = values[wrapped(row, values.shape[0], wrap[1]), wrapped(column, values.shape[1], wrap[0])]
+        opaque = texels * (factor * (weights @ alphas)) >= 255.0 * cutoff - ROUNDED * factor
+        bits[tile[1] : tile[1] + side, tile[0] : tile[0] + side] = opaque
+    places = tiles[:, np.newaxis] + np.array([[0, 0], [side - 1, 0], [0, side - 1]]) + 0.5
+    return Cutout.of(bits), places.astype(np.float32)
+
+
+def _subtexels(alpha: Alphas, nearest: bool, wrap: Wraps) -> Single:
+    """(height, width) α₈ at the centres of sub-texels."""
+    each = 1 if nearest else max(1, min(SUBTEXELS, MOST_SIDE // max(alpha.shape)))
+    values = alpha.astype(np.float32)
+    for axis in (0, 1) if each > 1 else ():
+        count = alpha.shape[axis]
+        at = (np.arange(count * each) + 0.5) / each - 0.5
+        first, second = (wrapped(np.floor(at) + step, count, wrap[1 - axis]) for step in (0, 1))
+        share = np.expand_dims((at - np.floor(at)).astype(np.float32), 1 - axis)
+        values = values.take(first, axis) * (1 - share) + values.take(second, axis) * share
+    return values
+
+
+def wrapped(index: NDArray[np.floating], size: int, wrap: Wrap) -> NDArray[np.intp]:
+    """Whole numbers as indices from 0 to size − 1."""
     if wrap == "clamp":
-        return np.clip(index, 0, size - 1)
-    if wrap == "repeat":
-        return np.mod(index, size)
-    mirrored: NDArray[np.float64] = np.mod(index, 2 * size)
-    return np.minimum(mirrored, 2 * size - 1 - mirrored)
+        index = np.clip(index, 0, size - 1)
+    elif wrap == "repeat":
+        index = np.mod(index, size)
+    else:
+        index = np.mod(index, 2 * size)
+        index = np.minimum(index, 2 * size - 1 - index)
+    return np.asarray(index, dtype=np.intp)
 
 
 class PackedCutouts(NamedTuple):
     """Cut-outs as arrays for compiled code and shaders.
 
-    texels: (N,) uint8, all different alphas in turn, row by row; table: (M, 6) int32, for each the first of its texels,
-    width, height, whether the nearest texel is taken, and the number in WRAPS of u and of v; least: (M,) float64.
+    words: (N,) uint32 of all cut-outs in turn; table: (M, 4) int32, for each the first of its words, width, height, and
+    3 · the number in WRAPS of u + that of v.
     """
 
-    texels: NDArray[np.uint8]
+    words: NDArray[np.uint32]
     table: NDArray[np.int32]
-    least: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class CutoutFaces:
     """The K cut-out triangles among the F of a scene.
 
-    faces: (K,) int32 ascending indices of triangles; coordinates: (K, 3, 2) float32 texture coordinates of the corners;
-    alpha: (K, 3) float32 vertex alphas; number: (K,) int32 index of each triangle's cut-out in `cutouts`.
+    faces: (K,) int32 ascending indices of triangles; places: (K, 3, 2) float32 of their corners in the cut-out, in
+    sub-texels; number: (K,) int32 index of each triangle's cut-out in `cutouts`.
     """
 
     faces: NDArray[np.int32]
-    coordinates: NDArray[np.float32]
-    alpha: NDArray[np.float32]
+    places: Single
     number: NDArray[np.int32]
     cutouts: tuple[Cutout, ...]
 
     def among(self, kept: NDArray[np.bool_]) -> Self | None:
-        """Those of the triangles kept, (F,) bool, with their indices among these; None without any."""
+        """The cut-out triangles among those that are kept, (F,) bool, numbered as these are; None without any."""
         chosen = kept[self.faces]
         if not chosen.any():
             return None
         faces = (np.cumsum(kept)[self.faces[chosen]] - 1).astype(np.int32)
-        coordinates, alpha, number = self.coordinates[chosen], self.alpha[chosen], self.number[chosen]
-        return type(self)(faces, coordinates, alpha, number, self.cutouts)
+        return type(self)(faces, self.places[chosen], self.number[chosen], self.cutouts)
 
-    def opaque(self, cut: NDArray[np.integer], weights: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def opaque(self, cut: NDArray[np.integer], weights: NDArray[np.floating]) -> Bits:
         """(N,) whether points of triangles are opaque; cut: (N,) indices into `faces`; weights: (N, 3) barycentric."""
-        places = np.einsum("nk,nkj->nj", weights, self.coordinates[cut].astype(np.float64))
-        vertex = self.alpha[cut].astype(np.float64)
-        alpha = vertex[:, 0] + np.einsum("nk,nk->n", weights, vertex - vertex[:, :1])  # if equal, exactly they
-        result = np.zeros(len(cut), dtype=bool)
+        places = np.einsum("nk,nkj->nj", weights, self.places[cut].astype(np.float64))
+        opaque = np.zeros(len(cut), dtype=bool)
         for number, cutout in enumerate(self.cutouts):
-            its = self.number[cut] == number
-            result[its] = cutout.opaque(places[its], alpha[its])
-        return result
+            own = self.number[cut] == number
+            opaque[own] = cutout.opaque(places[own])
+        return opaque
 
     @cached_property
     def packed(self) -> PackedCutouts:
         """The cut-outs as arrays."""
-        keys = [(cutout.alpha.ctypes.data, cutout.alpha.shape) for cutout in self.cutouts]
-        alphas = {key: cutout.alpha for key, cutout in zip(keys, self.cutouts, strict=True)}
-        first = dict(zip(alphas, np.cumsum([0, *(alpha.size for alpha in alphas.values())]), strict=False))
+        first = np.cumsum([0, *(cutout.words.size for cutout in self.cutouts)])
         rows = [
-            (first[key], *cutout.alpha.shape[::-1], cutout.nearest, *(WRAPS.index(wrap) for wrap in cutout.wrap))
-            for key, cutout in zip(keys, self.cutouts, strict=True)
+            (start, *cutout.size, 3 * WRAPS.index(cutout.wrap[0]) + WRAPS.index(cutout.wrap[1]))
+            for start, cutout in zip(first, self.cutouts, strict=False)
         ]
-        texels = np.concatenate([alpha.ravel() for alpha in alphas.values()])
-        return PackedCutouts(texels, np.array(rows, dtype=np.int32), np.array([each.least for each in self.cutouts]))
+        words = np.concatenate([cutout.words.ravel() for cutout in self.cutouts])
+        return PackedCutouts(words, np.array(rows, dtype=np.int32))
 
     def arrays(self) -> tuple[NDArray[Any], ...]:
         """All that decides where these triangles are opaque."""
-        return self.faces, self.coordinates, self.alpha, self.number, *self.packed
+        return self.faces, self.places, self.number, *self.packed
 
 
-Part = tuple[int, Cutout | None, NDArray[np.float32] | None, NDArray[np.float32] | None]
-
-
-def cutout_faces(parts: Sequence[Part]) -> CutoutFaces | None:
+def cutout_faces(parts: Sequence[tuple[int, Cutout | None, Single | None]]) -> CutoutFaces | None:
     """The cut-out triangles of meshes in turn, None without any.
 
-    parts: of each mesh the number of triangles, its cut-out, and its texture coordinates and vertex alphas by corner.
+    parts: of each mesh the number of triangles, its cut-out, and the places of its corners there, by default 0.
     """
-    cutouts = list({id(cutout): cutout for _, cutout, _, _ in parts if cutout is not None}.values())
-    number_of = {id(cutout): number for number, cutout in enumerate(cutouts)}
+    cutouts = list({id(cutout): cutout for _, cutout, _ in parts if cutout is not None}.values())
     if not cutouts:
         return None
-    faces, corners, alphas, numbers, first = [], [], [], [], 0
-    for count, cutout, coordinates, alpha in parts:
+    faces, corners, numbers, first = [], [], [], 0
+    for count, cutout, places in parts:
         if cutout is not None:
             faces.append(np.arange(first, first + count, dtype=np.int32))
-            corners.append(np.zeros((count, 3, 2), np.float32) if coordinates is None else coordinates)
-            alphas.append(np.ones((count, 3), np.float32) if alpha is None else alpha)
-            numbers.append(np.full(count, number_of[id(cutout)], dtype=np.int32))
+            corners.append(np.zeros((count, 3, 2), np.float32) if places is None else places)
+            numbers.append(np.full(count, cutouts.index(cutout), dtype=np.int32))
         first += count
-    arrays = np.concatenate(faces), np.concatenate(corners), np.concatenate(alphas), np.concatenate(numbers)
-    return CutoutFaces(*arrays, tuple(cutouts))
+    return CutoutFaces(np.concatenate(faces), np.concatenate(corners), np.concatenate(numbers), tuple(cutouts))

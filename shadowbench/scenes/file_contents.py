@@ -28,7 +28,7 @@ class Look(NamedTuple):
     cutout: Cutout | None = None
     texture: Texture | None = None
     coordinates: NDArray[np.float32] | None = None
-    alpha: NDArray[np.float32] | None = None
+    places: NDArray[np.float32] | None = None
     tints: NDArray[np.float32] | None = None
 
 

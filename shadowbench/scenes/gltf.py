@@ -6,15 +6,13 @@ camera's node.
 
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.cutouts import Cutout, Wrap
+from shadowbench.scenes.cutouts import Alphas, Cutout, Single, Wrap, cut_out, cut_out_triangles
 from shadowbench.scenes.file_contents import (
     BLEND_CUTOFF,
     BY_DEFAULT,
@@ -47,6 +45,7 @@ from shadowbench.strict import validated
 
 _NEAREST = 9728  # GL_NEAREST
 _WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}  # GL_CLAMP_TO_EDGE, GL_MIRRORED_REPEAT, …
+_BILINEAR: tuple[bool, tuple[Wrap, Wrap]] = (False, ("repeat", "repeat"))
 _NOT_DRAWN = "drawn without this texture"
 
 
@@ -59,9 +58,9 @@ class Materials:
 
     def __init__(self, data: Data, path: Path, coordinates: bool = False) -> None:
         self._data, self._path, self._all_coordinates = data, path, coordinates
-        self._cutouts: dict[int, Cutout] = {}
+        self._cutouts: dict[tuple[int, float], Cutout] = {}
         self._textures: dict[tuple[object, ...], Texture] = {}
-        self._masks: dict[object, Cutout] = {}
+        self._masks: dict[object, Alphas] = {}
         self._contents: dict[object, bytes] = {}
         self._blended: set[int] = set()
         self._left_out = 0
@@ -74,23 +73,20 @@ class Materials:
         """
         number = primitive.primitive.material
         material = self._data.layout.materials[number] if number is not None else Material()
-        cutout, (alpha, tints) = self._cutout(number, material), self._of_vertices(primitive)
-        if cutout is not None:
-            least, most = (
-                (1.0, 1.0) if alpha is None else (float(alpha.min(initial=1.0)), float(alpha.max(initial=0.0)))
-            )
-            if cutout.is_clear(most):
-                self._left_out += 1
-                return None
-            if cutout.is_whole(least):
-                cutout = None
-        texture = self._texture(material)
-        needed = self._all_coordinates or (material.texture is not None and bool(cutout or texture))
+        texture, (alpha, tints) = self._texture(material), self._of_vertices(primitive)
+        mapped = material.texture is not None and (texture is not None or material.alphaMode != "OPAQUE")
+        needed = self._all_coordinates or mapped
         coordinates = self._coordinates(primitive, material.texture) if needed else None
+        cutout, places = self._cutout(number, material, coordinates, alpha)
+        if cutout is not None and cutout.share == 0.0:
+            self._left_out += 1
+            return None
+        if cutout is not None and cutout.share == 1.0:
+            cutout = places = None
         texture = None if coordinates is None else texture
         color = material.color or (GREY if texture is None else WHITE)
         color = vec3(np.clip(color[:3], 0.0, 1.0))
-        return Look(color, cutout, texture, coordinates, None if cutout is None else alpha, tints)
+        return Look(color, cutout, texture, coordinates, places, tints)
 
     @property
     def notes(self) -> list[str]:
@@ -102,21 +98,29 @@ class Materials:
             lines.append(f"{self._left_out} primitive(s) left out whose alpha is below the cutoff everywhere")
         return [*(f"{where}: {line}" for line in lines), *sorted(self._lines)]
 
-    def _cutout(self, number: int | None, material: Material) -> Cutout | None:
-        """How a material is cut out, read once."""
+    def _cutout(
+        self, number: int | None, material: Material, coordinates: Single | None, vertex_alpha: Single | None
+    ) -> tuple[Cutout | None, Single | None]:
+        """How a primitive is cut out, None for not at all, and the places of its corners in that."""
         if number is None or material.alphaMode == "OPAQUE":
-            return None
+            return None, None
         if material.alphaMode == "BLEND":
             self._blended.add(number)
-        if number not in self._cutouts:
-            cutoff = BLEND_CUTOFF if material.alphaMode == "BLEND" else material.alphaCutoff
-            factor = 1.0 if material.color is None or len(material.color) < 4 else min(max(material.color[3], 0.0), 1.0)
-            cutout = Cutout(OPAQUE)
-            if (image := self._image(material, "alpha not read, taken as 1")) is not None:
-                nearest, wrap = self._sampling(material)
-                cutout = replace(self._mask(image), nearest=nearest, wrap=wrap)
-            self._cutouts[number] = replace(cutout, factor=factor, cutoff=cutoff)
-        return self._cutouts[number]
+        cutoff = BLEND_CUTOFF if material.alphaMode == "BLEND" else material.alphaCutoff
+        factor = 1.0 if material.color is None or len(material.color) < 4 else min(max(material.color[3], 0.0), 1.0)
+        mask, sampling = OPAQUE, _BILINEAR
+        if (image := self._image(material, "alpha not read, taken as 1")) is not None:
+            mask, sampling = self._mask(image), self._sampling(material)
+        least, most = (
+            (1.0, 1.0) if vertex_alpha is None else (vertex_alpha.min(initial=1.0), vertex_alpha.max(initial=0.0))
+        )
+        if vertex_alpha is not None and least < most:
+            return cut_out_triangles(mask, factor, cutoff, *sampling, coordinates, vertex_alpha)
+        factor *= float(most)
+        if (number, factor) not in self._cutouts:
+            self._cutouts[number, factor] = cut_out(mask, factor, cutoff, *sampling)
+        cutout = self._cutouts[number, factor]
+        return cutout, None if coordinates is None else cutout.places(coordinates)
 
     def _texture(self, material: Material) -> Texture | None:
         """The texture of a material's base colour, made once; None, with a note, for one that cannot be read."""
@@ -149,17 +153,17 @@ class Materials:
         assert material.texture is not None
         number = self._data.layout.textures[material.texture.index].sampler
         if number is None:
-            return False, ("repeat", "repeat")
+            return _BILINEAR
         sampler = self._data.layout.samplers[number]
         return sampler.magFilter == _NEAREST, (_WRAPS[sampler.wrapS], _WRAPS[sampler.wrapT])
 
-    def _mask(self, number: int) -> Cutout:
-        """A cut-out by the alphas of an image, decoded once."""
+    def _mask(self, number: int) -> Alphas:
+        """The alphas of an image, decoded once."""
         source = self._source(number)
         if source not in self._masks:
             where = f"{self._data.where}: images {number + 1}"
-            self._masks[source] = Cutout(np.ascontiguousarray(read_image(self._content(number), where)[..., 3]))
-            if (total := sum(mask.alpha.size for mask in self._masks.values())) > MOST_MASKED:
+            self._masks[source] = np.ascontiguousarray(read_image(self._content(number), where)[..., 3])
+            if (total := sum(mask.size for mask in self._masks.values())) > MOST_MASKED:
                 raise InputError(f"{where}: {total} texels of masks by now; a file may have {MOST_MASKED}")
         return self._masks[source]
 
@@ -182,7 +186,7 @@ class Materials:
         return read_uri(image.uri, self._path, where)
 
     @staticmethod
-    def _of_vertices(primitive: TrianglePrimitive) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
+    def _of_vertices(primitive: TrianglePrimitive) -> tuple[Single | None, Single | None]:
         """(F, 3) vertex alphas, None without any; (F, 3) mean colours of the vertices, None if they have no colour."""
         colors = primitive.floats("COLOR_0", "VEC3", "VEC4")
         if colors is None:
@@ -191,7 +195,7 @@ class Materials:
         return at_corners[..., 3] if colors.shape[1] == 4 else None, at_corners[..., :3].mean(axis=1)
 
     @staticmethod
-    def _coordinates(primitive: TrianglePrimitive, info: TextureInfo | None) -> NDArray[np.float32] | None:
+    def _coordinates(primitive: TrianglePrimitive, info: TextureInfo | None) -> Single | None:
         """(F, 3, 2) texture coordinates of a texture after its KHR_texture_transform; None if there are none."""
         moved = TextureTransform() if info is None else info.transform
         number = moved.texCoord if moved.texCoord is not None or info is None else info.texCoord

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 from shadowbench.errors import InputError, NotInFile, alternatives
 from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
-from shadowbench.scenes.cutouts import Cutout, Wrap
+from shadowbench.scenes.cutouts import Cutout, Wrap, cut_out
 from shadowbench.scenes.file_contents import BY_DEFAULT, MOST_MASKED, Chosen, check_count, placed
 from shadowbench.scenes.images import mask_of, read_image
 from shadowbench.scenes.meshes import GLTF_SUFFIXES, MESH_SUFFIXES, USD_SUFFIXES, read_meshes
@@ -188,6 +188,7 @@ class _Files:
         self._folders = [folder.resolve() for folder in (scene.parent, assets) if folder is not None]
         self.read: dict[tuple[Path, Chosen], Scene] = {}
         self._cutouts: dict[tuple[object, ...], Cutout] = {}
+        self._masked = 0  # texels of their images
 
     def meshes(self, table: MeshTable, where: str) -> tuple[tuple[Mesh, ...], int]:
         """The meshes of a table's file in object space, and the zero-area triangles of the file."""
@@ -204,19 +205,22 @@ class _Files:
         key = file, table.cutoff, table.mask_filter, wrap
         if key not in self._cutouts:
             alpha = mask_of(read_image(file.read_bytes(), f"{where}: {mask!r:.60}"))
-            cutout = Cutout(alpha, 1.0, table.cutoff, table.mask_filter == "nearest", (wrap, wrap))
-            total = alpha.size + sum(other.alpha.size for other in self._cutouts.values())
-            if total > MOST_MASKED:
-                raise InputError(f"{where}: {total} texels of masks by now; a scene file may have {MOST_MASKED}")
-            if cutout.is_clear():
+            self._masked += alpha.size
+            if self._masked > MOST_MASKED:
+                found = f"{self._masked} texels of masks by now"
+                raise InputError(f"{where}: {found}; a scene file may have {MOST_MASKED}")
+            cutout = cut_out(alpha, 1.0, table.cutoff, table.mask_filter == "nearest", (wrap, wrap))
+            if cutout.share == 0.0:
                 found = f"below the cutoff {table.cutoff:g} everywhere, so that nothing is left"
                 raise InputError(f"{where}: {mask!r:.60} is {found}")
             self._cutouts[key] = cutout
+        cutout, masked = self._cutouts[key], []
         for mesh in meshes:
             if mesh.coordinates is None:
                 allowed = f"files with them, and the shapes {', '.join(WITH_COORDINATES)}"
                 raise InputError(f"{where}: {mesh.name!r:.60} has no texture coordinates; allowed: {allowed}")
-        return tuple(replace(mesh, cutout=self._cutouts[key], alpha=None) for mesh in meshes)
+            masked.append(replace(mesh, cutout=cutout, places=cutout.places(mesh.coordinates)))
+        return tuple(masked)
 
     def _resolved(self, file: str, where: str) -> Path:
         """The path of a file with links resolved. Raises InputError outside the scene's folder and `assets`."""

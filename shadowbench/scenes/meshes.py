@@ -78,7 +78,10 @@ def _polygonal(path: Path, where: str, coordinates: bool) -> Contents:
         if len(part):
             triangles, own = welded(polygons.vertices, faces[part]), corners[part]
             smooth = polygons.normals is not None and polygons.normals[own].any()
-            look = look._replace(coordinates=None if polygons.coordinates is None else polygons.coordinates[own])
+            if polygons.coordinates is not None:
+                look = look._replace(coordinates=polygons.coordinates[own])
+                if look.cutout is not None:
+                    look = look._replace(places=look.cutout.places(polygons.coordinates[own]))
             normals = polygons.normals[own] if polygons.normals is not None and smooth else None
             instances.append((Mesh(name or path.stem, *triangles, normals=normals, **look._asdict()), np.eye(4)))
     return Contents(instances, [], [], [*polygons.notes, *notes])

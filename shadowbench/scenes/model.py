@@ -19,7 +19,7 @@ from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, 
 
 GREY: Vec3 = (0.8, 0.8, 0.8)
 WHITE: Vec3 = (1.0, 1.0, 1.0)
-CORNERS = ("coordinates", "alpha", "normals")
+CORNERS = ("coordinates", "places", "normals")
 """What a mesh has by corner of a triangle, as vertices at one place are one."""
 
 
@@ -29,11 +29,11 @@ class Mesh:
 
     vertices: (V, 3) float64; faces: (F, 3) int32 indices into them, counter-clockwise seen from outside; both are
     read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
-    and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere;
-    coordinates: (F, 3, 2) float32 texture coordinates of the triangles' corners, alpha: (F, 3) float32 vertex alphas,
-    None for 0 and for 1. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None if it is flat,
-    and zero at corners without one. texture, and tints, (F, 3) float32 linear RGB that color is multiplied by, are of
-    pictures only.
+    and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere; places:
+    (F, 3, 2) float32 of the triangles' corners in it, in sub-texels, None for 0. coordinates: (F, 3, 2) float32 texture
+    coordinates of the corners, None for 0. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None
+    if it is flat, and zero at corners without one. texture, and tints, (F, 3) float32 linear RGB that color is
+    multiplied by, are of pictures only.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Mesh:
     planar: bool = False
     cutout: Cutout | None = None
     coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
-    alpha: NDArray[np.float32] | None = field(default=None, repr=False)
+    places: NDArray[np.float32] | None = field(default=None, repr=False)
     normals: NDArray[np.float32] | None = field(default=None, repr=False)
     texture: Texture | None = None
     tints: NDArray[np.float32] | None = field(default=None, repr=False)
@@ -102,7 +102,7 @@ def joined(meshes: Sequence[Mesh]) -> Geometry:
         receives=np.repeat([mesh.receives for mesh in meshes], counts),
         planar=np.repeat([mesh.planar for mesh in meshes], counts),
         colors=triangle_colors(meshes, [mesh.color for mesh in meshes]),
-        cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.coordinates, mesh.alpha) for mesh in meshes]),
+        cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.places) for mesh in meshes]),
         corner_normals=_normals(meshes),
         textured=tuple(
             TexturedFaces(int(first), mesh.texture, mesh.coordinates)

@@ -10,7 +10,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +18,7 @@ import numpy as np
 
 from shadowbench.errors import InputError, printable
 from shadowbench.files import read_beside
-from shadowbench.scenes.cutouts import Cutout, Wrap
+from shadowbench.scenes.cutouts import Alphas, Cutout, Wrap, cut_out
 from shadowbench.scenes.file_contents import BLEND_CUTOFF, MOST_MASKED, OPAQUE, Look
 from shadowbench.scenes.images import MOST_BYTES, mask_of, read_image
 from shadowbench.scenes.lines import Lines, Rows, lines_of, numbers, with_newlines, without_comments
@@ -29,7 +28,6 @@ from shadowbench.scenes.scene_tables import MOST_COPIES
 from shadowbench.scenes.triangles import Singles, Texture, unit_normals
 from shadowbench.scenes.vectors import vec3
 
-_WHOLE = Cutout(OPAQUE)
 _KEYS = ("kd", "d", "tr", "map_kd", "map_d")
 _MOVES = {"-o": 0.0, "-s": 1.0, "-t": 0.0}
 """Options of a map, of up to three numbers, and the value without effect."""
@@ -49,7 +47,8 @@ class MaterialFiles:
         self._cut: set[str] = set()
         self._files: dict[str, bytes | None] = {}
         self._looks: dict[tuple[object, ...], Look] = {}
-        self._masks: dict[tuple[str, bool], Cutout] = {}
+        self._cutouts: dict[tuple[object, ...], Cutout] = {}
+        self._masks: dict[tuple[str, bool], Alphas] = {}
         self._textures: dict[tuple[_Map, bool], Texture] = {}
         self._fields: dict[str, dict[str, str]] = {}
         for file in dict.fromkeys(file for name in names for file in self._separate(name)):
@@ -68,23 +67,26 @@ class MaterialFiles:
         fields = self._fields.get(name, {})
         alpha, colors = self._map("map_d", fields), self._map("map_kd", fields)
         dissolve = _numbers(fields.get("d"), 1) or [1.0 - one for one in _numbers(fields.get("tr"), 1)] or [1.0]
-        mask = _WHOLE
+        mask = OPAQUE
         if alpha is not None:
             mask = self._mask(alpha.file, colored=colors is not None and colors.file == alpha.file)
         wrap: Wrap = "repeat" if alpha is None else alpha.wrap
-        cutout = replace(mask, factor=min(max(dissolve[0], 0.0), 1.0), cutoff=BLEND_CUTOFF, wrap=(wrap, wrap))
-        opaque = cutout.is_whole()
+        factor = min(max(dissolve[0], 0.0), 1.0)
+        key = id(mask), factor, wrap
+        if key not in self._cutouts:
+            self._cutouts[key] = cut_out(mask, factor, BLEND_CUTOFF, wrap=(wrap, wrap))
+        cutout = self._cutouts[key]
+        opaque = cutout.share == 1.0
         if not opaque:
             self._cut.add(name)
-        if cutout.is_clear():
+        if cutout.share == 0.0:
             return None
         color = _numbers(fields.get("kd"), 3)
         texture = None if colors is None else self._texture(colors, opaque)
         if texture is not None:
             color = color if any(color) else list(WHITE)  # black where exporters mean: see the texture
         look = Look(vec3(np.clip(color or GREY, 0.0, 1.0)), None if opaque else cutout, texture)
-        key = look.color, None if opaque else (id(mask), cutout.factor, wrap), id(texture)
-        return self._looks.setdefault(key, look)
+        return self._looks.setdefault((look.color, id(look.cutout), id(texture)), look)
 
     def _map(self, key: str, fields: dict[str, str]) -> _Map | None:
         """An image of a material."""
@@ -109,18 +111,18 @@ class MaterialFiles:
         where, wrap = f"{self._where}: map_Kd {colors.file!r:.60}", (colors.wrap, colors.wrap)
         return self._textures.setdefault((colors, opaque), Texture(content, where, wrap, opaque))
 
-    def _mask(self, file: str, colored: bool) -> Cutout:
-        """A cut-out by an image, made once; opaque, with a note, if not read. colored: whether it is map_Kd."""
+    def _mask(self, file: str, colored: bool) -> Alphas:
+        """Alphas of an image, read once; opaque, with a note, if not read. colored: whether it is map_Kd."""
         if (file, colored) not in self._masks:
-            mask = _WHOLE
+            mask = OPAQUE
             if (content := self._read("map_d", file)) is not None:
                 try:
                     image = read_image(content, f"{self._where}: map_d {file!r:.60}")
-                    total = sum(each.alpha.size for each in self._masks.values()) + image.size // 4
+                    total = sum(each.size for each in self._masks.values()) + image.size // 4
                     if total > MOST_MASKED:
                         found = f"{total} texels of masks by now; a file may have {MOST_MASKED}"
                         raise InputError(f"{self._where}: map_d {file!r:.60}: {found}")
-                    mask = Cutout(np.ascontiguousarray(image[..., 3]) if colored else mask_of(image))
+                    mask = np.ascontiguousarray(image[..., 3]) if colored else mask_of(image)
                 except InputError as error:
                     self._lines[f"{error}: left out"] = None
             self._masks[file, colored] = mask

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field, create_model
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.cutouts import Cutout
+from shadowbench.scenes.cutouts import Cutout, cut_out
 from shadowbench.scenes.model import Mesh
 from shadowbench.scenes.triangles import Faces, Triangles, welded, without_zero_area
 from shadowbench.scenes.vectors import Floats
@@ -134,12 +134,13 @@ _FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 
 
 class Cards(NamedTuple):
-    """Squares of two triangles, cut out. vertices: (4 N, 3); faces: (2 N, 3); coordinates: (2 N, 3, 2)."""
+    """Squares of two triangles, cut out. vertices: (4 N, 3); faces: (2 N, 3); coordinates, places: (2 N, 3, 2)."""
 
     vertices: Floats
     faces: Faces
     cutout: Cutout
     coordinates: NDArray[np.float32]
+    places: NDArray[np.float32]
 
 
 def foliage(
@@ -166,9 +167,11 @@ def foliage(
     half = size / 2
     corners = [middle + half * (x * across + y * up) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     faces = (4 * np.arange(count, dtype=np.int32)[:, None, None] + _FACES).reshape(-1, 3)
-    places = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=np.float32)  # v downwards
-    cutout = Cutout(twig(texels), nearest=nearest, wrap=("clamp", "clamp"))
-    return Cards(np.stack(corners, axis=1).reshape(-1, 3), faces, cutout, np.tile(places[_FACES], (count, 1, 1)))
+    corners_of = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=np.float32)  # v downwards
+    coordinates = np.tile(corners_of[_FACES], (count, 1, 1))
+    cutout = cut_out(twig(texels), nearest=nearest, wrap=("clamp", "clamp"))
+    vertices = np.stack(corners, axis=1).reshape(-1, 3)
+    return Cards(vertices, faces, cutout, coordinates, cutout.places(coordinates))
 
 
 @cache

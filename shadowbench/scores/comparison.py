@@ -1,15 +1,27 @@
-"""A mask and its truth, with intermediate results shared by several metrics."""
+"""The truth of a view, and a mask of the same view, with the quantities that several metrics share."""
 
+import math
+from collections.abc import Callable, Mapping
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shadowbench.scores.masks import ThresholdedMask, squared_distance
-from shadowbench.scores.penumbrae import FEWEST
-from shadowbench.scores.prepared import PreparedTruth
-from shadowbench.scores.sums import mean
+from shadowbench.scores.masks import Mask, Single, ThresholdedMask, quantise, squared_distance
+from shadowbench.scores.penumbrae import FEWEST, Crossings, Isolines, crossings, smooth_gradient
 
+INTERIOR_PX = 4.0  # distance from the edge beyond which errors count as acne or leak
+EDGE_ZONE_PX = 8.0
+BOUNDARY_WIDTH = 0.02  # share of the image's diagonal (Cheng et al. 2021)
+CONTACT_DISTANCE = 0.02  # share of the scene's diagonal
+PENUMBRA = (0.02, 0.98)  # visibility in a penumbra, exclusive
+PENUMBRA_MARGIN_PX = 2
+UMBRA, FULL_LIGHT = 0.01, 0.99  # visibility below which a pixel is in the umbra, above which in full light
+RESOLVED_STEP = 2.0  # standard errors above which a step of the truth is one
+SMOOTH = ("shading_cosine", "facet_shadow")
+KERNEL_PX = 8  # how far a filter may reach into umbra and full light
+_BAND = 16 * 8192  # pixels; NumPy adds up float32 values in float64 by 8192
 # The window, constants and border of scikit-image's `structural_similarity(gaussian_weights=True, sigma=1.5,
 # use_sample_covariance=False, data_range=1)`, to which SSIM is equal if every pixel is valid.
 RADIUS = 5  # int(3.5 sigma + ½)
@@ -18,6 +30,180 @@ INSIDE = (slice(RADIUS, -RADIUS), slice(RADIUS, -RADIUS))
 """Pixels whose window lies inside the image; only these have a SSIM."""
 _gaussian = np.exp(-0.5 * (np.arange(-RADIUS, RADIUS + 1) / 1.5) ** 2)
 WEIGHTS = tuple(map(float, _gaussian / _gaussian.sum()))
+
+
+class PreparedTruth(ThresholdedMask):
+    """The truth of one view, prepared for metrics. Only `valid` pixels, decided receivers, are in any of the sets.
+
+    Derived arrays are computed on first use and kept, about 30 MB at 1024², 45 MB if there is a penumbra.
+    """
+
+    def __init__(self, arrays: Mapping[str, Any], positions: Callable[[], NDArray[np.float64]] | None = None) -> None:
+        """The truth of (H, W) arrays by name; others than these are ignored.
+
+        visibility, standard_error, receivers, undecided, area, blocker, cosine, diagonal, and where there are smooth
+        surfaces shading_cosine and facet_shadow: as of a `Truth`. positions:
+        returns (H, W, 3) points of the surfaces in metres, finite everywhere; called once, for a truth with penumbrae;
+        None if unknown, so that no width of a penumbra is. Visibility and area are quantised, so that a stored mask of
+        the truth has no error. Raises ValueError for arrays of different shapes and values out of range.
+        """
+        self.undecided: Mask = np.asarray(arrays["undecided"], np.bool_)
+        super().__init__(arrays["visibility"], np.asarray(arrays["receivers"], np.bool_) & ~self.undecided)
+        self.area: Single = quantise(arrays["area"])
+        self.blocker, self.cosine, self.standard_error = (
+            np.asarray(arrays[name], np.float32) for name in ("blocker", "cosine", "standard_error")
+        )
+        self.diagonal = float(arrays["diagonal"])
+        self._positions = positions
+        none = dict.fromkeys(SMOOTH, np.zeros(self.shape))
+        smooth = arrays if "facet_shadow" in arrays else none
+        self.shading_cosine: Single = np.ascontiguousarray(smooth["shading_cosine"], np.float32)
+        self.facet_shadow: Mask = np.asarray(smooth["facet_shadow"], np.bool_) & ~self.undecided
+        for name in (*("area", "blocker", "cosine", "standard_error", "undecided", "valid"), *SMOOTH):
+            found = getattr(self, name).shape
+            if found != self.shape:
+                raise ValueError(f"{name} has shape {found}, visibility {self.shape}; allowed: the same")
+
+    @property
+    def image_diagonal(self) -> float:
+        """Diagonal in pixels; the edge distance of a mask without an edge if the truth has one."""
+        return math.hypot(*self.shape)
+
+    @cached_property
+    def pixels(self) -> int:
+        """Number of valid pixels."""
+        return int(np.count_nonzero(self.valid))
+
+    @cached_property
+    def boundary_width(self) -> int:
+        """Width in pixels, as in Cheng et al.'s code: 2% of the image's diagonal, rounded, at least 1."""
+        return max(1, round(BOUNDARY_WIDTH * self.image_diagonal))
+
+    @cached_property
+    def squared_edge_distance(self) -> NDArray[np.int32]:
+        """Squared distance to `edge` in pixels; NOWHERE if there is no edge."""
+        return squared_distance(self.edge)
+
+    @cached_property
+    def boundary(self) -> Mask:
+        """Strip of shadow, `boundary_width` pixels wide, along the inside of its edge."""
+        return self.shadow & (self.squared_edge_distance < self.boundary_width**2)
+
+    @cached_property
+    def edge_zone(self) -> Mask:
+        """Valid pixels whose centre is within 8 px of the border between shadow and light."""
+        # `edge` lies on the shadow's side of the border, half a pixel from it.
+        in_shadow = (EDGE_ZONE_PX - 0.5) ** 2
+        in_light = (EDGE_ZONE_PX + 0.5) ** 2
+        near_shadow = self.shadow & (self.squared_edge_distance <= in_shadow)
+        return near_shadow | (self.lit & (self.squared_edge_distance <= in_light))
+
+    @cached_property
+    def lit_interior(self) -> Mask:
+        """Lit pixels at least 4 px from shadow and from undecided pixels: darkness here is acne."""
+        return self.lit & (squared_distance(self.shadow | self.undecided) >= INTERIOR_PX**2)
+
+    @cached_property
+    def shadow_interior(self) -> Mask:
+        """Shadowed pixels at least 4 px from light and from undecided pixels: light here has leaked."""
+        return self.shadow & (squared_distance(self.lit | self.undecided) >= INTERIOR_PX**2)
+
+    @cached_property
+    def contact(self) -> Mask:
+        """Shadowed pixels whose occluder is closer than 2% of the scene's diagonal."""
+        return self.shadow & (self.blocker < CONTACT_DISTANCE * self.diagonal)
+
+    @cached_property
+    def smooth_light(self) -> float:
+        """Sum of N·L by smooth normals over the pixels that are lit, or that only the surface's own facets shadow."""
+        return total(self.shading_cosine, self.lit | self.facet_shadow)
+
+    @cached_property
+    def cosine_sum(self) -> float:
+        """Sum of N·L over valid pixels."""
+        return total(self.cosine, self.valid)
+
+    @cached_property
+    def penumbra(self) -> Mask:
+        """Valid pixels within 2 px, along rows and columns, of one whose visibility is between 0.02 and 0.98."""
+        inside = self.valid & (self.visibility > PENUMBRA[0]) & (self.visibility < PENUMBRA[1])
+        return self.valid & _spread(inside, PENUMBRA_MARGIN_PX)
+
+    @cached_property
+    def soft(self) -> bool:
+        """Whether there is a penumbra."""
+        return bool(self.penumbra.any())
+
+    @cached_property
+    def umbra(self) -> Mask:
+        """Valid pixels darker than 0.01, at least 8 px along rows and columns from lighter and undecided ones."""
+        lighter = self.valid & (self.visibility >= UMBRA)
+        return self.valid & ~_spread(lighter | self.undecided, KERNEL_PX)
+
+    @cached_property
+    def full_light(self) -> Mask:
+        """Valid pixels lighter than 0.99, at least 8 px along rows and columns from darker and undecided ones."""
+        darker = self.valid & (self.visibility <= FULL_LIGHT)
+        return self.valid & ~_spread(darker | self.undecided, KERNEL_PX)
+
+    @cached_property
+    def variance(self) -> Single:
+        """Squared standard error of the visibility; 0 where it is 0 or 1.
+
+        All points of the light agree there, and the error bar is 1/N, a bound: errors are several times smaller.
+        """
+        return np.where((self.visibility > 0) & (self.visibility < 1), self.standard_error**2, 0)
+
+    @cached_property
+    def mean_variance(self) -> float:
+        """Mean `variance` over valid pixels; 0 if there are none."""
+        return mean(self.variance, self.valid) or 0.0
+
+    @cached_property
+    def mean_variance_pen(self) -> float:
+        """Mean `variance` over the penumbra; 0 if there is none."""
+        return mean(self.variance, self.penumbra) or 0.0
+
+    @cached_property
+    def step_squared(self) -> Single:
+        """Squared change of visibility from pixel to pixel."""
+        from shadowbench.scores import loops
+
+        squared: Single = loops.step_squared(self.visibility, self.valid)
+        return squared
+
+    @cached_property
+    def resolved(self) -> Mask:
+        """Pixels at which visibility changes by more than its error."""
+        resolved: Mask = self.step_squared > RESOLVED_STEP**2 * self.standard_error**2
+        return resolved
+
+    @cached_property
+    def _gradient(self) -> Single:
+        return smooth_gradient(self.visibility, self.valid)
+
+    @cached_property
+    def isolines(self) -> Isolines:
+        """Segments of isolines through the penumbra."""
+        return Isolines.of(self._gradient, self.penumbra)
+
+    @cached_property
+    def crossings(self) -> Crossings | None:
+        """Lines across the penumbrae; None without a penumbra or positions."""
+        if not self.soft or self._positions is None:
+            return None
+        positions = self._positions()
+        return crossings(self.visibility, self.standard_error, self.valid, self.edge, self._gradient, positions)
+
+
+def _spread(pixels: Mask, reach: int) -> Mask:
+    """(H, W) bool: pixels within `reach` of others along rows and columns, in a square."""
+    if not pixels.any():
+        return pixels
+    from shadowbench.scores import loops
+
+    spread: Mask = loops.greatest(pixels.view(np.uint8), reach).view(bool)
+    return spread
 
 
 class Comparison(ThresholdedMask):
@@ -97,3 +283,47 @@ class Comparison(ThresholdedMask):
         """Slope and relative intercept of the mask's widths over the truth's (see `Crossings.hardening`)."""
         across, widths = self.truth.crossings, self.penumbra_widths
         return None if across is None or widths is None else across.hardening(widths)
+
+
+def overlap(mask: Mask, truth: Mask) -> float | None:
+    """Intersection over union of two sets; None if both are empty."""
+    return ratio(int(np.count_nonzero(mask & truth)), int(np.count_nonzero(mask | truth)))
+
+
+def share(wrong: Mask, region: Mask) -> float | None:
+    """Share of a region that is `wrong`; None if it is empty."""
+    return ratio(int(np.count_nonzero(wrong & region)), int(np.count_nonzero(region)))
+
+
+def mean_of(function: Callable[..., Single], where: Mask, *images: Single) -> float | None:
+    """Mean of a function of images over a set of pixels; None if it is empty."""
+    return ratio(total_of(function, where, *images), int(np.count_nonzero(where)))
+
+
+def total_of(function: Callable[..., Single], where: Mask, *images: Single) -> float:
+    """Sum of a function of contiguous images over a set of pixels: NumPy's over the whole image, to the last bit.
+
+    In bands, which stay in the processor's cache.
+    """
+    flat, counted, sum_ = [image.ravel() for image in images], where.ravel(), 0.0
+    for first in range(0, where.size, _BAND):
+        band = slice(first, first + _BAND)
+        values = function(*(image[band] for image in flat))
+        sum_ = values.sum(where=counted[band], dtype=np.float64, initial=sum_)
+    return float(sum_)
+
+
+def mean(values: Single, where: Mask) -> float | None:
+    """Mean over a set of pixels; None if it is empty."""
+    return ratio(total(values, where), int(np.count_nonzero(where)))
+
+
+def total(values: Single, where: Mask) -> float:
+    """Sum over a set of pixels."""
+    # In float64: the last digits of a float32 sum depend on its order, and so on the processor.
+    return float(values.sum(where=where, dtype=np.float64))
+
+
+def ratio(part: float, whole: float) -> float | None:
+    """A quotient; None for a denominator of 0."""
+    return float(part / whole) if whole > 0 else None

@@ -14,6 +14,10 @@ from PIL import Image, ImageFile
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 
+Single = NDArray[np.float32]
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
 LEVELS = 65535
 OVERSHOOT = 1e-6  # rounding in a shader may exceed [0, 1] by this much; more is an error
 

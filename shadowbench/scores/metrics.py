@@ -1,27 +1,126 @@
-"""The metrics, and all of them at once.
+"""The table of metrics, all of them at once, and what is wrong with a shadow by their values.
 
 A metric is a function of a Comparison that returns a number, or None if its denominator is 0. Its docstring is its help
 in `list` and in the documentation. The truth of a soft shadow is sampled: its mean variance is taken off.
 """
 
+import inspect
 import math
-from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from shadowbench.errors import MetricError, message, quoted
-from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.metric import METRICS as METRICS
-from shadowbench.scores.metric import Metric, metric
-from shadowbench.scores.prepared import PENUMBRA, PreparedTruth
-from shadowbench.scores.sums import Mask, Single, mean, mean_of, overlap, ratio, share, total_of
+from shadowbench.scores.comparison import (
+    PENUMBRA,
+    Comparison,
+    PreparedTruth,
+    mean,
+    mean_of,
+    overlap,
+    ratio,
+    share,
+    total_of,
+)
+from shadowbench.scores.masks import Mask, Single
+
+Function = Callable[[Comparison], float | None]
+Better = Literal["higher", "lower", "near 0", "near 1"]
+Kind = Literal["hard", "soft", "both"]
 
 FLAT_STEP = 0.1  # share of the truth's step, and of the mask's own nearby, below which a mask is flat
 KINDS_OF_ERROR = ("acne", "leak", "contact")
 LEADING = 0.01  # least share of its region of a kind of error that is named first
 NEARBY_PX = 8  # along rows and columns, how far a flat step may be from the edge to the next
+LEAST = 0.01  # visibility: smaller mean errors are not named
+WIDTH_FACTOR = 1.25  # between drawn and true penumbrae
+SLOPE = 0.25  # distance of `hardening` from 1
+NOISY = 0.5  # share of `rmse_pen`: a hard edge has noise too, and its error is another
+BANDED = 0.1  # share of the penumbra
+_NAMES = ("rmse_pen", "bias_pen", "bleed", "false_dark", "noise", "banding", "width")
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A row of the table of metrics.
+
+    kind: the shadows it suits, hard-edged, soft or both; tolerance: change against a baseline that is not reported;
+    resolution: field of a row with the truth's own error, below which a value means nothing, None if there is none;
+    label: its name in sentences and headings; targets: the values that reports ask for, from easy to hard.
+    """
+
+    name: str
+    function: Function
+    better: Better
+    kind: Kind
+    help: str
+    tolerance: float = 0.001
+    resolution: Literal["truth_error", "truth_error_pen"] | None = None
+    label: str = ""
+    targets: tuple[float, ...] = ()
+
+    @property
+    def error_label(self) -> str:
+        """Heading of its error, such as `1 − IoU`."""
+        return f"1 − {self.label}" if self.better == "higher" else self.label
+
+    def suits(self, soft: bool) -> bool:
+        """Whether it is shown of hard shadows, or of soft ones: of those, what recommendations may ask for too."""
+        return not soft or self.kind != "hard" or bool(self.targets)
+
+    def error(self, value: float) -> float:
+        """The error of a value: 1 − x of a similarity, else the value."""
+        return 1 - value if self.better == "higher" else value
+
+    def meets(self, value: float, limit: float) -> bool:
+        """Whether a value is as good as a limit."""
+        return value >= limit if self.better == "higher" else value <= limit
+
+    def text(self, value: float | None, digits: Callable[[float], str], fields: Mapping[str, Any]) -> str:
+        """Text of a value, – for None; `<0.0012` for one below the truth's own error, one of the fields of its row."""
+        least = None if self.resolution is None else fields.get(self.resolution)
+        if value is None:
+            return "–"
+        return f"<{digits(least)}" if least is not None and value < least else digits(value)
+
+    def digits_beside(self, limit: float, digits: Callable[[float], str]) -> Callable[[float], str]:
+        """Formats a value by `digits`, or longer where that rounds it across a limit, or to a similarity of 1."""
+
+        def side(value: float) -> tuple[bool, bool]:
+            return self.meets(value, limit), self.better == "higher" and value == 1
+
+        def text(value: float) -> str:
+            longer = (f"{value:.{places}g}" for places in range(4, 18))
+            return next(one for one in (digits(value), *longer) if side(float(one)) == side(value))
+
+        return text
+
+    def worse(self, before: float, after: float) -> float:
+        """By how much a value has become worse; below 0 if it has become better."""
+        if self.better == "higher":
+            return before - after
+        if self.better == "lower":
+            return after - before
+        ideal = 0.0 if self.better == "near 0" else 1.0
+        return abs(after - ideal) - abs(before - ideal)
+
+
+METRICS: dict[str, Metric] = {}
+"""All metrics by name, in the order of the columns."""
+
+
+def metric(better: Better, kind: Kind, **given: Any) -> Callable[[Function], Function]:
+    """Decorator: add a function to METRICS, with its docstring as help; given: further fields of `Metric`."""
+
+    def add(function: Function) -> Function:
+        name, help = function.__name__, " ".join((inspect.getdoc(function) or "").split())
+        METRICS[name] = Metric(name, function, better, kind, help, **given)
+        return function
+
+    return add
 
 
 @metric("higher", "hard", label="IoU", targets=(0.95, 0.99, 0.999))
@@ -310,3 +409,56 @@ def leading_error(metrics: Mapping[str, Any], among: Collection[str] = KINDS_OF_
     kinds = () if is_soft(metrics) else [name for name in KINDS_OF_ERROR if name in among]
     shares = {name: share for name in kinds if (share := metrics.get(name) or 0.0) >= LEADING}
     return max(shares, key=lambda name: shares[name], default=None)
+
+
+class SoftFault(NamedTuple):
+    """A fault: its name, the set of a PreparedTruth's pixels that it is about, a line of text, and its mean error.
+
+    error: of visibility over the region, by which faults are ordered; infinite for a cause of errors, as a wrong width.
+    """
+
+    name: str
+    region: str
+    line: str
+    error: float = math.inf
+
+
+def soft_faults(metrics: Mapping[str, float | None], wider: float | None = None) -> list[SoftFault]:
+    """Faults of a soft shadow that stand out, causes first, then the largest error first.
+
+    metrics: values of `score`, of a truth with a penumbra; wider: median log₂ of the drawn over the true width of
+    penumbrae, None if unknown.
+    """
+    rmse, bias, bleed, dark, noise, banding, width = (metrics.get(name) or 0.0 for name in _NAMES)
+    hardening = metrics.get("hardening")
+    found = []
+    if width >= math.log2(WIDTH_FACTOR):
+        found.append(_wrong_width(width, wider))
+    if hardening is not None and abs(hardening - 1) >= SLOPE:
+        line = f"drawn penumbrae widen {hardening:.2g} times as much as true ones (hardening)"
+        found.append(SoftFault("contact hardening", "penumbra", line))
+    if abs(bias) >= LEAST:
+        line = f"by {abs(bias):.2g} on average, where 1 is full light (bias_pen)"
+        found.append(SoftFault(f"penumbra too {'light' if bias > 0 else 'dark'}", "penumbra", line, abs(bias)))
+    if bleed >= LEAST:
+        line = f"the umbra's mean visibility is {bleed:.2g}, not 0 (bleed)"
+        found.append(SoftFault("light bleeding", "umbra", line, bleed))
+    if dark >= LEAST:
+        line = f"full light is too dark by {dark:.2g} on average (false_dark)"
+        found.append(SoftFault("false shadow", "full_light", line, dark))
+    if noise >= max(LEAST, NOISY * rmse):
+        line = f"the error varies by {noise:.2g} where visibility should be equal (noise)"
+        found.append(SoftFault("noise", "penumbra", line, noise))
+    if banding >= BANDED:
+        line = f"{banding:.0%} of the penumbra is flat steps of grey (banding)"
+        found.append(SoftFault("banding", "penumbra", line, LEAST))
+    return sorted(found, key=lambda fault: -fault.error)
+
+
+def _wrong_width(width: float, wider: float | None) -> SoftFault:
+    """The fault of the metric `width`, which is unsigned."""
+    if wider is None or abs(wider) < width / 2:
+        line = f"half of those drawn are at least {2**width:.2g} times too wide or too narrow (width)"
+        return SoftFault("penumbra width", "penumbra", line)
+    way = "wide" if wider > 0 else "narrow"
+    return SoftFault(f"penumbra too {way}", "penumbra", f"{2**width:.2g} times too {way} (median; width)")

@@ -11,8 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scores.masks import LEVELS
-from shadowbench.scores.sums import Floats, Mask, Single
+from shadowbench.scores.masks import LEVELS, Floats, Mask, Single
 
 Indices = NDArray[np.intp]
 FloatType = TypeVar("FloatType", bound=np.floating)

@@ -53,8 +53,9 @@ class TracePass:
             number = np.zeros(len(tree.order), dtype=np.float32)
             number[cut.faces] = 1 + np.arange(len(cut.faces))
             corners[:, 0, 3] = number[tree.order]
-            places = np.dstack([cut.coordinates, cut.alpha, np.broadcast_to(cut.number[:, None], cut.alpha.shape)])
-            self._textures = {**stage.cutouts, "tree_cutouts": (_texture(stage, places.astype("f4"), "f4"), Sampling())}
+            places = np.zeros((len(cut.faces), 3, 4), dtype=np.float32)
+            places[:, :, :2], places[:, :, 2] = cut.places, cut.number[:, None]
+            self._textures = {**stage.cutouts, "tree_cutouts": (_texture(stage, places, "f4"), Sampling())}
         self._textures |= {
             "tree_nodes": (_texture(stage, tree.words[:, np.newaxis], "u4"), Sampling()),
             "tree_triangles": (_texture(stage, corners, "f4"), Sampling()),

@@ -1,24 +1,34 @@
 """Visibility of a light without a size: one shadow ray per sample, and tests of what that ray cannot decide.
 
 A pixel is undecided if its visibility changes within the rasteriser's subpixel grid or with the shadow ray's offset δ.
-For N·L below LOW_LIGHT, casters lower than δ, which the ray misses, are found by tests from the surface (`near`). Above
-it, a receiver counts as lit even if a caster lower than δ/4 above its plane, at most 2.5 δ along L, blocks it.
+
+A shadow ray that starts δ above the surface skips a segment of length δ/(N·L), which is long for grazing light; in
+float32 Embree cannot start lower. For N·L below LOW_LIGHT that segment is tested in float64, against triangles found in
+the tree. Above it, a receiver counts as lit even if a caster lower than δ/4 above its plane, at most 2.5 δ along L,
+blocks it.
 """
 
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from threading import Lock
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.compiled import compiled
+from shadowbench.geometry.tree import LEAF, Tree, build_tree
+from shadowbench.scenes.triangles import Geometry, facet_normals
+from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.embree import over_slices, rows_a_slice
+from shadowbench.truths.packets import CutoutArrays, cutout_arrays, is_opaque_at
 from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ShadowRays, ViewRays
-
-if TYPE_CHECKING:
-    from shadowbench.truths.near import NearCasters
 
 LAMP_MARGIN = 1e-3  # share of δ: a caster this close to a lamp may be before or behind it
 NO_RECEIVER, SHADOWED, LIT = range(3)
+AT_SURFACE = 1e-9  # local length along L below which a hit is rounding, on a triangle in the receiver's own plane
+FLAT = 1e-14  # local height above the receiver's plane below which a triangle counts as lying in it
+COVERING = 2.0**-22  # local distance within which float32 may confuse two surfaces on top of each other
+LEAST = 1e-30  # of a direction's part along an axis, which is divided by
 
 
 def hard_shadows(
@@ -41,7 +51,7 @@ def _decide(
     directions = rays.directions(rows)
     centres = rays.receivers(directions, triangle)
     shadow_rays = rays.shadow_rays(centres, delta)
-    blocked, left_open = rays.occlusion(shadow_rays)
+    blocked = rays.occluded(shadow_rays)
 
     steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
     samples = [
@@ -51,7 +61,7 @@ def _decide(
     blocker = np.full(len(triangle), np.inf)
     blocker[centres.rays[blocked]] = rays.blockers(centres.select(blocked), delta)
     undecided = np.zeros(len(triangle), dtype=bool)
-    undecided[centres.rays] = left_open | _depends_on_offset(rays, centres, shadow_rays, blocked, delta)
+    undecided[centres.rays] = _depends_on_offset(rays, centres, shadow_rays, blocked, delta)
 
     low = [centres.select(_in_low_light(centres)), *(receivers for _, receivers in samples)]
     sample = np.repeat(np.arange(len(low)), [len(receivers.rays) for receivers in low])
@@ -124,3 +134,158 @@ def _classify(receivers: Receivers, blocked: Mask, count: int) -> NDArray[np.uin
     code = np.full(count, NO_RECEIVER, dtype=np.uint8)
     code[receivers.rays] = np.where(blocked, np.uint8(SHADOWED), np.uint8(LIT))
     return code
+
+
+class NearCasters:
+    """The casters of a scene in local coordinates, in a tree."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        self._geometry, self._building = geometry, Lock()
+        self._search: tuple[Tree, CutoutArrays] | None = None
+
+    def nearest_blockers(self, receivers: Receivers, height: float, eye: Floats) -> tuple[Floats, Mask]:
+        """(N,) distance along L to the nearest caster within `height` above each receiver, inf if none; (N,) covered.
+
+        Nothing in a receiver's own plane blocks it. Covered are those whose only blocker lies on them so closely that,
+        from `eye` (3, 1), float32 may show the blocker instead.
+        """
+        count, geometry = len(receivers.triangle), self._geometry
+        distance, covered = np.full(count, np.inf), np.zeros(count, dtype=bool)
+        if not count:
+            return distance, covered
+        with self._building:  # by the first thread that needs it: few views have grazing light
+            if self._search is None:
+                tree = build_tree(geometry.vertices, geometry.caster_faces)
+                self._search = tree, cutout_arrays(geometry.cutouts, geometry.count)
+            tree, cut = self._search
+        casters = geometry.vertices, geometry.faces, np.flatnonzero(geometry.casts)[tree.order]
+        length = np.minimum(height / receivers.cosine, receivers.distance)
+        vectors = (receivers.point, np.broadcast_to(receivers.to_light, (3, count)), eye[:, 0])
+        points, to_light, start = map(np.ascontiguousarray, vectors)  # of one type, for which it is compiled
+        corners = geometry.corners(receivers.triangle)
+        own = receivers.triangle, facet_normals(corners), np.ascontiguousarray(corners[:, 0])
+        segments = points, to_light, length, *own, start
+        _find_nearest(tree.words, tree.low, tree.step, *casters, cut, *segments, distance, covered)
+        return distance, covered & np.isinf(distance)
+
+
+@compiled(error_model="numpy")
+def _find_nearest(  # type: ignore[no-untyped-def]
+    words, low, step, vertices, faces, casters, cut, points, to_light, length, own, own_normals, own_corners, eye,
+    distance, covered,
+):  # fmt: skip
+    """Fill the distance of each segment's nearest hit, and whether one covers it, by a walk of the tree."""
+    point, way, inverse, normal = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    corners, through, sides = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for i in range(len(length)):
+        for k in range(3):
+            point[k], way[k] = points[k, i], to_light[k, i]
+            inverse[k] = inverse_of(way[k])
+        node = np.int64(0)
+        while True:
+            node, first, count = next_leaf(words, node, low, step, point, inverse, length[i])
+            if count == 0:
+                break
+            for caster in casters[first : first + count]:
+                if caster == own[i]:
+                    continue
+                face = faces[caster]
+                t = hit(vertices, face, point, way, corners, through, sides)
+                if not AT_SURFACE < t < length[i]:
+                    continue
+                if not is_opaque_at(cut, caster, sides):
+                    continue
+                if _rises(vertices, face, own_normals[i], way, own_corners[i]):
+                    cross(vertices[face[1]] - vertices[face[0]], vertices[face[2]] - vertices[face[0]], normal)
+                    size = np.sqrt(dot(normal, normal))
+                    if _covers(through, point - eye, normal / size if size > 0.0 else normal, corners[0]):
+                        covered[i] = True
+                    else:
+                        distance[i] = min(distance[i], t)
+
+
+@compiled()
+def _covers(through, seen, normal, corner):  # type: ignore[no-untyped-def]
+    """Whether a triangle also meets the camera's ray to the point, `seen` from the eye, and lies on the point."""
+    sides = np.empty(3)
+    for j in range(3):
+        sides[j] = dot(through[j], seen)
+    return same_sign(sides) and abs(dot(normal, corner)) < COVERING
+
+
+@compiled()
+def _rises(vertices, face, normal, way, base):  # type: ignore[no-untyped-def]
+    """Whether a triangle rises above the plane through `base`, on the side that L points to."""
+    up = np.sign(dot(normal, way))
+    height = -np.inf
+    for j in range(3):
+        height = max(height, up * dot(normal, vertices[face[j]] - base))
+    return height > FLAT
+
+
+@compiled()
+def inverse_of(part):  # type: ignore[no-untyped-def]
+    """The inverse of a direction's part along an axis, finite also for 0."""
+    return 1.0 / part if abs(part) > LEAST else 1.0 / LEAST
+
+
+@compiled(error_model="numpy")
+def hit(vertices, face, point, way, corners, through, sides):  # type: ignore[no-untyped-def]
+    """How far along a line from a point a triangle is met, −1 if it is not.
+
+    Fills its corners as seen from the point, the planes through the point and its edges, and the line's side of them.
+    """
+    for j in range(3):
+        for k in range(3):
+            corners[j, k] = vertices[face[j], k] - point[k]
+    for j in range(3):
+        cross(corners[j - 2], corners[j - 1], through[j])
+        sides[j] = dot(through[j], way)
+    t = dot(corners[0], through[0]) / (sides[0] + sides[1] + sides[2])
+    return t if same_sign(sides) else -1.0
+
+
+@compiled()
+def reaches(word, low, step, point, inverse, length):  # type: ignore[no-untyped-def]
+    """Whether a segment meets a node's box, widened by a step, since boxes are of rounded vertices."""
+    enter, leave = 0.0, length
+    for k in range(3):
+        lowest = low[k] + (np.float64(word[k] & 0xFFFF) - 1.0) * step[k] - point[k]
+        highest = low[k] + (np.float64(word[k] >> 16) + 1.0) * step[k] - point[k]
+        enter = max(enter, min(lowest * inverse[k], highest * inverse[k]))
+        leave = min(leave, max(lowest * inverse[k], highest * inverse[k]))
+    return enter <= leave
+
+
+@compiled()
+def next_leaf(words, node, low, step, point, inverse, length):  # type: ignore[no-untyped-def]
+    """Walks a tree's nodes from one on to the next leaf whose box a segment meets.
+
+    Returns the node after that leaf, the first of its triangles in the tree's order, and their number, 0 at the end.
+    """
+    while node < len(words):
+        link = np.int64(words[node, 3])
+        reached = reaches(words[node], low, step, point, inverse, length)
+        node = node + 1 if reached or link >= LEAF else link
+        if reached and link >= LEAF:
+            return node, (link - LEAF) >> 3, link & 7
+    return node, np.int64(0), np.int64(0)
+
+
+@compiled()
+def cross(a, b, result):  # type: ignore[no-untyped-def]
+    """Fill the cross product of two vectors."""
+    for k in range(3):
+        result[k] = a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2]
+
+
+@compiled()
+def dot(a, b):  # type: ignore[no-untyped-def]
+    """The dot product of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled()
+def same_sign(sides):  # type: ignore[no-untyped-def]
+    """Whether the three signed volumes of a line and a triangle's edges agree in sign: the line hits it."""
+    return min(sides[0], sides[1], sides[2]) >= 0 or max(sides[0], sides[1], sides[2]) <= 0

@@ -9,18 +9,18 @@ import os
 import weakref
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from llvmlite import binding
-from numba import types
+from numba import carray, types  # type: ignore[attr-defined]
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from shadowbench.compiled import DISABLED, compiled
+from shadowbench.compiled import cached_if_possible, compiled
 from shadowbench.errors import InputError
-from shadowbench.truths.cutout_filter import FLAGS, addresses_of, filter_address
-from shadowbench.truths.cutouts import NO_CUTOUTS, CutoutArrays
+from shadowbench.scenes.cutouts import CutoutFaces
 
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
 INSTRUCTION_SETS = ("sse2", "sse4.2", "avx", "avx2", "avx512")
@@ -45,13 +45,12 @@ _occluded16, _occluded8, _occluded4, _intersect16, _intersect8, _intersect4 = (
 
 
 @cache
-def load_library() -> ctypes.CDLL | None:
-    """The Embree library of the installed embreex, its packet functions known to Numba; None if it cannot be loaded."""
-    found = importlib.util.find_spec("embreex")
-    if found is None or found.origin is None:
-        return None
+def load_library() -> ctypes.CDLL:
+    """The Embree library of the installed embreex, its packet functions known to Numba. Raises InputError without."""
+    package = importlib.util.find_spec("embreex")
+    origin = "" if package is None else package.origin or ""
     for folder in _LOCATIONS:
-        for file in sorted((Path(found.origin).parent / folder).glob("*embree4*")):
+        for file in sorted((Path(origin).parent / folder).glob("*embree4*")):
             try:
                 library = ctypes.CDLL(str(file))
                 functions = {name: getattr(library, name) for name in _SYMBOLS}
@@ -63,7 +62,7 @@ def load_library() -> ctypes.CDLL | None:
                 getattr(library, name).restype = ctypes.c_void_p
             library.rtcGetDeviceProperty.restype = ctypes.c_ssize_t
             return library
-    return None
+    raise InputError("embreex: its wheel holds no Embree 4 library that can be loaded here")
 
 
 class Device(NamedTuple):
@@ -90,26 +89,21 @@ def make_device(library: ctypes.CDLL, instructions: str = "") -> Device:
 
 
 @cache
-def default_device() -> Device | None:
-    """The device of this process, for the instruction set $SHADOWBENCH_ISA; None if the library cannot be loaded.
-
-    None too with NUMBA_DISABLE_JIT: only compiled code can call an `ExternalFunction`, which in Python does nothing.
-    """
-    library = None if DISABLED else load_library()
-    return None if library is None else make_device(library, os.environ.get("SHADOWBENCH_ISA", ""))
+def default_device() -> Device:
+    """The device of this process, for the instruction set $SHADOWBENCH_ISA."""
+    return make_device(load_library(), os.environ.get("SHADOWBENCH_ISA", ""))
 
 
 class PacketScene:
     """An Embree scene of one indexed triangle list, in robust mode.
 
-    vertices: (V, 3) float32; faces: (F, 3) int32; cut: which of them are cut out, and where. Rays, all float32 and
+    vertices: (V, 3) float32; faces: (F, 3) int32; cutouts: those that are cut out. Rays, all float32 and
     C-contiguous: origins (3, N), directions (3, N) or (3, 1), reach (N,) in multiples of the direction's length.
-    Flagged are rays that pass a cut-out so close to the edge of what is opaque that float32 cannot decide: of their
-    answers, only that a triangle lies within reach is certain. Raises MemoryError if Embree has not enough memory.
+    Raises MemoryError if Embree has not enough memory.
     """
 
     def __init__(
-        self, device: Device, vertices: Single, faces: NDArray[np.int32], cut: CutoutArrays = NO_CUTOUTS
+        self, device: Device, vertices: Single, faces: NDArray[np.int32], cutouts: CutoutFaces | None = None
     ) -> None:
         handle, library = ctypes.c_void_p, device.library
         scene = handle(library.rtcNewScene(device.handle))
@@ -119,11 +113,12 @@ class PacketScene:
         self._vertices[: len(vertices)] = vertices
         # Of the faces, which are those that are not cut out, then those that are.
         self._order, self._opaque = None, len(faces)
-        if len(cut.of):
-            self._order = np.argsort(cut.of >= 0, kind="stable").astype(np.int32)
-            self._opaque, faces = int(np.count_nonzero(cut.of < 0)), faces[self._order]
+        if cutouts is not None:
+            self._cut = cutout_arrays(cutouts, len(faces))
+            self._addresses = addresses_of(self._cut)
+            self._order = np.argsort(self._cut.of >= 0, kind="stable").astype(np.int32)
+            self._opaque, faces = len(faces) - len(cutouts.faces), faces[self._order]
         self._faces = np.ascontiguousarray(faces, dtype=np.int32)
-        self._kept = cut, addresses_of(cut)
         for number, part in enumerate((self._faces[: self._opaque], self._faces[self._opaque :])):
             if not len(part):
                 continue
@@ -135,7 +130,7 @@ class PacketScene:
                 shared = handle(array.ctypes.data), size(0), size(12), size(count)
                 library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, *shared)
             if number == _CUT_OUT:
-                library.rtcSetGeometryUserData(geometry, handle(self._kept[1].ctypes.data))
+                library.rtcSetGeometryUserData(geometry, handle(self._addresses.ctypes.data))
                 for query in ("Occluded", "Intersect"):
                     getattr(library, f"rtcSetGeometry{query}FilterFunction")(geometry, handle(filter_address()))
             library.rtcCommitGeometry(geometry)
@@ -147,36 +142,25 @@ class PacketScene:
             raise MemoryError(f"Embree cannot hold {len(faces)} triangles (error {error})")
         self._handle, self._width = scene.value or 0, device.width
 
-    def occluded(self, origins: Single, directions: Single, reach: Single) -> tuple[Flags, Flags]:
-        """(N,) whether any triangle lies within reach; (N,) which rays are flagged."""
-        blocked, flagged = np.empty(len(reach), dtype=np.bool_), self._no_flags(len(reach))
-        rays = origins, directions, reach, flagged.view(np.uint8)
-        _occluded(self._width, *_buffers(self._width), self._handle, *rays, blocked)
-        return blocked, flagged
+    def occluded(self, origins: Single, directions: Single, reach: Single) -> Flags:
+        """(N,) whether any triangle lies within reach."""
+        blocked = np.empty(len(reach), dtype=np.bool_)
+        _occluded(self._width, *_buffers(self._width), self._handle, origins, directions, reach, blocked)
+        return blocked
 
-    def intersect(self, origins: Single, directions: Single, reach: Single) -> tuple[NDArray[np.int32], Single, Flags]:
-        """(N,) index of the nearest triangle, −1 if none; its distance, `reach` if none; which rays are flagged."""
+    def intersect(self, origins: Single, directions: Single, reach: Single) -> tuple[NDArray[np.int32], Single]:
+        """(N,) index of the nearest triangle, −1 if none; its distance, `reach` if none."""
         triangle, distance = np.empty(len(reach), dtype=np.int32), np.empty(len(reach), dtype=np.float32)
-        flagged = self._no_flags(len(reach))
-        rays = origins, directions, reach, flagged.view(np.uint8)
+        rays = origins, directions, reach
         _intersect(self._width, *_buffers(self._width), self._handle, *rays, self._opaque, triangle, distance)
         if self._order is not None:
             triangle[triangle >= 0] = self._order[triangle[triangle >= 0]]
-        return triangle, distance, flagged
-
-    def _no_flags(self, count: int) -> Flags:
-        return np.zeros(0 if self._order is None else count, dtype=np.bool_)
+        return triangle, distance
 
 
-def _buffers(width: int) -> tuple[Words, Words, Words, Words]:
-    """Zeros for a packet: an RTCRayHit, lanes, arguments, and a context.
-
-    Embree writes an RTCRayHit back whole where it emulates the width. The context is an RTCRayQueryContext, in no
-    instance, then at FLAGS the address of the rays' flags.
-    """
-    context = _aligned(2 * FLAGS + 2)
-    context[: 2 * FLAGS] = 0xFFFFFFFF
-    return _aligned(LANE * width), _aligned(width), _aligned(16), context
+def _buffers(width: int) -> tuple[Words, Words, Words]:
+    """Zeros for a packet: an RTCRayHit, since Embree writes it back where it emulates the width; lanes; arguments."""
+    return _aligned(LANE * width), _aligned(width), _aligned(16)
 
 
 def _aligned(words: int) -> Words:
@@ -187,13 +171,10 @@ def _aligned(words: int) -> Words:
 
 
 @numba.njit(inline="always")
-def _prepare(width, packet, arguments, context, flagged):  # type: ignore[no-untyped-def]
+def _prepare(width, packet, arguments):  # type: ignore[no-untyped-def]
     """Write what all packets share, and return the rows of a packet as float32."""
     packet[9 * width : 10 * width] = 0xFFFFFFFF  # mask; tnear and time stay 0
     arguments[0], arguments[1] = COHERENT, 0xFFFFFFFF  # flags, feature mask
-    if len(flagged):
-        context.view(np.int64)[FLAGS] = flagged.ctypes.data
-        arguments.view(np.int64)[1] = context.ctypes.data
     return packet.view(np.float32)
 
 
@@ -216,9 +197,9 @@ def _fill(width, ray, number, valid, first, origins, directions, reach):  # type
 
 @compiled()
 def _occluded(  # type: ignore[no-untyped-def]
-    width, packet, valid, arguments, context, scene, origins, directions, reach, flagged, blocked
+    width, packet, valid, arguments, scene, origins, directions, reach, blocked
 ):
-    ray = _prepare(width, packet, arguments, context, flagged)
+    ray = _prepare(width, packet, arguments)
     pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
     for first in range(0, len(reach), width):
         count = _fill(width, ray, packet, valid, first, origins, directions, reach)
@@ -234,9 +215,9 @@ def _occluded(  # type: ignore[no-untyped-def]
 
 @compiled()
 def _intersect(  # type: ignore[no-untyped-def]
-    width, packet, valid, arguments, context, scene, origins, directions, reach, flagged, opaque, triangle, distance
+    width, packet, valid, arguments, scene, origins, directions, reach, opaque, triangle, distance
 ):
-    ray, hits = _prepare(width, packet, arguments, context, flagged), packet.view(np.int32)[17 * width : 19 * width]
+    ray, hits = _prepare(width, packet, arguments), packet.view(np.int32)[17 * width : 19 * width]
     pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
     for first in range(0, len(reach), width):
         count = _fill(width, ray, packet, valid, first, origins, directions, reach)
@@ -252,3 +233,110 @@ def _intersect(  # type: ignore[no-untyped-def]
             if hits[width + k] == _CUT_OUT:
                 triangle[first + k] += opaque
             distance[first + k] = ray[8 * width + k]
+
+
+class CutoutArrays(NamedTuple):
+    """The cut-out triangles of a list of faces, for compiled code.
+
+    of: (F,) int32 index of a face among the cut-out ones, −1 for others; places: (K, 2, 3) float32 column of a
+    triangle's first corner in its cut-out, and its change to the second and the third, then the row's; number: (K,)
+    int32 of the cut-out; table, words: see `PackedCutouts`.
+    """
+
+    of: NDArray[np.int32]
+    places: NDArray[np.float32]
+    number: NDArray[np.int32]
+    table: NDArray[np.int32]
+    words: NDArray[np.uint32]
+
+
+def cutout_arrays(cutouts: CutoutFaces | None, faces: int) -> CutoutArrays:
+    """The arrays of the cut-out triangles among some faces."""
+    of = np.full(faces, -1, dtype=np.int32)
+    if cutouts is None:
+        nothing = np.zeros(0, np.int32), np.zeros((0, 4), np.int32), np.zeros(0, np.uint32)
+        return CutoutArrays(of, np.zeros((0, 2, 3), np.float32), *nothing)
+    of[cutouts.faces] = np.arange(len(cutouts.faces))
+    places = cutouts.places.transpose(0, 2, 1).copy()
+    places[:, :, 1:] -= places[:, :, :1]
+    return CutoutArrays(of, places, np.ascontiguousarray(cutouts.number), cutouts.packed.table, cutouts.packed.words)
+
+
+@numba.njit(inline="always")
+def _wrapped(place, size, wrap):  # type: ignore[no-untyped-def]
+    """The index of the sub-texel at a place along an axis; in floats, as places may be beyond whole numbers."""
+    whole, limit = np.floor(place), np.float32(size)
+    if wrap == 0:
+        whole -= limit * np.floor(whole / limit)
+    elif wrap == 1:
+        whole -= 2 * limit * np.floor(whole / (2 * limit))
+        whole = min(whole, 2 * limit - 1 - whole)
+    return np.int64(min(whole, limit - 1)) if whole > 0 else np.int64(0)
+
+
+@numba.njit(inline="always")
+def _is_set(places, number, table, words, cut, second, third):  # type: ignore[no-untyped-def]
+    """Whether a cut-out triangle is opaque at barycentric weights, float32, of its second and third corner."""
+    row, at = table[number[cut]], places[cut]
+    x = _wrapped(at[0, 0] + second * at[0, 1] + third * at[0, 2], row[1], row[3] // 3)
+    y = _wrapped(at[1, 0] + second * at[1, 1] + third * at[1, 2], row[2], row[3] % 3)
+    word = words[row[0] + y * ((row[1] + 31) >> 5) + (x >> 5)]
+    return (np.int64(word) >> (x & 31)) & 1 != 0
+
+
+@numba.njit(inline="always")
+def is_opaque_at(arrays, face, sides):  # type: ignore[no-untyped-def]
+    """Whether a face is opaque where a line meets it. sides: of `hard.hit`, weights of the corners."""
+    cut = arrays.of[face]
+    if cut < 0:
+        return True
+    whole = sides[0] + sides[1] + sides[2]
+    second, third = np.float32(sides[1] / whole), np.float32(sides[2] / whole)
+    return _is_set(arrays.places, arrays.number, arrays.table, arrays.words, cut, second, third)
+
+
+def _make_pointer(context, address, kind):  # type: ignore[no-untyped-def]
+    """A pointer to values of a type at an address."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    pointer: Any = types.CPointer
+    return pointer(kind.dtype)(address, kind), generate
+
+
+_pointer: Any = intrinsic(_make_pointer)
+
+
+def addresses_of(arrays: CutoutArrays) -> NDArray[np.intp]:
+    """Addresses of the arrays but `of`: the user data of a geometry, which does not own them."""
+    return np.array([array.ctypes.data for array in arrays[1:]], dtype=np.intp)
+
+
+def _filter(arguments):  # type: ignore[no-untyped-def]
+    """An RTCFilterFunctionN: clears `valid` of hits that are passed through.
+
+    arguments: an RTCFilterFunctionNArguments: valid, user data, context, rays, hits, N. N is that of Embree's kernel,
+    not of the query; lanes whose `valid` is not −1 belong to others.
+    """
+    count = arguments[5] & 0xFFFFFFFF
+    valid, data = _pointer(arguments[0], types.int32), _pointer(arguments[1], types.intp)
+    hits, weights = _pointer(arguments[4], types.int32), _pointer(arguments[4], types.float32)
+    # Bounds are not checked, so that lengths do not matter.
+    places, number = carray(_pointer(data[0], types.float32), (1, 2, 3)), carray(_pointer(data[1], types.int32), (1,))
+    table, words = carray(_pointer(data[2], types.int32), (1, 4)), carray(_pointer(data[3], types.uint32), (1,))
+    for k in range(count):
+        if valid[k] != -1:
+            continue
+        triangle, second, third = hits[5 * count + k], weights[3 * count + k], weights[4 * count + k]
+        if not _is_set(places, number, table, words, triangle, second, third):
+            valid[k] = np.int32(0)
+
+
+@cache
+def filter_address() -> int:
+    """Address of the filter function, compiled by the first call in a process."""
+    pointer: Any = types.CPointer
+    signature = types.void(pointer(types.intp))
+    function = cached_if_possible(lambda cache: numba.cfunc(signature, cache=cache, error_model="numpy")(_filter))
+    return int(function.address)

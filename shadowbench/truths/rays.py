@@ -123,16 +123,12 @@ class ViewRays:
 
     def nearest(self, directions: Floats) -> Indices:
         """(N,) nearest triangle on each camera ray between the near and far planes, −1 if none."""
-        return self.visible(directions)[0]
-
-    def visible(self, directions: Floats) -> tuple[Indices, Mask]:
-        """As `nearest`; (N,) whether a nearer cut-out is left open."""
         # For a camera far away, starting near the scene preserves float32 precision.
         start: Floats | float = self._near
         if self._gap > self._near:
             start = np.maximum(self._near, self._gap / np.sqrt(dot(directions, directions)))
         hits = self._all.hits((self.eye + directions * start).T, directions.T, self._far - start)
-        return hits.triangle.astype(np.intp), hits.left_open
+        return hits.triangle.astype(np.intp)
 
     def normals(self, triangle: Indices) -> Floats:
         """(3, N) unit normals of triangles, turned towards the camera."""
@@ -176,14 +172,10 @@ class ViewRays:
 
     def occluded(self, rays: ShadowRays) -> Mask:
         """(N,) whether a caster blocks each ray."""
-        return self.occlusion(rays)[0]
-
-    def occlusion(self, rays: ShadowRays) -> tuple[Mask, Mask]:
-        """As `occluded`; (N,) whether a cut-out that is left open may block it."""
         if self._from_light is not None:
             ends = rays.origins - self._light + rays.directions * rays.reach
-            return self._from_light.occlusion(ends.T, -rays.directions.T, rays.reach)
-        return self._casters.occlusion(rays.origins.T, rays.directions.T, rays.reach)
+            return self._from_light.occluded(ends.T, -rays.directions.T, rays.reach)
+        return self._casters.occluded(rays.origins.T, rays.directions.T, rays.reach)
 
     def lamp_error(self, rays: ShadowRays) -> Floats | float:
         """(N,) distance along each ray by which float32 may put a caster on the other side of the lamp, often 0."""

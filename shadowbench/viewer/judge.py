@@ -22,8 +22,8 @@ from shadowbench.measure.serve import connected, die_with
 from shadowbench.measure.worker import Pipe, sigint_blocked, spawn
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
+from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.scores.metrics import score
-from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import Truth, trace
 
 if TYPE_CHECKING:

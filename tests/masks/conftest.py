@@ -10,8 +10,7 @@ from PIL import Image
 
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.scores.comparison import Comparison, PreparedTruth
 from shadowbench.truths.cache import cached_truth
 
 FINER = 4

@@ -10,7 +10,7 @@ from scipy import ndimage
 from shadowbench.measure.scoring import mask_record, positions, prepare_truth
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.truths.trace import Truth, trace
 
 HEIGHT, HALF_ANGLE, SIZE = 1.0, math.radians(8.0), 160

@@ -2,78 +2,92 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from shadowbench.scenes.cutouts import WRAPS, Cutout, Wrap
+from shadowbench.scenes.cutouts import SUBTEXELS, Cutout, cut_out, cut_out_triangles
 from shadowbench.scenes.meshes import placed
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.triangles import Triangles
+from tests.cards import alpha_at
 
 CHEQUER = np.array([[255, 0], [0, 255]], dtype=np.uint8)
+NOISE = np.random.default_rng(1).integers(0, 256, (5, 37), dtype=np.uint8)
 
 
-def test_a_texel_covers_its_square_and_the_first_is_at_the_origin() -> None:
-    cutout = Cutout(CHEQUER, nearest=True)
-    inside = np.array([[0.01, 0.01], [0.49, 0.49], [0.51, 0.49], [0.51, 0.51], [0.49, 0.51]])
-    assert cutout.opaque(inside).tolist() == [True, True, False, True, False]
+@pytest.mark.parametrize(
+    ("nearest", "wrap", "factor"),
+    [
+        (True, ("repeat", "mirror"), 1.0),
+        (True, ("clamp", "repeat"), 0.7),
+        (False, ("mirror", "clamp"), 1.0),
+        (False, ("repeat", "repeat"), 0.7),
+        (False, ("clamp", "mirror"), 0.9),
+    ],
+)
+def test_a_sub_texel_is_opaque_where_the_sampled_alpha_reaches_the_cutoff(nearest, wrap, factor) -> None:
+    cutout = cut_out(NOISE, factor, 0.4, nearest, wrap)
+    size = np.array(cutout.size)
+    assert size.tolist() == [37 * (1 if nearest else SUBTEXELS), 5 * (1 if nearest else SUBTEXELS)]
+    centres = (np.random.default_rng(2).integers(-2 * size, 3 * size, (5000, 2)) + 0.5) / size
+    alpha = alpha_at(NOISE, nearest, wrap, centres) * factor
+    sure = np.abs(alpha - 0.4 * 255) > 1e-6
+    assert np.array_equal(cutout.opaque(centres * size)[sure], (alpha > 0.4 * 255)[sure])
+    triangles = np.random.default_rng(3).uniform(-2, 3, (50, 3, 2))
+    moved = cutout.places(triangles).mean(axis=1), triangles.mean(axis=1) * size  # by whole periods
+    assert (cutout.opaque(moved[0]) == cutout.opaque(moved[1])).all()
+    assert np.array_equal(Cutout.of(cutout.bits).words, cutout.words)
 
 
-def test_bilinear_alpha_is_linear_between_the_centres_of_texels() -> None:
-    ramp = Cutout(np.array([[0, 255]], dtype=np.uint8), cutoff=0.25, wrap=("clamp", "clamp"))
-    edge = 0.25 + 0.25 * 0.5  # a quarter of the way between the centres at ¼ and ¾
-    assert ramp.opaque(np.array([[edge - 1e-5, 0.5], [edge + 1e-5, 0.5]])).tolist() == [False, True]
+@pytest.mark.parametrize("nearest", [True, False])
+@pytest.mark.parametrize(
+    ("alpha", "factor", "cutoff", "vertex"),
+    [(255, 1, 1, 1), (255, 0.5, 0.5, 1), (255, 1, 0.7, 0.7), (100, 1, 100 / 255, 1), (51, 0.5, 0.05, 0.5)],
+)
+def test_an_alpha_equal_to_the_cutoff_is_opaque(alpha, factor, cutoff, vertex, nearest) -> None:
+    texels = np.full((6, 6), alpha, np.uint8)
+    assert cut_out(texels, factor * vertex, float(np.float32(cutoff)), nearest).share == 1.0
+    assert cut_out(texels - 1, factor * vertex, float(np.float32(cutoff)), nearest).share == 0.0
 
 
-@pytest.mark.parametrize(("wrap", "texels"), [("repeat", "1010"), ("mirror", "0110"), ("clamp", "1110")])
-def test_coordinates_outside_are_wrapped_as_the_sampler_says(wrap: Wrap, texels: str) -> None:
-    cutout = Cutout(np.array([[255, 0]], dtype=np.uint8), nearest=True, wrap=(wrap, "repeat"))
-    u = np.array([-0.75, -0.25, 0.25, 0.75])
-    found = cutout.opaque(np.stack([u, np.zeros(4)], axis=1))
-    assert "".join(str(int(value)) for value in found) == texels
+@pytest.mark.parametrize("nearest", [True, False])
+def test_vertex_alphas_are_interpolated_across_a_triangle(nearest: bool) -> None:
+    """As a bitmap per triangle: off only near the contour."""
+    random, wrap = np.random.default_rng(4), ("repeat", "mirror")
+    coordinates = random.uniform(-1, 2, (6, 3, 2)).astype(np.float32)
+    vertex = random.uniform(0, 1, (6, 3)).astype(np.float32)
+    cutout, places = cut_out_triangles(NOISE, 0.9, 0.3, nearest, wrap, coordinates, vertex)
+    weights = random.dirichlet(np.ones(3), (6, 1000))
+    weights[:, :3] = np.eye(3)
+    at = np.einsum("fnk,fkj->fnj", weights, coordinates).reshape(-1, 2)
+    alpha = alpha_at(NOISE, nearest, wrap, at).reshape(6, -1) * np.einsum("fnk,fk->fn", weights, vertex) * 0.9
+    opaque = cutout.opaque(np.einsum("fnk,fkj->fnj", weights, places))
+    assert ((alpha >= 0.3 * 255) != opaque).mean() < (0.15 if nearest else 0.04)
+    assert 0.1 < opaque.mean() < 0.9
 
 
-@given(st.integers(0, 255), st.floats(0.01, 1), st.sampled_from([0.25, 0.5, 1.0]))
-def test_of_one_texel_the_product_of_alphas_is_compared(alpha: int, cutoff: float, vertex: float) -> None:
-    cutout = Cutout(np.full((1, 1), alpha, np.uint8), factor=0.5, cutoff=cutoff)
-    opacity = alpha / 255 * 0.5 * vertex
-    if abs(opacity - cutoff) > 1e-5:
-        assert cutout.opaque(np.array([0.3, 0.7]), vertex) == (opacity >= cutoff)
-
-
-@pytest.mark.parametrize("step", [1, 51, 127, 128, 254, 255])
-def test_a_cutoff_written_as_a_step_of_8_bits_is_that_step(step: int) -> None:
-    one, below = (
-        Cutout(np.full((1, 1), alpha, np.uint8), cutoff=float(np.float32(step / 255))) for alpha in (step, step - 1)
+def test_of_one_texel_a_vertex_alpha_has_a_straight_contour() -> None:
+    vertex = np.array([[0.0, 1.0, 0.5]], np.float32)
+    cutout, places = cut_out_triangles(
+        np.full((1, 1), 255, np.uint8), 1.0, 0.5, False, ("clamp", "clamp"), None, vertex
     )
-    assert one.is_whole() and one.opaque(np.zeros(2))
-    assert below.is_clear() and not below.opaque(np.zeros(2))
-
-
-@given(st.sampled_from(WRAPS), st.floats(-5, 5), st.floats(-5, 5))
-def test_mirrored_coordinates_of_a_mirrored_texture_are_the_same(wrap: Wrap, u: float, v: float) -> None:
-    texels = np.array([[10, 200, 90], [250, 30, 140]], dtype=np.uint8)
-    one, other = Cutout(texels, wrap=(wrap, wrap)), Cutout(texels[:, ::-1], wrap=(wrap, wrap))
-    here, there = np.array([u, v]), np.array([1 - u, v])
-    level = Cutout(texels, cutoff=0.5 + 1e-6, wrap=(wrap, wrap)).opaque(here), one.opaque(here)
-    if level[0] == level[1]:  # not within rounding of the cutoff
-        assert one.opaque(here) == other.opaque(there)
+    weights = np.random.default_rng(5).dirichlet(np.ones(3), 2000)
+    alpha, opaque = weights @ vertex[0], cutout.opaque(weights @ places[0])
+    assert (opaque == (alpha >= 0.5))[np.abs(alpha - 0.5) > 1 / 16].all()
 
 
 def test_what_a_mesh_has_by_corner_follows_its_triangles() -> None:
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]])
     faces = np.array([[0, 1, 1], [0, 1, 2], [2, 1, 3]], dtype=np.int32)  # the first has no area
-    coordinates = np.arange(18, dtype=np.float32).reshape(3, 3, 2)
-    mesh = Mesh("leaf", corners, faces, cutout=Cutout(CHEQUER), coordinates=coordinates)
+    places = np.arange(18, dtype=np.float32).reshape(3, 3, 2)
+    mesh = Mesh("leaf", corners, faces, cutout=cut_out(CHEQUER), places=places)
     still, mirrored = (placed([(mesh, np.diag([side, 1.0, 1.0, 1.0]))], "file")[0][0] for side in (1.0, -1.0))
-    assert np.array_equal(still.coordinates, coordinates[1:])
-    assert np.array_equal(mirrored.coordinates, coordinates[1:, ::-1])
+    assert np.array_equal(still.places, places[1:])
+    assert np.array_equal(mirrored.places, places[1:, ::-1])
     assert np.array_equal(mirrored.vertices[mirrored.faces][0, 0] * [-1, 1, 1], still.vertices[still.faces][0, 2])
 
 
 def test_the_cut_out_triangles_of_a_scene_are_those_of_its_meshes() -> None:
     triangle = Triangles(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
-    cutouts = Cutout(CHEQUER), Cutout(CHEQUER, nearest=True)
+    cutouts = cut_out(CHEQUER), cut_out(CHEQUER, nearest=True)
     meshes = [Mesh("a", *triangle), *(Mesh("b", *triangle, cutout=cutout) for cutout in (*cutouts, cutouts[0]))]
     geometry = Scene("scene", (meshes[1], meshes[0], *meshes[2:]), (), ()).geometry
     assert geometry.cutouts is not None

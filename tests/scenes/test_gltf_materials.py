@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from shadowbench.scenes.cutouts import cut_out
 from shadowbench.scenes.images import read_image
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import GREY, Mesh
@@ -92,17 +93,16 @@ def coordinates_at(mesh: Mesh) -> dict[tuple[float, ...], tuple[float, ...]]:
 
 def test_a_mask_is_the_alpha_of_its_texture(card: Written) -> None:
     cutout = only_mesh(card(masked({"index": 0}, alphaCutoff=0.25))).cutout
-    assert cutout is not None
-    assert np.array_equal(cutout.alpha, RANDOM[..., 3])
-    assert (cutout.factor, cutout.cutoff, cutout.nearest, cutout.wrap) == (1.0, 0.25, False, ("repeat", "repeat"))
+    assert cutout is not None and cutout.wrap == ("repeat", "repeat")
+    assert np.array_equal(cutout.words, cut_out(RANDOM[..., 3], cutoff=0.25).words)
 
 
 def test_the_sampler_says_what_is_between_texels_and_outside(card: Written) -> None:
     sampler = {"magFilter": 9728, "minFilter": 9729, "wrapS": 33071, "wrapT": 33648}
     path = card(masked({"index": 0}), textures=[{"source": 0, "sampler": 0}], samplers=[sampler])
     cutout = only_mesh(path).cutout
-    assert cutout is not None
-    assert (cutout.nearest, cutout.wrap) == (True, ("clamp", "mirror"))
+    assert cutout is not None and cutout.wrap == ("clamp", "mirror")
+    assert np.array_equal(cutout.bits, RANDOM[..., 3] > 127)
 
 
 def test_a_texture_is_scaled_then_turned_counter_clockwise_then_moved(card: Written) -> None:
@@ -116,9 +116,11 @@ def test_a_texture_is_scaled_then_turned_counter_clockwise_then_moved(card: Writ
 def test_factor_and_vertex_alpha_count(card: Written) -> None:
     colors = np.column_stack([np.ones((4, 3)), [0.0, 0.25, 0.75, 1.0]])
     mesh = only_mesh(card(masked(factor=0.5, alphaCutoff=0.25), colors))
-    assert mesh.cutout is not None and mesh.alpha is not None
-    assert (mesh.cutout.factor, mesh.cutout.alpha.tolist()) == (0.5, [[255]])
-    assert mesh.alpha.tolist() == [[0.0, 0.25, 0.75], [0.0, 0.75, 1.0]]
+    assert mesh.cutout is not None and mesh.places is not None
+    assert mesh.cutout.opaque(mesh.places).tolist() == [[False, False, True], [False, True, True]]
+    constant = only_mesh(card(masked({"index": 0}, factor=0.5, alphaCutoff=0.25), np.full((4, 4), 0.75)))
+    assert constant.cutout is not None
+    assert np.array_equal(constant.cutout.words, cut_out(RANDOM[..., 3], 0.375, 0.25).words)
 
 
 def test_what_is_opaque_everywhere_is_not_cut_out(card: Written) -> None:
@@ -136,7 +138,7 @@ def test_what_is_opaque_everywhere_is_not_cut_out(card: Written) -> None:
 def test_a_blended_material_is_cut_out_at_one_half_and_told(card: Written) -> None:
     contents = read_meshes(card({**masked({"index": 0}), "alphaMode": "BLEND", "alphaCutoff": 0.9}))
     cutout = contents.meshes[0].cutout
-    assert cutout is not None and cutout.cutoff == 0.5
+    assert cutout is not None and np.array_equal(cutout.words, cut_out(RANDOM[..., 3]).words)
     assert sum("1 blended material(s) cut out where alpha is below 0.5" in note for note in contents.notes) == 1
 
 
@@ -157,7 +159,7 @@ def test_a_material_of_both_workflows_is_that_of_the_extension(card: Written) ->
         mesh = only_mesh(card(both, images=images, textures=[{"source": 0}, {"source": 1}]))
         assert mesh.color == pytest.approx(color)
         assert (mesh.texture is None, mesh.cutout is None) == (alpha is None,) * 2
-        assert mesh.cutout is None or (np.array_equal(mesh.cutout.alpha, alpha) and mesh.cutout.factor == 1.0)
+        assert mesh.cutout is None or np.array_equal(mesh.cutout.words, cut_out(RANDOM[..., 3]).words)
 
 
 def test_an_image_that_cannot_be_read_is_one_line(card: Written) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shadowbench.scenes.cutouts import ROUNDED
+from shadowbench.scenes.cutouts import cut_out
 from shadowbench.scenes.file_contents import BY_DEFAULT, Chosen
 from shadowbench.scenes.images import read_image
 from shadowbench.scenes.meshes import read_meshes
@@ -48,7 +48,7 @@ def only(scene: Scene) -> Mesh:
 def cut(scene: Scene) -> np.ndarray:
     cutout = only(scene).cutout
     assert cutout is not None
-    return cutout.alpha
+    return cutout.words
 
 
 def test_v_is_turned_downwards_and_coordinates_lie_at_their_corners(painted) -> None:
@@ -82,14 +82,13 @@ def test_a_mask_is_the_alpha_of_its_image_or_else_its_luminance(painted) -> None
         ("map_Kd opaque.png\nmap_d grey.png", GREYS),
     ):
         scene = painted("newmtl a\n" + mtl)
-        assert np.array_equal(cut(scene), alpha)
-        assert only(scene).cutout.cutoff == 0.5
+        assert np.array_equal(cut(scene), cut_out(alpha, wrap=only(scene).cutout.wrap).words)
         assert any("1 material(s) cut out where d · map_d is below 0.5" in note for note in scene.notes)
 
 
 def test_dissolve_is_a_factor_of_the_mask_and_d_comes_before_tr(painted) -> None:
-    for mtl, least in (("d 0.8", 255 / 1.6), ("Tr 0.2", 255 / 1.6), ("Tr 1\nd 1", 127.5)):
-        assert only(painted(f"newmtl a\nmap_d grey.png\n{mtl}")).cutout.least == pytest.approx(least - ROUNDED)
+    for mtl, factor in (("d 0.8", 0.8), ("Tr 0.2", 0.8), ("Tr 1\nd 1", 1.0)):
+        assert np.array_equal(cut(painted(f"newmtl a\nmap_d grey.png\n{mtl}")), cut_out(GREYS, factor).words)
 
 
 def test_faces_whose_material_is_opaque_nowhere_are_left_out_and_told(painted) -> None:
@@ -140,7 +139,7 @@ def test_names_may_have_blanks_and_backslashes(painted, tmp_path: Path) -> None:
     png(tmp_path / "my textures" / "a leaf.png", LEAF)
     (tmp_path / "my own.mtl").write_text("newmtl a b\nmap_d my textures\\a leaf.png\n")
     obj = SQUARE + "mtllib my own.mtl\nmtllib other.mtl a.mtl\nusemtl a b\n" + QUAD
-    assert np.array_equal(cut(painted("newmtl c\nKd 1 0 0\n", obj)), GREYS)
+    assert np.array_equal(cut(painted("newmtl c\nKd 1 0 0\n", obj)), cut_out(GREYS).words)
 
 
 def test_without_materials_that_need_them_coordinates_are_read_only_if_asked_for(painted) -> None:

@@ -7,7 +7,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from scipy import ndimage
 
 from shadowbench.scores import loops, score
-from shadowbench.scores.sums import total, total_of
+from shadowbench.scores.comparison import total, total_of
 
 SHAPES = array_shapes(min_dims=2, max_dims=2, max_side=40)
 VISIBILITY = st.floats(0, 1, width=32)

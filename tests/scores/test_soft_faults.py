@@ -2,7 +2,7 @@
 
 import pytest
 
-from shadowbench.scores.soft_faults import soft_faults
+from shadowbench.scores.metrics import soft_faults
 
 FINE = {"rmse_pen": 0.05, "width": 0.1, "hardening": 0.9, "noise": 0.01, "banding": 0.0, "bias_pen": 0.005}
 

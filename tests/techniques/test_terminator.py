@@ -10,8 +10,7 @@ from shadowbench.gl.gbuffer import download
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.vectors import unit, vec3
-from shadowbench.truths.terminator import smooth_points
-from shadowbench.truths.trace import Truth
+from shadowbench.truths.trace import Truth, smooth_points
 from tests.truths.test_terminator import ball
 
 CURED = {

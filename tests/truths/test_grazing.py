@@ -11,7 +11,7 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Mesh, Scene, view_of
 from shadowbench.scenes.vectors import vec3
 from shadowbench.truths.embree import INFINITE
-from shadowbench.truths.near import NearCasters
+from shadowbench.truths.hard import NearCasters
 from shadowbench.truths.rays import GRAZING, Receivers
 from shadowbench.truths.trace import OFFSET, Truth, trace
 from tests.samples import sampled

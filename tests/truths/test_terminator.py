@@ -14,8 +14,7 @@ from shadowbench.scenes.shapes import sphere
 from shadowbench.scenes.triangles import Triangles, mean_normals, unit_normals
 from shadowbench.scores.metrics import score
 from shadowbench.truths.cache import read_truth, write_truth
-from shadowbench.truths.terminator import smooth_points
-from shadowbench.truths.trace import Truth, trace
+from shadowbench.truths.trace import Truth, smooth_points, trace
 
 Floats = NDArray[np.float64]
 BACKLIT = Light("sun", "directional", (0.8, -0.3, 0.6))

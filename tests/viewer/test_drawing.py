@@ -24,9 +24,9 @@ from shadowbench.measure.worker import Worker
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import View
+from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.scores.difference import FACETS, FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.scores.metrics import score
-from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.studies.artefacts import artefacts
 from shadowbench.truths.trace import trace
 from shadowbench.viewer.camera import orbited, with_kind
