@@ -25,9 +25,8 @@ from shadowbench.measure import machine, worker
 from shadowbench.measure.worker import Limits, Worker
 from shadowbench.plugin.registry import forget_components
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Mesh, Scene, View, view_of
+from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.scenes.placement import Placement
 from shadowbench.scenes.shapes import build_shape
 from shadowbench.truths import packets
 from shadowbench.truths.trace import Truth, trace

@@ -22,10 +22,9 @@ from shadowbench.extremes.model import (
     turn_about_y,
     view_of_meshes,
 )
-from shadowbench.scenes.foliage import LEAF
-from shadowbench.scenes.geometry import Triangles, without_zero_area
 from shadowbench.scenes.model import Camera, Coordinates, Light, LightKind, Mesh, Scene, View, view_of
-from shadowbench.scenes.normals import mean_normals
+from shadowbench.scenes.shapes import LEAF
+from shadowbench.scenes.triangles import Triangles, mean_normals, without_zero_area
 from shadowbench.scenes.vectors import Floats, unit, vec3
 
 

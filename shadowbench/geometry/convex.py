@@ -10,8 +10,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.geometry import Faces, Geometry, bounds_of, in_slices, used_by
 from shadowbench.scenes.model import Camera, Light, Scene, View
+from shadowbench.scenes.triangles import Faces, Geometry, bounds_of, in_slices, used_by
 from shadowbench.scenes.vectors import Floats
 
 PRACTICAL_WEIGHT = 0.9
@@ -50,8 +50,8 @@ def corners(planes: Floats, extent: float) -> Floats:
     intersect = np.abs(determinant) > 1e-12
     points = -(a[:, 3:] * bc + b[:, 3:] * ca + c[:, 3:] * ab)[intersect] / determinant[intersect, None]
     inside = (points @ planes[:, :3].T + planes[:, 3] >= -1e-9 * extent).all(axis=1)
-    found: Floats = points[inside]
-    return found
+    inner: Floats = points[inside]
+    return inner
 
 
 def hull_points(points: Floats) -> Floats:

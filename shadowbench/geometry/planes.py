@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.geometry import Geometry, in_slices
+from shadowbench.scenes.triangles import Geometry, in_slices
 from shadowbench.scenes.vectors import Floats
 
 LEAST_SHARE = 0.0005  # of the searched area
@@ -64,13 +64,13 @@ def find_planes(
     search = _PlaneSearch(points, faces, areas, tolerance)
     random = np.random.default_rng(0)
 
-    found: list[Plane] = []
+    planes: list[Plane] = []
     for cell in _cells(search, normals, offsets, least):
         failures = 0
-        while failures < _FAILURES and len(found) < _SPARE * most:
+        while failures < _FAILURES and len(planes) < _SPARE * most:
             cell = cell[search.free[cell]]
             total = np.cumsum(areas[cell])
-            large = sorted((plane.share for plane in found), reverse=True)[most - 1 : most]
+            large = sorted((plane.share for plane in planes), reverse=True)[most - 1 : most]
             if not len(cell) or total[-1] < max([least / 2, *large]) - _EQUAL:
                 break
             # The largest triangle has the most exact normal. If it fails, the next seed is drawn in proportion to area.
@@ -86,8 +86,8 @@ def find_planes(
                 continue
             search.free &= ~own
             in_scene = np.append(equation[:3], equation[3] * diagonal - equation[:3] @ center)
-            found.append(Plane(in_scene, np.flatnonzero(searched)[own], share, float(distances[own].max()) * diagonal))
-    return tuple(sorted(found, key=lambda plane: (-round(plane.share / _EQUAL), plane.triangles[0]))[:most])
+            planes.append(Plane(in_scene, np.flatnonzero(searched)[own], share, float(distances[own].max()) * diagonal))
+    return tuple(sorted(planes, key=lambda plane: (-round(plane.share / _EQUAL), plane.triangles[0]))[:most])
 
 
 @dataclass(eq=False)

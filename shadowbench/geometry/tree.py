@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.compiled import compiled
-from shadowbench.scenes.geometry import Floats
+from shadowbench.scenes.vectors import Floats
 
 BINS = 16
 LARGEST_LEAF = 4  # triangles; up to 7 if their centres coincide

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Drawable, Program, Sampling, Textures
 from shadowbench.scenes.cutouts import CutoutFaces, PackedCutouts
-from shadowbench.scenes.geometry import Faces, Geometry
+from shadowbench.scenes.triangles import Faces, Geometry
 
 _Value = TypeVar("_Value", bound=np.generic)
 TRIANGLE_ROW = 2048  # triangles whose values are side by side in a texture

@@ -14,10 +14,9 @@ from shadowbench.gl.gbuffer import GBuffer, download
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, TRIANGLE_ROW, DeviceGeometry, triangle_texels
 from shadowbench.gl.program import SHADERS, Drawable, Sampling, Textures, compose, link
 from shadowbench.scenes.cutouts import WRAPS
-from shadowbench.scenes.geometry import Geometry, in_slices
 from shadowbench.scenes.images import opened_image, read_square
 from shadowbench.scenes.model import View
-from shadowbench.scenes.textures import Texture
+from shadowbench.scenes.triangles import Geometry, Texture, in_slices
 from shadowbench.scenes.vectors import Vec3, unit, vec3
 
 

@@ -7,8 +7,7 @@ from typing import ClassVar, Literal
 
 from shadowbench.maps.biases import ALL_MAPS, MapKind
 from shadowbench.plugin.params import Component, param
-from shadowbench.scenes.model import Light
-from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.model import Light, Placement
 
 Kernel = Literal["box", "gaussian"]
 

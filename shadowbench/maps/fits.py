@@ -27,8 +27,7 @@ from shadowbench.gl.device import moderngl
 from shadowbench.gl.program import Sampling, Textures
 from shadowbench.plugin.base import Frame, Stage
 from shadowbench.plugin.params import Component, TechniqueParams, param
-from shadowbench.scenes.model import Light, View
-from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.model import Light, Placement, View
 from shadowbench.scenes.vectors import Floats
 
 

@@ -17,8 +17,8 @@ from shadowbench.geometry.lights import light_space, window
 from shadowbench.geometry.topology import is_closed
 from shadowbench.masks.export_cutouts import add_masks, corner_attributes
 from shadowbench.options import FIRST, SceneOptions
-from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import WHITE, Camera, Light, Mesh, View
+from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit
 from shadowbench.scores.masks import write_mask
 from shadowbench.truths.trace import Truth

@@ -13,7 +13,7 @@ from shadowbench.errors import InputError
 from shadowbench.measure.scoring import depths, points_at, prepare_truth
 from shadowbench.options import ViewOptions
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_digest
-from shadowbench.scenes.tables import LIGHT_TABLES, NAME
+from shadowbench.scenes.scene_tables import LIGHT_TABLES, NAME
 from shadowbench.scenes.vectors import vec3
 from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.scores.masks import LEVELS, open_png, quantise, read_mask

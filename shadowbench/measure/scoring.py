@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.geometry import facet_normals
 from shadowbench.scenes.model import Camera, View
+from shadowbench.scenes.triangles import facet_normals
 from shadowbench.scenes.vectors import Floats
 from shadowbench.scores.comparison import Comparison, PreparedTruth
 from shadowbench.scores.masks import mask_sha256

@@ -32,9 +32,8 @@ from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.registry import shader_folder, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.plugin.stage import ShaderText
-from shadowbench.scenes.model import Coordinates, Scene, View
-from shadowbench.scenes.placement import IDENTITY_PLACEMENT
-from shadowbench.scenes.tables import LONGEST_NAME
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
+from shadowbench.scenes.scene_tables import LONGEST_NAME
 from shadowbench.scores.masks import quantise
 
 

@@ -24,7 +24,7 @@ from shadowbench.plugin.base import Subject, Technique
 from shadowbench.plugin.engine import Engine
 from shadowbench.plugin.params import WORD, Component
 from shadowbench.plugin.spec import forget_parsed, parse_spec
-from shadowbench.scenes.tables import LONGEST_NAME
+from shadowbench.scenes.scene_tables import LONGEST_NAME
 from shadowbench.scores.metrics import METRICS, Metric, plug_in
 
 GROUP = "shadowbench.techniques"

@@ -18,8 +18,7 @@ from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, Textures, compose, link
 from shadowbench.gl.targets import FACES, Color, DepthFormat, DepthTarget, DepthTexture, Kind, StencilTarget
 from shadowbench.plugin.params import Component, TechniqueParams, components_of, in_metres
-from shadowbench.scenes.model import Scene
-from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.model import Placement, Scene
 
 Resource = TypeVar("Resource", bound=Releasable)
 MAP_DEFINES = {"LAYERS": "1", "ARRAY": "0", "PARALLEL": "0", "REVERSED": "0", "ON_PLANE": "0"}

@@ -9,7 +9,7 @@ from string import Template
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.plugin.registry import techniques
-from shadowbench.scenes.tables import LONGEST_NAME
+from shadowbench.scenes.scene_tables import LONGEST_NAME
 
 _NAME = re.compile(rf"[A-Za-z][\w-]{{0,{LONGEST_NAME - 1}}}", re.ASCII)
 _TEXT = Template('''\

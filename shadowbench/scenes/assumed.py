@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import bounds_of, in_slices
 from shadowbench.scenes.model import SUN_RADIUS, Camera, Light, Mesh, Scene
+from shadowbench.scenes.triangles import bounds_of, in_slices
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 
 VIEW_FROM = (1.25, 1.2, 2.7)
@@ -236,15 +236,15 @@ def with_assumptions(scene: Scene, bounds: Floats, where: str) -> Scene:
 
 def with_cameras(scene: Scene, cameras: Sequence[Camera], note: str = "") -> Scene:
     """The scene with these cameras in place of its own, without the note on an assumed one, and with one on them."""
-    return replace(scene, cameras=tuple(cameras), **_told(scene, "camera", note))
+    return replace(scene, cameras=tuple(cameras), **_with_note(scene, "camera", note))
 
 
 def with_lights(scene: Scene, lights: Sequence[Light], note: str = "") -> Scene:
     """The scene with these lights in place of its own, without the note on an assumed one, and with one on them."""
-    return replace(scene, lights=tuple(lights), **_told(scene, "light", note))
+    return replace(scene, lights=tuple(lights), **_with_note(scene, "light", note))
 
 
-def _told(scene: Scene, what: str, note: str) -> dict[str, Any]:
+def _with_note(scene: Scene, what: str, note: str) -> dict[str, Any]:
     """The fields of a scene that tell what was assumed, with another note on one thing."""
     notes = [line for line in scene.notes if line != scene.assumed.get(what)]
     assumed = {name: line for name, line in scene.assumed.items() if name != what}
@@ -271,9 +271,9 @@ def without_ground(scene: Scene) -> Scene:
     """The scene without the ground that was assumed, and a note on it."""
     if scene.ground is None:
         return replace(scene, notes=(*scene.notes, f"no-ground: no ground was assumed in {scene.name}"))
-    told = scene.ground[1]
-    none = f"{told.partition(': assumed a square')[0]}: none assumed"
-    notes = tuple(none if note == told else note for note in scene.notes)
+    line = scene.ground[1]
+    none = f"{line.partition(': assumed a square')[0]}: none assumed"
+    notes = tuple(none if note == line else note for note in scene.notes)
     return replace(content_of(scene), notes=notes, ground=None)
 
 

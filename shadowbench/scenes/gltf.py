@@ -1,4 +1,4 @@
-"""glTF: meshes, cameras and lights along the node tree, and notes on unsupported features.
+"""glTF: meshes with their materials, cameras and lights along the node tree, and notes on unsupported features.
 
 Not read by trimesh, because it gives instances random names, keeps only one camera, and drops the children of a
 camera's node.
@@ -12,22 +12,229 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.contents import BY_DEFAULT, Chosen, Contents, target_of, unique_name
-from shadowbench.scenes.geometry import Triangles, triangles_of
-from shadowbench.scenes.gltf_accessors import Data
-from shadowbench.scenes.gltf_animation import pose_at
-from shadowbench.scenes.gltf_bytes import TRIANGLES, read_buffers, read_json, read_primitives
-from shadowbench.scenes.gltf_instances import instance_matrices
-from shadowbench.scenes.gltf_layout import Layout
-from shadowbench.scenes.gltf_materials import Materials
-from shadowbench.scenes.gltf_nodes import Node, scene_nodes
-from shadowbench.scenes.gltf_pose import Posed, Poser, corner_normals
-from shadowbench.scenes.looks import Look
-from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Mesh
-from shadowbench.scenes.normals import Singles
-from shadowbench.scenes.tables import NARROWEST
+from shadowbench.scenes.cutouts import Alphas, Cutout, Single, Wrap, cut_out, cut_out_triangles
+from shadowbench.scenes.file_contents import (
+    BLEND_CUTOFF,
+    BY_DEFAULT,
+    MOST_MASKED,
+    OPAQUE,
+    Chosen,
+    Contents,
+    Look,
+    target_of,
+    unique_name,
+)
+from shadowbench.scenes.gltf_layout import Layout, Material, NodeTable, TextureInfo, TextureTransform
+from shadowbench.scenes.gltf_pose import Node, Posed, Poser, corner_normals, pose_at, scene_nodes
+from shadowbench.scenes.gltf_storage import (
+    TRIANGLES,
+    Data,
+    TrianglePrimitive,
+    floats_of,
+    read_buffers,
+    read_json,
+    read_primitives,
+    read_uri,
+)
+from shadowbench.scenes.images import MOST_BYTES, read_image
+from shadowbench.scenes.model import GREY, WHITE, WIDEST_CONE, Camera, Light, Mesh
+from shadowbench.scenes.scene_tables import NARROWEST
+from shadowbench.scenes.triangles import Singles, Texture, Triangles, triangles_of
 from shadowbench.scenes.vectors import Floats, unit, vec3
 from shadowbench.strict import validated
+
+_NEAREST = 9728  # GL_NEAREST
+_WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}  # GL_CLAMP_TO_EDGE, GL_MIRRORED_REPEAT, …
+_BILINEAR: tuple[bool, tuple[Wrap, Wrap]] = (False, ("repeat", "repeat"))
+_NOT_DRAWN = "drawn without this texture"
+
+
+class Materials:
+    """The materials of a file. path: of the file, whose folder holds its images.
+
+    coordinates: whether texture coordinates are read even if no material needs them; notes: on what was simplified,
+    when all primitives have been asked for.
+    """
+
+    def __init__(self, data: Data, path: Path, coordinates: bool = False) -> None:
+        self._data, self._path, self._all_coordinates = data, path, coordinates
+        self._cutouts: dict[tuple[int, float], Cutout] = {}
+        self._textures: dict[tuple[object, ...], Texture] = {}
+        self._masks: dict[object, Alphas] = {}
+        self._contents: dict[object, bytes] = {}
+        self._blended: set[int] = set()
+        self._left_out = 0
+        self._lines: set[str] = set()
+
+    def look(self, primitive: TrianglePrimitive) -> Look | None:
+        """What a primitive looks like, None if it is opaque nowhere. Raises InputError for an alpha that is not read.
+
+        Its vertex indices must be valid.
+        """
+        number = primitive.primitive.material
+        material = self._data.layout.materials[number] if number is not None else Material()
+        texture, (alpha, tints) = self._texture(material), self._of_vertices(primitive)
+        mapped = material.texture is not None and (texture is not None or material.alphaMode != "OPAQUE")
+        needed = self._all_coordinates or mapped
+        coordinates = self._coordinates(primitive, material.texture) if needed else None
+        cutout, places = self._cutout(number, material, coordinates, alpha)
+        if cutout is not None and cutout.share == 0.0:
+            self._left_out += 1
+            return None
+        if cutout is not None and cutout.share == 1.0:
+            cutout = places = None
+        texture = None if coordinates is None else texture
+        color = material.color or (GREY if texture is None else WHITE)
+        color = vec3(np.clip(color[:3], 0.0, 1.0))
+        return Look(color, cutout, texture, coordinates, places, tints)
+
+    @property
+    def notes(self) -> list[str]:
+        """A line for each simplification."""
+        where, lines = self._data.where, []
+        if self._blended:
+            lines.append(f"{len(self._blended)} blended material(s) cut out where alpha is below {BLEND_CUTOFF:g}")
+        if self._left_out:
+            lines.append(f"{self._left_out} primitive(s) left out whose alpha is below the cutoff everywhere")
+        return [*(f"{where}: {line}" for line in lines), *sorted(self._lines)]
+
+    def _cutout(
+        self, number: int | None, material: Material, coordinates: Single | None, vertex_alpha: Single | None
+    ) -> tuple[Cutout | None, Single | None]:
+        """How a primitive is cut out, None for not at all, and the places of its corners in that."""
+        if number is None or material.alphaMode == "OPAQUE":
+            return None, None
+        if material.alphaMode == "BLEND":
+            self._blended.add(number)
+        cutoff = BLEND_CUTOFF if material.alphaMode == "BLEND" else material.alphaCutoff
+        factor = 1.0 if material.color is None or len(material.color) < 4 else min(max(material.color[3], 0.0), 1.0)
+        mask, sampling = OPAQUE, _BILINEAR
+        if (image := self._image(material, "alpha not read, taken as 1")) is not None:
+            mask, sampling = self._mask(image), self._sampling(material)
+        least, most = (
+            (1.0, 1.0) if vertex_alpha is None else (vertex_alpha.min(initial=1.0), vertex_alpha.max(initial=0.0))
+        )
+        if vertex_alpha is not None and least < most:
+            return cut_out_triangles(mask, factor, cutoff, *sampling, coordinates, vertex_alpha)
+        factor *= float(most)
+        if (number, factor) not in self._cutouts:
+            self._cutouts[number, factor] = cut_out(mask, factor, cutoff, *sampling)
+        cutout = self._cutouts[number, factor]
+        return cutout, None if coordinates is None else cutout.places(coordinates)
+
+    def _texture(self, material: Material) -> Texture | None:
+        """The texture of a material's base colour, made once; None, with a note, for one that cannot be read."""
+        if (image := self._image(material, _NOT_DRAWN)) is None:
+            return None
+        where, source = f"{self._data.where}: images {image + 1}", self._source(image)
+        if source not in self._contents:
+            try:
+                content = self._content(image)
+                if sum(map(len, self._contents.values())) + len(content) > MOST_BYTES:
+                    raise InputError(f"{where}: above {MOST_BYTES >> 20} MiB of images")
+            except InputError as error:
+                self._lines.add(f"{error}: {_NOT_DRAWN}")
+                return None
+            self._contents[source] = content
+        wrap, opaque = self._sampling(material)[1], material.alphaMode == "OPAQUE"
+        texture = Texture(self._contents[source], where, wrap, opaque)
+        return self._textures.setdefault((source, *wrap, opaque), texture)
+
+    def _image(self, material: Material, lost: str) -> int | None:
+        """The number of the image of a material's base colour; None without one, with a note if it is not read."""
+        texture = None if material.texture is None else self._data.layout.textures[material.texture.index]
+        if texture is not None and texture.image is None:
+            kind = " or ".join(sorted(texture.extensions)) or "a texture without an image"
+            self._lines.add(f"{self._data.where}: {kind}: {lost}")
+        return None if texture is None else texture.image
+
+    def _sampling(self, material: Material) -> tuple[bool, tuple[Wrap, Wrap]]:
+        """Whether a material's texture is magnified to its nearest texel, and its wraps."""
+        assert material.texture is not None
+        number = self._data.layout.textures[material.texture.index].sampler
+        if number is None:
+            return _BILINEAR
+        sampler = self._data.layout.samplers[number]
+        return sampler.magFilter == _NEAREST, (_WRAPS[sampler.wrapS], _WRAPS[sampler.wrapT])
+
+    def _mask(self, number: int) -> Alphas:
+        """The alphas of an image, decoded once."""
+        source = self._source(number)
+        if source not in self._masks:
+            where = f"{self._data.where}: images {number + 1}"
+            self._masks[source] = np.ascontiguousarray(read_image(self._content(number), where)[..., 3])
+            if (total := sum(mask.size for mask in self._masks.values())) > MOST_MASKED:
+                raise InputError(f"{where}: {total} texels of masks by now; a file may have {MOST_MASKED}")
+        return self._masks[source]
+
+    def _source(self, number: int) -> object:
+        """Where the bytes of an image are, which several images may share."""
+        image = self._data.layout.images[number]
+        if image.bufferView is None:
+            return image.uri
+        view = self._data.layout.bufferViews[image.bufferView]
+        return view.buffer, view.byteOffset, view.end
+
+    def _content(self, number: int) -> bytes:
+        """The bytes of an image. Raises InputError."""
+        image, where = self._data.layout.images[number], f"{self._data.where}: images {number + 1}"
+        if image.bufferView is not None:
+            view = self._data.layout.bufferViews[image.bufferView]
+            return self._data.buffers[view.buffer][view.byteOffset : view.end]
+        if image.uri is None:
+            raise InputError(f"{where}: found neither uri nor bufferView; one is needed")
+        return read_uri(image.uri, self._path, where)
+
+    @staticmethod
+    def _of_vertices(primitive: TrianglePrimitive) -> tuple[Single | None, Single | None]:
+        """(F, 3) vertex alphas, None without any; (F, 3) mean colours of the vertices, None if they have no colour."""
+        colors = primitive.floats("COLOR_0", "VEC3", "VEC4")
+        if colors is None:
+            return None, None
+        at_corners = primitive.by_corner(np.clip(colors, 0.0, 1.0))
+        return at_corners[..., 3] if colors.shape[1] == 4 else None, at_corners[..., :3].mean(axis=1)
+
+    @staticmethod
+    def _coordinates(primitive: TrianglePrimitive, info: TextureInfo | None) -> Single | None:
+        """(F, 3, 2) texture coordinates of a texture after its KHR_texture_transform; None if there are none."""
+        moved = TextureTransform() if info is None else info.transform
+        number = moved.texCoord if moved.texCoord is not None or info is None else info.texCoord
+        coordinates = primitive.floats(f"TEXCOORD_{number or 0}", "VEC2")
+        if coordinates is None:
+            return None
+        cosine, sine = math.cos(moved.rotation), math.sin(moved.rotation)
+        # Counter-clockwise as seen, with v downwards.
+        coordinates = coordinates * moved.scale @ np.array([[cosine, -sine], [sine, cosine]]) + moved.offset
+        return primitive.by_corner(coordinates)
+
+
+TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
+
+
+def instance_matrices(data: Data, node: NodeTable) -> Floats:
+    """(N, 4, 4) float64 matrices from each instance of a node's mesh to the node; the identity for one without.
+
+    Raises InputError for attributes that are not finite or no rotation.
+    """
+    from scipy.spatial.transform import Rotation  # the import takes 0.3 s
+
+    if not node.instances:
+        return np.eye(4)[None]
+    where = f"{data.where}: node {node.name or ''!r:.60}: EXT_mesh_gpu_instancing"
+    attributes = {
+        name: floats_of(data, node.instances[name], kind) for name, kind in TYPES.items() if name in node.instances
+    }
+    if not all(np.isfinite(rows).all() for rows in attributes.values()):
+        raise InputError(f"{where}: found infinite or undefined numbers; allowed are finite ones")
+    matrices = np.tile(np.eye(4), (data.layout.instance_count(node), 1, 1))
+    if "ROTATION" in attributes:
+        if not attributes["ROTATION"].any(axis=1).all():
+            raise InputError(f"{where}: found a rotation of four zeros; allowed: unit quaternions")
+        matrices[:, :3, :3] = Rotation.from_quat(attributes["ROTATION"]).as_matrix()
+    matrices[:, :3, :3] *= attributes.get("SCALE", np.ones((1, 3)))[:, None, :]
+    matrices[:, :3, 3] = attributes.get("TRANSLATION", 0.0)
+    return matrices
+
 
 HONOURED = re.compile(
     r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_mesh_primitive_restart"
@@ -176,7 +383,7 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
     hidden = [node.data for node in nodes if not node.visible]
     primitives = layout.primitives
     used = {each.material for each in primitives}
-    found = [
+    lines = [
         ([node.mesh is not None for node in hidden], "mesh(es) of hidden nodes left out"),
         ([node.light is not None for node in hidden], "light(s) of hidden nodes left out"),
         (
@@ -188,12 +395,12 @@ def _notes(layout: Layout, nodes: list[Node], where: str) -> list[str]:
             "primitive(s) of points or lines left out: they have no surface",
         ),
     ]
-    return [f"{where}: {sum(which)} {line}" for which, line in found if any(which)] + _ignored(layout, where)
+    return [f"{where}: {sum(which)} {line}" for which, line in lines if any(which)] + _ignored(layout, where)
 
 
 def _ignored(layout: Layout, where: str) -> list[str]:
     """A note on the extensions that change what is seen and are not read, if there are any."""
     names = {*layout.extensionsUsed, *layout.extensions}.union(*(node.extensions for node in layout.nodes))
-    found = sorted(name for name in names if not HONOURED.fullmatch(name))
-    shown = ", ".join(f"{name:.40}" for name in found[:5]) + ", ..." * (len(found) > 5)
-    return [f"{where}: drawn as if the file did not use {shown}"] if found else []
+    ignored = sorted(name for name in names if not HONOURED.fullmatch(name))
+    shown = ", ".join(f"{name:.40}" for name in ignored[:5]) + ", ..." * (len(ignored) > 5)
+    return [f"{where}: drawn as if the file did not use {shown}"] if ignored else []

@@ -1,24 +1,231 @@
-"""Vertices of glTF primitives under morph targets and skins, in float64.
+"""The nodes of a glTF in a pose: clips at a time, the node tree, and vertices under morph targets and skins.
 
-glTF 2.0 specification, sections 3.7.2.2 (morph targets) and 3.7.3.3 (skins).
+glTF 2.0 specification, sections 3.7.2.2 (morph targets), 3.7.3.3 (skins), 3.11 and appendix C (animations).
 """
 
+import bisect
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import MOST_TRIANGLES, Triangles, triangles_of
-from shadowbench.scenes.gltf_accessors import Data, as_floats, floats_of, stored
-from shadowbench.scenes.gltf_animation import Pose
-from shadowbench.scenes.gltf_bytes import TrianglePrimitive
-from shadowbench.scenes.gltf_motion import Skin
-from shadowbench.scenes.gltf_nodes import Node, joint_worlds
-from shadowbench.scenes.normals import Singles, normal_matrices, unit_normals
+from shadowbench.errors import InputError, NotInFile, alternatives
+from shadowbench.scenes.file_contents import Chosen
+from shadowbench.scenes.gltf_layout import NUMBERS, Animation, Channel, Layout, NodeTable, Sampler, Skin
+from shadowbench.scenes.gltf_storage import Data, TrianglePrimitive, as_floats, floats_of, stored
+from shadowbench.scenes.triangles import MOST_TRIANGLES, Singles, Triangles, normal_matrices, triangles_of, unit_normals
 from shadowbench.scenes.vectors import Floats
+
+Pose = Mapping[tuple[int, str], Floats]
+"""Values that replace those of a node: by its index, and translation, rotation, scale or weights."""
+NO_CLIP = "none"
+TYPES = {"translation": ("VEC3", 3), "rotation": ("VEC4", 4), "scale": ("VEC3", 3)}
+
+
+def pose_at(data: Data, chosen: Chosen) -> tuple[Pose, list[str]]:
+    """The pose of a file as chosen, and notes on the clip and on what it moves besides nodes. Raises InputError.
+
+    Without animations, or with NO_CLIP, nodes stay as they stand. Before its first and after its last key a channel
+    keeps the value of that key, as the specification demands.
+    """
+    layout, where = data.layout, data.where
+    number = _number_of(layout, chosen.clip, where)
+    if number is None:
+        count = len(layout.animations)
+        still = [f"{where}: none of {count} clip(s) taken: nodes stand as in the file"] if count else []
+        return {}, still if chosen.time is None else [*still, f"{where}: time: no clip to pose"]
+    clip = layout.animations[number]
+    time = chosen.time or 0.0
+    pose: dict[tuple[int, str], Floats] = {}
+    samples: dict[tuple[int, str, int], tuple[Floats, float, float]] = {}  # each sampler's, which many may share
+    first, last, lost = math.inf, -math.inf, 0
+    for channel in clip.channels:
+        kind, width = _kind_of(layout, channel)
+        node = channel.target.node
+        if node is None or not width:
+            lost += 1
+            continue
+        key = channel.sampler, kind, width
+        if key not in samples:
+            samples[key] = _sampled(data, clip.samplers[channel.sampler], kind, width, time)
+        value, start, end = samples[key]
+        if channel.target.path == "rotation" and not (np.isfinite(value).all() and value.any()):
+            raise InputError(
+                f"{where}: animations {number + 1}: a rotation at {time:g} s is {value}; allowed: not zero"
+            )
+        pose[node, channel.target.path] = value
+        first, last = min(first, start), max(last, end)
+    notes = [_note(layout, number, time, first, last, where)]
+    if lost:
+        notes.append(
+            f"{where}: {lost} channel(s) of the clip left out: they move no translation, rotation, scale or weights"
+        )
+    return pose, notes
+
+
+def _number_of(layout: Layout, clip: str | None, where: str) -> int | None:
+    """Index of the clip with a name or number, by default the first; None if none is asked for, or there is none."""
+    names = [each.name for each in layout.animations]
+    if clip is None:
+        return 0 if names else None
+    if clip in names:
+        return names.index(clip)
+    if clip == NO_CLIP:
+        return None
+    if clip.isdecimal() and 1 <= int(clip) <= len(names):
+        return int(clip) - 1
+    known = [f"{name:.60}" for name in names if name][:20]
+    numbers = f"1 to {len(names)}" if names else "no others, as there are none"
+    raise NotInFile(f"{where}: clip: found {clip!r:.60}{alternatives(clip, [*known, NO_CLIP])}, or {numbers}")
+
+
+def _kind_of(layout: Layout, channel: Channel) -> tuple[str, int]:
+    """Type of a channel's accessor, and the number of its values at a time: 0 for a channel that is left out."""
+    if channel.target.node is None:
+        return "", 0
+    node = layout.nodes[channel.target.node]
+    if channel.target.path == "weights" and node.mesh is not None:
+        return "SCALAR", max((len(each.targets) for each in layout.meshes[node.mesh].primitives), default=0)
+    # A matrix cannot be animated by the specification.
+    return TYPES.get(channel.target.path, ("", 0)) if node.matrix is None else ("", 0)
+
+
+def _sampled(data: Data, sampler: Sampler, kind: str, width: int, time: float) -> tuple[Floats, float, float]:
+    """(width,) values of a sampler at a time, and the times of its first and last key. Raises InputError.
+
+    Reads the values at the two keys around the time alone, as many samplers may share long accessors.
+    """
+    where = f"{data.where}: accessors {sampler.input + 1}"
+    keys = stored(data, sampler.input, "SCALAR")[:, 0]
+    accessor = data.layout.accessors[sampler.output]
+    cubic = sampler.interpolation == "CUBICSPLINE"
+    rows = width // NUMBERS[kind]
+    each = rows * (3 if cubic else 1)
+    if not len(keys) or accessor.count < len(keys) * each:
+        raise InputError(
+            f"{data.where}: accessors {sampler.output + 1}: {accessor.count} elements; needed are {each} for each of "
+            f"{len(keys)} keys, and at least one key"
+        )
+
+    def value(key: int, part: int = 1 if cubic else 0) -> Floats:
+        start = key * each + part * rows
+        return as_floats(stored(data, sampler.output, kind, rows=slice(start, start + rows)), accessor).ravel()
+
+    first, last = float(keys[0]), float(keys[-1])
+    if not (math.isfinite(first) and math.isfinite(last)):
+        raise InputError(f"{where}: times from {first:g} to {last:g}; allowed: finite ones, or the clip none")
+    before = bisect.bisect_right(keys, time, key=float) - 1
+    if before < 0 or before == len(keys) - 1 or sampler.interpolation == "STEP":
+        return value(max(before, 0)), first, last
+    start, end = float(keys[before]), float(keys[before + 1])
+    if not start <= time < end:
+        raise InputError(f"{where}: found a key at {start:g} s and the next at {end:g} s; allowed: times that increase")
+    share = (time - start) / (end - start)
+    if cubic:
+        spline = _hermite(value(before), value(before, 2), value(before + 1), value(before + 1, 0), share, end - start)
+        return spline, first, last
+    between = slerp if kind == "VEC4" else _lerp
+    return between(value(before), value(before + 1), share), first, last
+
+
+def _lerp(a: Floats, b: Floats, share: float) -> Floats:
+    return (1.0 - share) * a + share * b
+
+
+def slerp(a: Floats, b: Floats, share: float) -> Floats:
+    """Quaternion at a share of the shorter arc from one to another.
+
+    scipy's Slerp may take the other way round for half a turn, which is common between keys.
+    """
+    a, b = (each / (np.linalg.norm(each) or 1.0) for each in (a, b))
+    cosine = float(a @ b)
+    b = -b if cosine < 0.0 else b
+    angle = math.acos(min(abs(cosine), 1.0))
+    if angle < 1e-6:  # where sin(angle) rounds; off by less than angle³
+        return _lerp(a, b, share)
+    return (math.sin((1.0 - share) * angle) * a + math.sin(share * angle) * b) / math.sin(angle)
+
+
+def _hermite(a: Floats, out: Floats, b: Floats, into: Floats, share: float, duration: float) -> Floats:
+    """Cubic spline from a, with the tangent `out`, to b, with the tangent `into`."""
+    t, t2, t3 = share, share * share, share**3
+    rise = duration * ((t3 - 2 * t2 + t) * out + (t3 - t2) * into)
+    return (2 * t3 - 3 * t2 + 1) * a + (3 * t2 - 2 * t3) * b + rise
+
+
+def _note(layout: Layout, number: int, time: float, first: float, last: float, where: str) -> str:
+    clip: Animation = layout.animations[number]
+    name = f" {clip.name!r:.60}" if clip.name else ""
+    title = f"{where}: clip{name}, {number + 1} of {len(layout.animations)}"
+    if first > last:
+        return f"{title}, moves nothing"
+    held = " (held at its end)" if time > last else " (held at its beginning)" if time < first else ""
+    return f"{title}, from {first:.4g} to {last:.4g} s: posed at {time:.6g} s{held}; clip and time choose another"
+
+
+class Node(NamedTuple):
+    """A node: its number from 0, its table, its (4, 4) float64 node-to-world matrix, and whether it is visible."""
+
+    number: int
+    data: NodeTable
+    matrix: Floats
+    visible: bool
+
+
+def scene_nodes(layout: Layout, pose: Pose) -> list[Node]:
+    """The nodes of the default scene, parents before children, in the order of the file."""
+    if layout.scenes:
+        return list(_tree(layout, pose, layout.scenes[layout.scene or 0].nodes, set()))
+    return list(_tree(layout, pose, _roots(layout), set()))
+
+
+def joint_worlds(layout: Layout, pose: Pose, nodes: list[Node]) -> dict[int, Floats]:
+    """(4, 4) node-to-world matrices by index: of the scene's nodes, and of all others if skins use those."""
+    worlds = {node.number: node.matrix for node in nodes}
+    joints = {joint for node in nodes if node.data.skin is not None for joint in layout.skins[node.data.skin].joints}
+    if not joints <= worlds.keys():
+        roots = [root for root in _roots(layout) if root not in worlds]
+        worlds |= {node.number: node.matrix for node in _tree(layout, pose, roots, set(worlds))}
+    if lost := joints - worlds.keys():
+        raise InputError(f"nodes {min(lost) + 1}: is a joint and its own ancestor")
+    return worlds
+
+
+def _roots(layout: Layout) -> list[int]:
+    children = {child for node in layout.nodes for child in node.children}
+    return [index for index in range(len(layout.nodes)) if index not in children]
+
+
+def _tree(layout: Layout, pose: Pose, roots: list[int], seen: set[int]) -> Iterator[Node]:
+    """The nodes below roots, and those. seen: indices of nodes that must not be among them; they are added."""
+    waiting = [(index, np.eye(4), True) for index in reversed(roots)]
+    while waiting:
+        index, parent, visible = waiting.pop()
+        if index in seen:
+            raise ValueError(f"node {index} has two parents or is its own ancestor")
+        seen.add(index)
+        node = layout.nodes[index]
+        matrix = parent @ _local_matrix(index, node, pose)
+        # KHR_node_visibility hides the meshes and lights of a node and its descendants, but not cameras.
+        visible = visible and node.visible
+        waiting.extend((child, matrix, visible) for child in reversed(node.children))
+        yield Node(index, node, matrix, visible)
+
+
+def _local_matrix(index: int, node: NodeTable, pose: Pose) -> Floats:
+    from scipy.spatial.transform import Rotation  # the import takes 0.3 s
+
+    if node.matrix is not None:
+        return np.array(node.matrix).reshape(4, 4).T
+    matrix = np.eye(4)
+    rotation = Rotation.from_quat(pose.get((index, "rotation"), np.array(node.rotation)))
+    matrix[:3, :3] = rotation.as_matrix() * pose.get((index, "scale"), np.array(node.scale))
+    matrix[:3, 3] = pose.get((index, "translation"), np.array(node.translation))
+    return matrix
+
 
 UNEVEN = 0.01
 """Deviation of the sum of a vertex's weights from 1 above which a note says so: more than 8-bit weights round."""
@@ -55,8 +262,8 @@ class Poser:
     def posed(self, primitive: TrianglePrimitive) -> dict[int, Posed]:
         """A primitive as each visible node deforms it that does, by the node's number."""
         users = [node for node in self._users.get(primitive.mesh, ()) if node.visible]
-        found = {node.number: self._deformed(primitive, node) for node in users}
-        return {index: each for index, each in found.items() if each is not None}
+        deformed = {node.number: self._deformed(primitive, node) for node in users}
+        return {index: each for index, each in deformed.items() if each is not None}
 
     def stands(self, primitive: TrianglePrimitive, posed: Mapping[int, object]) -> bool:
         """Whether a primitive is also needed as it is stored. posed: what the method of this name returned."""
@@ -124,10 +331,10 @@ def blended(primitive: TrianglePrimitive, joints: Floats) -> Blend | None:
     joints: (J, 4, 4) as of `joint_matrices`. Weights are divided by their sum; a vertex without any follows the
     first of its joints, both as in three.js. Raises InputError.
     """
-    found = _influences(primitive, len(joints))
-    if found is None:
+    influences = _influences(primitive, len(joints))
+    if influences is None:
         return None
-    numbers, weights = found
+    numbers, weights = influences
     sums = weights.sum(axis=1)
     uneven = int((np.abs(sums - 1.0) > UNEVEN).sum())
     weights[sums == 0.0, 0] = 1.0

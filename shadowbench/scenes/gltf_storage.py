@@ -1,170 +1,327 @@
-"""Where a glTF's numbers lie: buffers, their views, which may be compressed, and accessors, which may be sparse."""
+"""The numbers of a glTF: its JSON, buffers, decompressed, elements of accessors, and primitives' vertices and indices.
 
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal, NamedTuple, Self
+Buffers are a .glb's binary chunk, data URIs or files in its folder. Draco is decoded in a process of its own, meshopt's
+streams here: their decoder writes as many elements as it is asked for, whatever the stream says, and what it is asked
+for is checked against the stream's size and its bufferView's before.
+"""
+
+import base64
+import binascii
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import unquote
 
 import numpy as np
-from pydantic import AliasChoices, AliasPath, Field, model_validator
+from numpy.typing import NDArray
 
-from shadowbench.scenes.gltf_fields import Count, JsonObject, Number, ViewIndex, index_into
+from shadowbench.errors import InputError
+from shadowbench.files import read_beside
+from shadowbench.scenes.draco import Blob, Decoded, decode
+from shadowbench.scenes.gltf_layout import NUMBERS, Accessor, BufferView, Layout, Primitive, Range
+from shadowbench.scenes.polygons import fan_faces, strip_faces
+from shadowbench.scenes.vectors import Floats
+from shadowbench.strict import short
 
-DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # by componentType
-NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # of components, by type
-MOST_DECOMPRESSED = 2 << 30
-"""Limit on the bytes of a file's compressed bufferViews, once decompressed."""
-MOST_ZEROS = 1 << 26
-"""Limit on the numbers of a file's accessors without a bufferView, which are zero but for the sparse ones."""
-DENSEST = 1024
-"""Most bytes that a byte of meshopt's streams stands for: a control byte for 256 elements of 4 bytes, appendix A of
-KHR_meshopt_compression."""
-
-BufferIndex = Annotated[Count, index_into("buffers")]
+BOUNDS_OFF = 0.01
+"""Difference from an accessor's min and max, as a share of the largest extent, that exporters' rounding explains."""
 
 
-class Range(NamedTuple):
-    """The elements of an accessor that lie in a bufferView: their number, type and place."""
+class Data(NamedTuple):
+    """A glTF's layout, the bytes of its buffers, and the beginning of its error messages."""
 
-    bufferView: int
-    byteOffset: int
-    length: int
-    dtype: np.dtype[Any]
-    numbers: int
+    layout: Layout
+    buffers: list[bytes]
+    where: str
 
 
-class _SparseIndices(JsonObject):
-    bufferView: ViewIndex
-    byteOffset: Count = 0
-    componentType: Literal[5121, 5123, 5125]
+def floats_of(data: Data, index: int, *types: str) -> Floats:
+    """(count, n) float64 elements of an accessor of one of the types, with normalised integers as fractions.
 
-
-class _SparseValues(JsonObject):
-    bufferView: ViewIndex
-    byteOffset: Count = 0
-
-
-class _Sparse(JsonObject):
-    count: Count
-    indices: _SparseIndices
-    values: _SparseValues
-
-
-class Accessor(JsonObject):
-    """`count` elements in a bufferView, of which `sparse` replaces some."""
-
-    bufferView: ViewIndex | None = None
-    byteOffset: Count = 0
-    count: Count
-    componentType: Literal[5120, 5121, 5122, 5123, 5125, 5126]
-    type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
-    normalized: bool = Field(False, strict=True)
-    min: list[Number] | None = None
-    max: list[Number] | None = None
-    sparse: _Sparse | None = None
-
-    @property
-    def row(self) -> tuple[np.dtype[Any], int]:
-        """Type and number of an element's components."""
-        return np.dtype(DTYPES[self.componentType]), NUMBERS[self.type]
-
-    @property
-    def dense(self) -> Range | None:
-        """All elements, None if they are zero."""
-        return None if self.bufferView is None else Range(self.bufferView, self.byteOffset, self.count, *self.row)
-
-    @property
-    def replaced(self) -> tuple[Range, Range] | None:
-        """Indices and values of the elements that `sparse` replaces."""
-        if self.sparse is None:
-            return None
-        (count, at, to), (dtype, numbers) = dict(self.sparse).values(), self.row
-        indices = Range(at.bufferView, at.byteOffset, count, np.dtype(DTYPES[at.componentType]), 1)
-        return indices, Range(to.bufferView, to.byteOffset, count, dtype, numbers)
-
-
-class _Compressed(JsonObject):
-    """A bufferView's elements as EXT_meshopt_compression and KHR_meshopt_compression store them.
-
-    The second has more of the same stream: vertex codec 1, and the filter COLOR.
+    types: as in the specification, SCALAR, VEC2, VEC3, VEC4 or MAT4. Raises InputError for another one, and for
+    elements that the accessor's own min and max contradict.
     """
-
-    buffer: BufferIndex
-    byteOffset: Count = 0
-    byteLength: Count
-    byteStride: Annotated[int, Field(ge=1, le=256, strict=True)]
-    count: Count
-    mode: Literal["ATTRIBUTES", "TRIANGLES", "INDICES"]
-    filter: Literal["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR"] = "NONE"
-
-    @property
-    def end(self) -> int:
-        return self.byteOffset + self.byteLength
-
-    @model_validator(mode="after")
-    def _as_specified(self) -> Self:
-        strides: Sequence[int] = (2, 4)
-        if self.mode == "ATTRIBUTES":
-            strides = {"OCTAHEDRAL": (4, 8), "QUATERNION": (8,), "COLOR": (4, 8)}.get(self.filter, range(4, 257, 4))
-        elif self.filter != "NONE":
-            raise ValueError(f"found filter {self.filter} with mode {self.mode}; allowed: with ATTRIBUTES")
-        if self.byteStride not in strides:
-            allowed = " or ".join(map(str, strides)) if len(strides) < 3 else "multiples of 4 up to 256"
-            raise ValueError(f"found byteStride {self.byteStride} with {self.mode} {self.filter}; allowed: {allowed}")
-        if self.mode == "TRIANGLES" and self.count % 3:
-            raise ValueError(f"found {self.count} indices of TRIANGLES; allowed: multiples of 3")
-        if self.count * self.byteStride > DENSEST * self.byteLength:
-            raise ValueError(f"found {self.byteLength} bytes, too few for {self.count} elements")
-        return self
+    accessor, elements = data.layout.accessors[index], stored(data, index, *types)
+    _check_bounds(elements, accessor, f"{data.where}: accessors {index + 1}")
+    return as_floats(elements, accessor)
 
 
-class BufferView(JsonObject):
-    """Bytes of a buffer. compressed: what decompresses to them, by an extension."""
+def integers_of(data: Data, index: int, *types: str) -> NDArray[Any]:
+    """(count, n) unsigned integers of an accessor of one of the types. Raises InputError for another one."""
+    accessor = data.layout.accessors[index]
+    if accessor.row[0].kind != "u":
+        raise _wrong(data, index, f"{' or '.join(types)} of unsigned integers")
+    return stored(data, index, *types)
 
-    buffer: BufferIndex
-    byteOffset: Count = 0
-    byteLength: Count
-    byteStride: Annotated[int, Field(ge=1, le=252, strict=True)] | None = None
-    compressed: _Compressed | None = Field(
-        None,
-        validation_alias=AliasChoices(
-            AliasPath("extensions", "EXT_meshopt_compression"), AliasPath("extensions", "KHR_meshopt_compression")
-        ),
+
+def stored(data: Data, index: int, *types: str, rows: slice = slice(None)) -> NDArray[Any]:
+    """(count, n) elements of an accessor, a view of their buffer or sparse; rows: only these of them.
+
+    Raises InputError for another type than these.
+    """
+    accessor = data.layout.accessors[index]
+    if accessor.type not in types:
+        raise _wrong(data, index, " or ".join(types))
+    place, dense, replaced = f"{data.where}: accessors {index + 1}", accessor.dense, accessor.replaced
+    dtype, numbers = accessor.row
+    start, stop, _ = rows.indices(accessor.count)
+    # Without a bufferView all are zeros, by the specification.
+    elements = np.zeros((stop - start, numbers), dtype) if dense is None else _range(data, dense)[rows]
+    if replaced is None:
+        return elements
+    indices, values = (_range(data, part) for part in replaced)
+    if (indices >= accessor.count).any():
+        raise InputError(f"{place}: sparse: found index {indices.max()}; allowed: 0 to {accessor.count - 1}")
+    elements = elements if dense is None else elements.copy()
+    chosen = (indices[:, 0] >= start) & (indices[:, 0] < stop)
+    elements[indices[chosen, 0] - start] = values[chosen]
+    return elements
+
+
+def _check_bounds(elements: NDArray[Any], accessor: Accessor, where: str) -> None:
+    """Raise InputError for elements that are not as their accessor's min and max say.
+
+    So they are where a byteStride or an offset is wrong, and triangles would go from anywhere to anywhere.
+    """
+    if accessor.min is None or accessor.max is None or not len(elements):
+        return
+    if {len(accessor.min), len(accessor.max)} != {elements.shape[1]}:
+        found = f"{len(accessor.min)} and {len(accessor.max)} numbers"
+        raise InputError(f"{where}: found min and max of {found}; allowed: {elements.shape[1]}, as its elements")
+    given = np.array([accessor.min, accessor.max])
+    read = np.array([elements.min(axis=0), elements.max(axis=0)])
+    off = BOUNDS_OFF * np.ptp(given, axis=0).max() + 1e-6 * np.abs(given).max()
+    # Some exporters give those of normalised integers as fractions. What is NaN is refused elsewhere, if it matters.
+    if all((np.abs(values - given) > off).any() for values in (read.astype(np.float64), as_floats(read, accessor))):
+        low, high, least, most = (f"({', '.join(f'{value:.6g}' for value in row)})" for row in (*read, *given))
+        raise InputError(
+            f"{where}: found elements from {low} to {high}, but min and max say {least} to {most}: its data, or the "
+            "byteStride or an offset, are wrong"
+        )
+
+
+def _range(data: Data, part: Range) -> NDArray[Any]:
+    """(count, n) elements, a view of their buffer."""
+    view = data.layout.bufferViews[part.bufferView]
+    return np.ndarray(
+        (part.length, part.numbers),
+        part.dtype,
+        buffer=data.buffers[view.buffer],
+        offset=view.byteOffset + part.byteOffset,
+        strides=(view.byteStride or part.numbers * part.dtype.itemsize, part.dtype.itemsize),
     )
 
+
+def as_floats(elements: NDArray[Any], accessor: Accessor) -> Floats:
+    """Elements of an accessor as float64, with normalised integers as fractions."""
+    dtype, _ = accessor.row
+    if accessor.normalized and dtype.kind in "iu":
+        return np.maximum(elements.astype(np.float64) / np.iinfo(dtype).max, -1.0)
+    return elements.astype(np.float64)
+
+
+def _wrong(data: Data, index: int, allowed: str) -> InputError:
+    accessor = data.layout.accessors[index]
+    return InputError(
+        f"{data.where}: accessors {index + 1}: found {accessor.type} of {accessor.componentType}; allowed: {allowed}"
+    )
+
+
+def decompressed(data: Data) -> Data:
+    """The same with each compressed bufferView in a buffer of its own. Raises InputError for an invalid stream."""
+    views, buffers = list(data.layout.bufferViews), list(data.buffers)
+    for k, view in enumerate(views):
+        if view.compressed is not None:
+            views[k] = view.model_copy(update={"buffer": len(buffers), "byteOffset": 0, "compressed": None})
+            buffers.append(_decoded(view, data, f"{data.where}: bufferViews {k + 1}"))
+    return Data(data.layout.model_copy(update={"bufferViews": views}), buffers, data.where)
+
+
+def _decoded(view: BufferView, data: Data, where: str) -> bytes:
+    import meshopt  # not on all platforms
+
+    packed = view.compressed
+    assert packed is not None
+    if not packed.count:
+        return b""
+    stream = data.buffers[packed.buffer][packed.byteOffset : packed.end]
+    try:
+        rows = meshopt.decode_gltf_buffer(stream, packed.count, packed.byteStride, packed.mode, packed.filter)
+    except ValueError as error:
+        raise InputError(f"{where}: cannot be decompressed: {short(error)}") from error
+    return bytes(rows)
+
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
+
+
+class TrianglePrimitive(NamedTuple):
+    """A triangle primitive: index of its mesh, and its (F, 3) indices of vertices, not yet validated.
+
+    decoded: its attributes that were compressed, by name.
+    """
+
+    mesh: int
+    primitive: Primitive
+    faces: NDArray[Any]
+    data: Data
+    decoded: Mapping[str, NDArray[Any]]
+
     @property
-    def end(self) -> int:
-        """Byte of the buffer at which it ends."""
-        return self.byteOffset + self.byteLength
+    def positions(self) -> Floats:
+        """(V, 3) float64."""
+        positions = self.floats("POSITION", "VEC3")
+        assert positions is not None  # as `read_primitives` checks
+        return positions
+
+    def floats(self, name: str, *types: str) -> Floats | None:
+        """(V, n) float64 elements of an attribute of one of the types, None if there is none. Raises InputError."""
+        index = self._accessor(name)
+        if index is None or name not in self.decoded:
+            return None if index is None else floats_of(self.data, index, *types)
+        return as_floats(self._compressed(name, types), self.data.layout.accessors[index])
+
+    def integers(self, name: str, *types: str) -> NDArray[Any] | None:
+        """(V, n) unsigned integers of an attribute, as `floats`."""
+        index = self._accessor(name)
+        if index is None or name not in self.decoded:
+            return None if index is None else integers_of(self.data, index, *types)
+        return self._compressed(name, types).astype(np.uint32)
+
+    def by_corner(self, values: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(F, 3, …) float32 of (V, …) values of the vertices, whose indices must be valid."""
+        corners: NDArray[np.float32] = values[self.faces].astype(np.float32)
+        return corners
+
+    def check_count(self, name: str, accessor: int) -> None:
+        """Raise InputError unless an accessor has an element for each vertex: before it is filled."""
+        counts = [
+            len(self.decoded[each]) if each in self.decoded else self.data.layout.accessors[index].count
+            for each, index in ((name, accessor), ("POSITION", self.primitive.attributes["POSITION"]))
+        ]
+        if counts[0] != counts[1]:
+            found = f"{name} has {counts[0]} elements"
+            raise InputError(f"{self.data.where}: {found}; allowed: {counts[1]}, one for each POSITION")
+
+    def _accessor(self, name: str) -> int | None:
+        """The accessor of an attribute, None if there is none."""
+        index = self.primitive.attributes.get(name)
+        if index is not None:
+            self.check_count(name, index)
+        return index
+
+    def _compressed(self, name: str, types: tuple[str, ...]) -> NDArray[Any]:
+        values = self.decoded[name]
+        if values.shape[1] not in [NUMBERS[each] for each in types]:
+            allowed = " or ".join(types)
+            raise InputError(f"{self.data.where}: {name}: found {values.shape[1]} components; allowed: {allowed}")
+        return values
 
 
-class Buffer(JsonObject):
-    """Bytes of a file or of the JSON."""
-
-    uri: str | None = None
-    byteLength: Count
-
-
-def check_sizes(buffers: list[Buffer], views: list[BufferView], accessors: list[Accessor]) -> None:
-    """Raises ValueError for what lies outside its buffer or bufferView, or decompresses to too much."""
-    for k, view in enumerate(views, 1):
-        for source in (view, view.compressed):
-            if source is not None and source.end > (size := buffers[source.buffer].byteLength):
-                raise ValueError(f"bufferViews {k}: ends at byte {source.end} of a buffer of {size}")
-        if (packed := view.compressed) is not None and packed.count * packed.byteStride != view.byteLength:
-            found = f"{packed.count} elements of {packed.byteStride} bytes are compressed"
-            raise ValueError(f"bufferViews {k}: {found} in a bufferView of {view.byteLength}")
-    total = sum(view.byteLength for view in views if view.compressed is not None)
-    if total > MOST_DECOMPRESSED:
-        raise ValueError(f"its bufferViews decompress to {total} bytes; allowed are at most {MOST_DECOMPRESSED}")
-    for k, accessor in enumerate(accessors, 1):
-        for part in (accessor.dense, *(accessor.replaced or ())):
-            if part is not None:
-                _check_range(part, views[part.bufferView], f"accessors {k}")
+def read_json(path: Path) -> tuple[dict[str, Any], bytes | None]:
+    """The JSON of a .gltf or .glb, and the binary chunk of a .glb or None. Raises ValueError for other files."""
+    data, chunk = path.read_bytes(), None
+    if path.suffix.lower() == ".glb":
+        if len(data) < 20 or data[:4] != b"glTF":
+            raise ValueError("not a GLB: the first four bytes are not glTF")
+        version, length, end, kind = struct.unpack("<IIII", data[4:20])
+        end += 20
+        if version != 2:
+            raise ValueError(f"glTF version {version}; allowed: 2")
+        if length > len(data) or kind != JSON_CHUNK or end > len(data):
+            raise ValueError(f"cut short: {len(data)} bytes of {length}")
+        if end + 8 <= len(data):
+            size, kind = struct.unpack("<II", data[end : end + 8])
+            if kind == BINARY_CHUNK:
+                chunk = data[end + 8 : end + 8 + size]
+        data = data[20:end].rstrip(b"\0")  # some exporters pad with these in place of blanks
+    document = json.loads(data)
+    if not isinstance(document, dict):
+        raise ValueError("the JSON is not an object")
+    return document, chunk
 
 
-def _check_range(part: Range, view: BufferView, where: str) -> None:
-    row = part.dtype.itemsize * part.numbers
-    if view.byteStride is not None and view.byteStride < row and part.length > 1:
-        raise ValueError(f"{where}: elements of {row} bytes overlap at a byteStride of {view.byteStride}")
-    end = part.byteOffset + (part.length and (part.length - 1) * (view.byteStride or row) + row)
-    if end > view.byteLength:
-        raise ValueError(f"{where}: {part.length} elements end at byte {end} of a bufferView of {view.byteLength}")
+def read_buffers(layout: Layout, chunk: bytes | None, path: Path, where: str) -> Data:
+    """The layout with the bytes of its buffers, decompressed. Raises InputError.
+
+    chunk: the binary chunk of a .glb, or None.
+    """
+    used = {(view.compressed or view).buffer for view in layout.bufferViews}  # others may stand for what is compressed
+    buffers = [
+        _buffer(layout, number, chunk if number == 0 else None, path, f"{where}: buffers {number + 1}")
+        if number in used
+        else b""
+        for number in range(len(layout.buffers))
+    ]
+    return decompressed(Data(layout, buffers, where))
+
+
+def read_primitives(data: Data) -> Iterator[TrianglePrimitive]:
+    """The triangle primitives in the order of the file. Raises InputError for invalid data."""
+    layout = data.layout
+    decoded = _decompressed(data)
+    for number, each in [(number, each) for number, mesh in enumerate(layout.meshes) for each in mesh.primitives]:
+        if each.mode not in (TRIANGLES, STRIP, FAN):
+            continue
+        where = f"{data.where}: mesh {layout.meshes[number].name or number + 1!r:.60}"
+        position = each.attributes.get("POSITION")
+        if position is None or (each.draco is not None and "POSITION" not in each.draco_ids):
+            raise InputError(f"{where}: a primitive has no POSITION")
+        if each.draco is not None:
+            attributes, faces = decoded[each.draco, *each.draco_ids.items()]
+            yield TrianglePrimitive(number, each, faces, data, attributes)
+        else:
+            faces = _faces(data, each, layout.accessors[position].count, where)
+            yield TrianglePrimitive(number, each, faces, data, {})
+
+
+def _decompressed(data: Data) -> dict[tuple[Any, ...], Decoded]:
+    """All primitives of KHR_draco_mesh_compression, decoded once each, by bufferView and ids of the attributes."""
+    blobs = {}
+    for each in data.layout.primitives:
+        if each.draco is not None and "POSITION" in each.draco_ids:
+            view = data.layout.bufferViews[each.draco]
+            blob = data.buffers[view.buffer][view.byteOffset : view.end]
+            blobs[each.draco, *each.draco_ids.items()] = Blob(blob, each.draco_ids)
+    return dict(zip(blobs, decode([*blobs.values()], data.where), strict=True)) if blobs else {}
+
+
+def _faces(data: Data, primitive: Primitive, count: int, where: str) -> NDArray[Any]:
+    """(F, 3) faces of a primitive of `count` vertices."""
+    corners: NDArray[Any] = np.arange(count, dtype=np.uint64)
+    if primitive.indices is not None:
+        corners = integers_of(data, primitive.indices, "SCALAR").ravel()
+    if primitive.mode != TRIANGLES:
+        # The largest index begins another strip: in all files, as the specification forbids it as an index.
+        return (strip_faces if primitive.mode == STRIP else fan_faces)(corners, int(np.iinfo(corners.dtype).max))
+    if len(corners) % 3:
+        raise InputError(f"{where}: {len(corners)} corners of triangles; allowed are multiples of 3")
+    return corners.reshape(-1, 3)
+
+
+def _buffer(layout: Layout, number: int, chunk: bytes | None, path: Path, where: str) -> bytes:
+    """The bytes of a buffer. Raises InputError for missing ones, or a file outside the glTF's folder."""
+    buffer = layout.buffers[number]
+    data = chunk if buffer.uri is None else read_uri(buffer.uri, path, where)
+    if data is None:
+        raise InputError(f"{where}: found no uri; only the first buffer of a .glb may lack it")
+    if len(data) < buffer.byteLength:
+        raise InputError(f"{where}: cut short: {len(data)} bytes of {buffer.byteLength}")
+    return data[: buffer.byteLength]
+
+
+def read_uri(uri: str, path: Path, where: str) -> bytes:
+    """The bytes of a data URI, or of a file in the folder of the glTF at `path`. Raises InputError for others."""
+    where = f"{where}: uri {uri!r:.60}"
+    if uri.startswith("data:"):
+        head, comma, text = uri.partition(",")
+        if not comma or not head.endswith(";base64"):
+            raise InputError(f"{where}; allowed: a file, or data in base64")
+        try:
+            return base64.b64decode(text, validate=True)
+        except binascii.Error as error:
+            raise InputError(f"{where}: not base64: {error}") from error
+    return read_beside(unquote(uri), path.parent, where)

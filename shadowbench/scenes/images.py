@@ -12,6 +12,8 @@ from PIL import Image
 from shadowbench.errors import InputError
 from shadowbench.strict import short
 
+MOST_BYTES = 1 << 28
+"""Limit in bytes on the image files of a mesh file that are kept for pictures."""
 MOST_TEXELS = 1 << 26
 """Limit on the texels of an image, 8192²."""
 FORMATS = ("PNG", "JPEG", "WEBP", "TGA", "BMP")

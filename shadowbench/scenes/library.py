@@ -1,19 +1,243 @@
 """Scenes by name or path: a built-in scene, a scene file, or a mesh file."""
 
+import math
 import os
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BeforeValidator, Field, ValidationInfo
 
 from shadowbench.errors import InputError, NotInFile, alternatives
 from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
-from shadowbench.scenes.contents import BY_DEFAULT, Chosen
-from shadowbench.scenes.files import SceneFile, read_document, read_scene_file
+from shadowbench.scenes.cutouts import Cutout, Wrap, cut_out
+from shadowbench.scenes.file_contents import BY_DEFAULT, MOST_MASKED, Chosen, check_count, placed
+from shadowbench.scenes.images import mask_of, read_image
 from shadowbench.scenes.meshes import GLTF_SUFFIXES, MESH_SUFFIXES, USD_SUFFIXES, read_meshes
-from shadowbench.scenes.model import Scene
-from shadowbench.scenes.tables import NAME, NAMES, name_from
+from shadowbench.scenes.model import Camera, Light, Mesh, Scene
+from shadowbench.scenes.scene_tables import (
+    MOST_COPIES,
+    MOST_NAMED,
+    NAME,
+    NAMES,
+    MeshTable,
+    Name,
+    camera_from_table,
+    light_from_table,
+    name_from,
+)
+from shadowbench.scenes.shapes import WITH_COORDINATES, build_shape, shape_table
+from shadowbench.scenes.triangles import Triangles, mean_normals
+from shadowbench.scenes.vectors import Floats
+from shadowbench.strict import Strict, read_toml, short, validated
+
+
+def _listed(value: object, info: ValidationInfo) -> object:
+    """One `[camera]` or `[light]` as a list of one."""
+    if isinstance(value, dict) and info.field_name == "mesh":
+        raise ValueError("found a table; allowed: tables, written [[mesh]]")
+    return [value] if isinstance(value, dict) else value
+
+
+Tables = Annotated[list[dict[str, Any]], BeforeValidator(_listed)]
+
+
+class SceneFile(Strict):
+    """The top level of a scene file; its tables are validated separately."""
+
+    name: Name | None = None
+    about: str = Field("", max_length=200, strict=True)
+    camera: Tables = Field([], max_length=MOST_NAMED)
+    light: Tables = Field([], max_length=MOST_NAMED)
+    mesh: Tables = Field([], max_length=MOST_COPIES)
+    viewer: dict[str, object] = Field({})  # what `shadowbench view` showed when it saved the file
+
+    def cameras(self, file: str) -> list[Camera]:
+        """The cameras of its tables. Raises InputError that begins with the file's name."""
+        return [camera_from_table(*each) for each in _named_tables(self.camera, "camera", file)]
+
+    def lights(self, file: str) -> list[Light]:
+        """The lights of its tables. Raises InputError that begins with the file's name."""
+        return [light_from_table(*each) for each in _named_tables(self.light, "light", file)]
+
+
+def _named_tables(tables: list[dict[str, Any]], kind: str, file: str) -> Iterator[tuple[dict[str, Any], str, str]]:
+    """Each table with the beginning of its error messages and its default name. Raises InputError for names in use."""
+    names = []
+    for number, table in enumerate(tables, 1):
+        title = f"[{kind}]" if len(tables) == 1 else f"[[{kind}]] {number}"
+        default = kind if number == 1 else f"{kind}-{number}"
+        names.append(str(table.get("name", default)))
+        yield table, f"{file}: {title}", default
+    name, times = Counter(names).most_common(1)[0] if names else ("", 0)
+    if times > 1:
+        raise InputError(f"{file}: [[{kind}]]: name {name!r} is used {times} times; names must differ")
+
+
+def read_document(path: Path) -> SceneFile:
+    """The validated top level of a scene file. Raises InputError if it is unreadable or not TOML."""
+    document = read_toml(path, path.name)
+    if "scenes" in document and "mesh" not in document:
+        raise InputError(
+            f"{path.name}: found a study file; allowed: a scene file, or `shadowbench run --study` with it"
+        )
+    return validated(SceneFile, document, path.name)
+
+
+def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
+    """The scene of a TOML file, with a default camera and light if it has none.
+
+    assets: a second folder for its mesh files. Raises InputError for an invalid file.
+    """
+    document = read_document(path)
+    name = document.name or path.stem
+    if not NAME.fullmatch(name):
+        raise InputError(
+            f"{path.name!r:.90}: a scene without a name is named after its file; "
+            f'rename the file or add name = "…" at its top, {NAMES}'
+        )
+    cameras, lights = document.cameras(path.name), document.lights(path.name)
+    if not document.mesh:
+        raise InputError(f"{path.name}: mesh: found none; at least one [[mesh]] is needed")
+    files = _Files(path, assets)
+    tables: list[tuple[list[tuple[Mesh, Floats]], str]] = []
+    dropped = copies = 0
+    for number, raw in enumerate(document.mesh, 1):
+        where = f"{path.name}: [[mesh]] {number}"
+        table, sources, lost = _sources(raw, files, where)
+        repeats = math.prod(row.count for row in table.repeat)
+        copies += repeats * len(sources)
+        if copies > MOST_COPIES:
+            raise InputError(f"{where}: {copies} meshes by now, each copy counted; allowed are at most {MOST_COPIES}")
+        tables.append((list(_copies(table, sources)), where))
+        dropped += lost
+    check_count((mesh for instances, _ in tables for mesh, _ in instances), path.name)
+    meshes: list[Mesh] = []
+    for instances, where in tables:
+        more, flat = placed(instances, where)
+        meshes += more
+        dropped += flat
+    if not meshes:
+        raise InputError(f"{path.name}: all {dropped} triangles have zero area; at least one must have some")
+    notes = [note for contents in files.read.values() for note in contents.notes]
+    scene = Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
+    return with_assumptions(scene, mesh_bounds(meshes, path.name), path.name)
+
+
+def _sources(raw: dict[str, Any], files: "_Files", where: str) -> tuple[MeshTable, tuple[Mesh, ...], int]:
+    """The validated table, its shape's or file's meshes in object space, and the zero-area triangles of the file."""
+    shape = raw.get("shape")
+    model = shape_table(shape, MeshTable, where) if isinstance(shape, str) and shape else MeshTable
+    table = validated(model, raw, where)
+    meshes, dropped = files.meshes(table, where) if table.file is not None else ((_shaped(table, raw, where),), 0)
+    return table, meshes if table.mask is None else files.masked(table, table.mask, meshes, f"{where}: mask"), dropped
+
+
+def _shaped(table: MeshTable, raw: dict[str, Any], where: str) -> Mesh:
+    """The mesh of a table's shape."""
+    parameters = {key: value for key, value in raw.items() if key not in MeshTable.model_fields}
+    mesh = build_shape(str(table.shape), parameters, where)
+    normals = mean_normals(Triangles(mesh.vertices, mesh.faces)) if table.smooth else None
+    return replace(mesh, name=table.name or mesh.name, normals=normals)
+
+
+def _copies(table: MeshTable, sources: tuple[Mesh, ...]) -> Iterator[tuple[Mesh, Floats]]:
+    """All copies of all meshes of a table, each with its (4, 4) object-to-world matrix."""
+    matrix = transform_of(table)
+    for indices in product(*(range(row.count) for row in table.repeat)):
+        moved = matrix.copy()
+        moved[:3, 3] += sum(
+            (np.multiply(k, row.step) for k, row in zip(indices, table.repeat, strict=True)), np.zeros(3)
+        )
+        suffix = "".join(f" {k + 1}" for k in indices)
+        for mesh in sources:
+            name = (mesh.name if table.name is None or len(sources) > 1 else table.name) + suffix
+            copy = replace(mesh, name=name, color=table.color or mesh.color)
+            yield replace(copy, casts=table.casts, receives=table.receives, planar=table.planar), moved
+
+
+def transform_of(table: MeshTable) -> Floats:
+    """(4, 4) float64 object-to-world matrix: scale, rotate about the fixed x, y and z axes in that order, translate."""
+    matrix = np.diag([*table.scale, 1.0])
+    for axis, degrees in enumerate(table.rotate):
+        matrix = _rotation(axis, degrees) @ matrix
+    matrix[:3, 3] = table.translate
+    return matrix
+
+
+def _rotation(axis: int, degrees: float) -> Floats:
+    """(4, 4) right-handed rotation about a coordinate axis; exact for multiples of 90°."""
+    quarter = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
+    turn = math.fmod(math.fmod(degrees, 360.0) + 360.0, 360.0)
+    cosine, sine = quarter.get(turn, (math.cos(math.radians(turn)), math.sin(math.radians(turn))))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(4)
+    matrix[[i, j, i, j], [i, j, j, i]] = cosine, cosine, -sine, sine
+    return matrix
+
+
+class _Files:
+    """Files that a scene names, read once each. read: mesh files by the arguments of `read_meshes`."""
+
+    def __init__(self, scene: Path, assets: Path | None) -> None:
+        self._folders = [folder.resolve() for folder in (scene.parent, assets) if folder is not None]
+        self.read: dict[tuple[Path, Chosen], Scene] = {}
+        self._cutouts: dict[tuple[object, ...], Cutout] = {}
+        self._masked = 0  # texels of their images
+
+    def meshes(self, table: MeshTable, where: str) -> tuple[tuple[Mesh, ...], int]:
+        """The meshes of a table's file in object space, and the zero-area triangles of the file."""
+        file = self._resolved(str(table.file), f"{where}: file")
+        key = file, Chosen(table.time, table.clip, table.mask is not None)
+        if key not in self.read:
+            self.read[key] = read_meshes(file, f"{where}: {table.file}", key[1])
+        return self.read[key].meshes, self.read[key].dropped
+
+    def masked(self, table: MeshTable, mask: str, meshes: tuple[Mesh, ...], where: str) -> tuple[Mesh, ...]:
+        """The meshes cut out by a table's mask. Raises InputError if one lacks texture coordinates."""
+        file = self._resolved(mask, where)
+        wrap: Wrap = "repeat" if table.shape is None else "clamp"  # a shape's coordinates reach from 0 to 1
+        key = file, table.cutoff, table.mask_filter, wrap
+        if key not in self._cutouts:
+            alpha = mask_of(read_image(file.read_bytes(), f"{where}: {mask!r:.60}"))
+            self._masked += alpha.size
+            if self._masked > MOST_MASKED:
+                found = f"{self._masked} texels of masks by now"
+                raise InputError(f"{where}: {found}; a scene file may have {MOST_MASKED}")
+            cutout = cut_out(alpha, 1.0, table.cutoff, table.mask_filter == "nearest", (wrap, wrap))
+            if cutout.share == 0.0:
+                found = f"below the cutoff {table.cutoff:g} everywhere, so that nothing is left"
+                raise InputError(f"{where}: {mask!r:.60} is {found}")
+            self._cutouts[key] = cutout
+        cutout, masked = self._cutouts[key], []
+        for mesh in meshes:
+            if mesh.coordinates is None:
+                allowed = f"files with them, and the shapes {', '.join(WITH_COORDINATES)}"
+                raise InputError(f"{where}: {mesh.name!r:.60} has no texture coordinates; allowed: {allowed}")
+            masked.append(replace(mesh, cutout=cutout, places=cutout.places(mesh.coordinates)))
+        return tuple(masked)
+
+    def _resolved(self, file: str, where: str) -> Path:
+        """The path of a file with links resolved. Raises InputError outside the scene's folder and `assets`."""
+        where = f"{where}: {file!r:.200}"
+        folders = self._folders
+        try:
+            paths = [path for folder in folders if (path := Path(os.path.realpath(folder / file))).is_file()]
+        except (OSError, ValueError) as error:  # a null byte, a name too long
+            raise InputError(f"{where} cannot be a path: {short(error)}") from error
+        if not paths:
+            more = f" or {folders[1]}" if len(folders) > 1 else " (or give --assets DIR)"
+            raise InputError(f"{where} is not a file in {folders[0]}{more}")
+        for path in paths:
+            if any(path.is_relative_to(folder) for folder in folders):
+                return path
+        raise InputError(f"{where} leads to {paths[0]}, outside {folders[0]}; allowed are that folder and --assets DIR")
+
 
 LONGEST_PATH = 4096
 WITHOUT_UP = (".obj", ".ply", ".stl", ".off")

@@ -42,10 +42,10 @@ class Lines(NamedTuple):
         """(L,) whether the first word of each line is the keyword, in upper or lower case."""
         letters = np.frombuffer(self.text, dtype=np.uint8)
         after = letters.take(self.starts + len(keyword), mode="clip")
-        found: NDArray[np.bool_] = BLANK[after] | (after == ord("\n"))
+        matches: NDArray[np.bool_] = BLANK[after] | (after == ord("\n"))
         for k, letter in enumerate(keyword):
-            found &= (letters.take(self.starts + k, mode="clip") | 32) == ord(letter)
-        return found
+            matches &= (letters.take(self.starts + k, mode="clip") | 32) == ord(letter)
+        return matches
 
     def error(self, k: int, message: str) -> InputError:
         """An error with the number of line k in the file."""
@@ -84,7 +84,7 @@ def with_newlines(data: bytes) -> bytes:
 
 def without_comments(text: bytes) -> bytes:
     """The text with #-comments replaced by blanks, which keeps byte offsets."""
-    return re.sub(rb"#[^\n]*", lambda found: b" " * len(found[0]), text)
+    return re.sub(rb"#[^\n]*", lambda comment: b" " * len(comment[0]), text)
 
 
 def lines_of(text: bytes, where: str, file: bytes | None = None) -> Lines:

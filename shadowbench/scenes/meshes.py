@@ -9,16 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.contents import BY_DEFAULT, Chosen, Contents
-from shadowbench.scenes.geometry import checked, welded
+from shadowbench.scenes.file_contents import BY_DEFAULT, Chosen, Contents, Look, check_count, placed
 from shadowbench.scenes.gltf import read_gltf
-from shadowbench.scenes.looks import Look
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.obj import read_obj
-from shadowbench.scenes.off_stl import read_off, read_stl
-from shadowbench.scenes.placed import check_count, placed
-from shadowbench.scenes.ply import read_ply
+from shadowbench.scenes.ply_off_stl import read_off, read_ply, read_stl
 from shadowbench.scenes.polygons import Polygons, triangulated
+from shadowbench.scenes.triangles import checked, welded
 from shadowbench.strict import short
 
 READERS: dict[str, Callable[[bytes, str], Polygons]] = {

@@ -1,24 +1,179 @@
-"""Data model: meshes, cameras, lights, scenes, and views, the input of both truth and techniques.
+"""Meshes, cameras, lights, scenes, and views, the input of both truth and techniques.
 
 Right-handed, y up, cameras look along −z; metres, radians, float64. All classes are immutable.
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import Geometry
-from shadowbench.scenes.mesh import GREY as GREY
-from shadowbench.scenes.mesh import WHITE as WHITE
-from shadowbench.scenes.mesh import Mesh as Mesh
-from shadowbench.scenes.mesh import joined
-from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.cutouts import Cutout, cutout_faces
+from shadowbench.scenes.triangles import Geometry, Texture, TexturedFaces, bounds_of, mirrors, turned, used_by
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
+
+GREY: Vec3 = (0.8, 0.8, 0.8)
+WHITE: Vec3 = (1.0, 1.0, 1.0)
+CORNERS = ("coordinates", "places", "normals")
+"""What a mesh has by corner of a triangle, as vertices at one place are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles of one surface, in world space.
+
+    vertices: (V, 3) float64; faces: (F, 3) int32 indices into them, counter-clockwise seen from outside; both are
+    read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
+    and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere; places:
+    (F, 3, 2) float32 of the triangles' corners in it, in sub-texels, None for 0. coordinates: (F, 3, 2) float32 texture
+    coordinates of the corners, None for 0. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None
+    if it is flat, and zero at corners without one. texture, and tints, (F, 3) float32 linear RGB that color is
+    multiplied by, are of pictures only.
+    """
+
+    name: str
+    vertices: Floats = field(repr=False)
+    faces: NDArray[np.int32] = field(repr=False)
+    color: Vec3 = GREY
+    casts: bool = True
+    receives: bool = True
+    planar: bool = False
+    cutout: Cutout | None = None
+    coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
+    places: NDArray[np.float32] | None = field(default=None, repr=False)
+    normals: NDArray[np.float32] | None = field(default=None, repr=False)
+    texture: Texture | None = None
+    tints: NDArray[np.float32] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("vertices", "faces", *CORNERS):
+            values = getattr(self, name)
+            if values is not None:
+                view = values.view()
+                view.flags.writeable = False
+                object.__setattr__(self, name, view)
+
+    @cached_property
+    def bounds(self) -> Floats:
+        """(2, 3) lowest and highest vertex in use."""
+        return bounds_of(used_by(self.faces, self.vertices))
+
+    def reshaped(
+        self, vertices: Floats, faces: NDArray[np.int32], matrix: Floats, kept: NDArray[np.bool_] | None = None
+    ) -> "Mesh":
+        """The mesh with vertices moved by an affine (4, 4) matrix; one that mirrors has reversed the faces' corners.
+
+        kept: (F,) bool, which of its faces these are, by default all.
+        """
+        corners, tints = {name: values for name in CORNERS if (values := getattr(self, name)) is not None}, self.tints
+        if kept is not None:
+            corners = {name: values[kept] for name, values in corners.items()}
+            tints = None if tints is None else tints[kept]
+        if mirrors(matrix):
+            corners = {name: values[:, ::-1] for name, values in corners.items()}
+        if self.normals is not None:
+            corners["normals"] = turned(corners["normals"], matrix)
+        return replace(self, vertices=vertices, faces=faces, tints=tints, **corners)
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether every edge, after welding by position, is shared by exactly two triangles."""
+        import trimesh  # the import takes 0.3 s, and most commands do not need it
+
+        welded = trimesh.Trimesh(self.vertices, self.faces, process=False)
+        welded.merge_vertices()
+        return bool(welded.is_watertight)
+
+
+def joined(meshes: Sequence[Mesh]) -> Geometry:
+    """The triangles of meshes in turn."""
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    counts = [len(mesh.faces) for mesh in meshes]
+    faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=True)]
+    return Geometry(
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        faces=np.concatenate(faces, dtype=np.int32),
+        casts=np.repeat([mesh.casts for mesh in meshes], counts),
+        receives=np.repeat([mesh.receives for mesh in meshes], counts),
+        planar=np.repeat([mesh.planar for mesh in meshes], counts),
+        colors=triangle_colors(meshes, [mesh.color for mesh in meshes]),
+        cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.places) for mesh in meshes]),
+        corner_normals=_normals(meshes),
+        textured=tuple(
+            TexturedFaces(int(first), mesh.texture, mesh.coordinates)
+            for first, mesh in zip(np.cumsum([0, *counts[:-1]]), meshes, strict=True)
+            if mesh.texture is not None and mesh.coordinates is not None
+        ),
+    )
+
+
+def triangle_colors(meshes: Sequence[Mesh], colors: Sequence[Vec3]) -> Floats:
+    """(F, 3) linear RGB of the triangles of meshes, given a colour for each."""
+    counts = [len(mesh.faces) for mesh in meshes]
+    rows = np.repeat(np.array(colors, dtype=np.float64), counts, axis=0)
+    for mesh, own in zip(meshes, np.split(rows, np.cumsum(counts[:-1], dtype=np.int64)), strict=True):
+        if mesh.tints is not None:
+            own *= mesh.tints
+    return rows
+
+
+def _normals(meshes: Sequence[Mesh]) -> NDArray[np.float32] | None:
+    """(F, 3, 3) normals at the corners, zero for flat meshes; None if all are."""
+    if all(mesh.normals is None for mesh in meshes):
+        return None
+    flat = [np.zeros((len(mesh.faces), 3, 3), np.float32) if mesh.normals is None else mesh.normals for mesh in meshes]
+    return np.concatenate(flat)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Transform from file coordinates to local ones, local = (file − center) · scale, in float64.
+
+    Local coordinates keep float32 precision for scenes of any size far from the origin.
+    """
+
+    center: Vec3
+    scale: float
+
+    def points(self, points: Floats | Vec3) -> Floats:
+        """(…, 3) points in local coordinates."""
+        return (np.asarray(points, dtype=np.float64) - self.center) * self.scale
+
+    def length(self, metres: float) -> float:
+        """A length in metres as a local length."""
+        return metres * self.scale
+
+    def camera(self, camera: "Camera") -> "Camera":
+        """The camera in local coordinates."""
+        position, target = (vec3(self.points(point)) for point in (camera.position, camera.target))
+        near, far = (None if plane is None else self.length(plane) for plane in (camera.near, camera.far))
+        return replace(camera, position=position, target=target, near=near, far=far)
+
+    def light(self, light: "Light") -> "Light":
+        """The light in local coordinates; the angular radius of a directional light is unchanged."""
+        if light.kind == "directional":
+            return light
+        width, height = (self.length(side) for side in light.size)
+        position, radius = vec3(self.points(light.position)), self.length(light.radius)
+        return replace(light, position=position, radius=radius, size=(width, height))
+
+    def scene(self, scene: "Scene") -> "Scene":
+        """The scene with all its meshes, cameras and lights in local coordinates."""
+        return replace(
+            scene,
+            meshes=tuple(replace(mesh, vertices=self.points(mesh.vertices)) for mesh in scene.meshes),
+            cameras=tuple(self.camera(camera) for camera in scene.cameras),
+            lights=tuple(self.light(light) for light in scene.lights),
+        )
+
+
+IDENTITY_PLACEMENT = Placement((0.0, 0.0, 0.0), 1.0)
+
 
 LightKind = Literal["directional", "spot", "point"]
 LightShape = Literal[LightKind, "disc", "rectangle"]

@@ -30,12 +30,11 @@ from shadowbench.scenes.assumed import (
     with_sun,
     without_ground,
 )
-from shadowbench.scenes.contents import Chosen
-from shadowbench.scenes.geometry import Geometry, facet_normals, in_slices
+from shadowbench.scenes.file_contents import Chosen
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
-from shadowbench.scenes.placement import Placement
-from shadowbench.scenes.tables import LONGEST_NAME
+from shadowbench.scenes.model import Camera, Light, Placement, Scene, View, view_of
+from shadowbench.scenes.scene_tables import LONGEST_NAME
+from shadowbench.scenes.triangles import Geometry, facet_normals, in_slices
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 
 _RISE = math.tan(math.radians(15.0))

@@ -1,23 +1,52 @@
-"""Triangulation of polygons, including concave ones and ones with bridged holes.
-
-A polygon becomes a fan from its first corner if that is valid, a quad also from its second corner. Others are projected
-along their Newell normal, the sum of the cross products of successive corners, and triangulated by earcut.
-"""
+"""Triangles of strips and fans, as OpenGL and glTF order their corners."""
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import mapbox_earcut
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import FLATTEST, MOST_TRIANGLES, in_slices
-from shadowbench.scenes.looks import Look
-from shadowbench.scenes.normals import Singles
+from shadowbench.scenes.file_contents import Look
+from shadowbench.scenes.triangles import FLATTEST, MOST_TRIANGLES, Singles, in_slices
 from shadowbench.scenes.vectors import Floats
+
+
+def strip_faces(indices: NDArray[np.integer[Any]], restart: int) -> NDArray[np.int64]:
+    """(F, 3) triangles of strips of (N,) indices, of which `restart` ends one and begins the next.
+
+    Every other triangle of a strip turns the other way. Those with two equal indices, which join strips, are left out.
+    """
+    corners, number = _triples(indices, restart)
+    faces = corners[number[:, None] + np.array([0, 1, 2])]
+    odd = (number - _first_of_run(corners, restart)[number]) % 2 == 1
+    faces[odd] = faces[odd][:, [0, 2, 1]]
+    joins = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    return np.delete(faces, np.flatnonzero(joins), axis=0)
+
+
+def fan_faces(indices: NDArray[np.integer[Any]], restart: int) -> NDArray[np.int64]:
+    """(F, 3) triangles of fans of (N,) indices about their first corner, `restart` as in strips."""
+    corners, number = _triples(indices, restart)
+    first = _first_of_run(corners, restart)[number]
+    return np.stack([corners[number + 1], corners[number + 2], corners[first]], axis=1)
+
+
+def _triples(indices: NDArray[np.integer[Any]], restart: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The indices as int64, and each k for which k, k + 1 and k + 2 lie in one strip."""
+    corners = indices.astype(np.int64)
+    inside = corners != restart
+    return corners, np.flatnonzero(inside[:-2] & inside[1:-1] & inside[2:])
+
+
+def _first_of_run(corners: NDArray[np.int64], restart: int) -> NDArray[np.int64]:
+    """(N,) position at which the strip of each corner begins."""
+    begins = np.where(corners == restart, np.arange(1, len(corners) + 1), 0)
+    return np.maximum.accumulate(begins)
+
 
 Integers = NDArray[np.int64]
 Number = TypeVar("Number", bound=np.generic)
@@ -98,12 +127,12 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
             else:
                 faces[row : row + len(triangulation)] = start + triangulation
                 kept[row + len(triangulation) : row + size - 2] = False
-    found = [
+    lines = [
         (int((counts < 3).sum()), "face(s) of fewer than 3 corners left out"),
         (nonplanar, "polygon(s) not planar: cut as seen along their mean normal"),
         (crossing, "polygon(s) that cross themselves: cut as fans from their first corner"),
     ]
-    return faces[kept], owner[kept], [f"{where}: {count} {line}" for count, line in found if count]
+    return faces[kept], owner[kept], [f"{where}: {count} {line}" for count, line in lines if count]
 
 
 class _Fans(NamedTuple):
@@ -152,8 +181,8 @@ def _earcut(ring: Floats, normal: Floats) -> Integers | None:
     ring = ring / (np.abs(ring).max() or 1.0)
     # Projected along the normal onto a coordinate plane, which is exact for axis-aligned polygons.
     flat = np.ascontiguousarray(ring[:, axes] - ring[:, [axis]] * (normal[axes] / (normal[axis] or 1.0)))
-    found = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32))
-    faces: Integers = found.reshape(-1, 3).astype(np.int64)
+    indices = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32))
+    faces: Integers = indices.reshape(-1, 3).astype(np.int64)
     edges = flat[faces] - flat[np.roll(faces, -1, axis=1)]
     faces = faces[_area(flat[faces]) > FLATTEST * np.einsum("ijk,ijk->ij", edges, edges).max(axis=1)]
     if len(faces) < len(ring) - 2:

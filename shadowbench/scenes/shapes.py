@@ -16,12 +16,191 @@ from numpy.typing import NDArray
 from pydantic import Field, create_model
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.figures import walker
-from shadowbench.scenes.foliage import Cards, foliage
-from shadowbench.scenes.geometry import Faces, Floats, Triangles, welded
+from shadowbench.scenes.cutouts import Cutout, cut_out
 from shadowbench.scenes.model import Mesh
-from shadowbench.scenes.solids import capsule, cone, cylinder, torus
+from shadowbench.scenes.triangles import Faces, Triangles, welded, without_zero_area
+from shadowbench.scenes.vectors import Floats
 from shadowbench.strict import Model, Strict, validated
+
+_POLE = 1e-8  # radius below which points of a profile are on the axis
+Sections = Annotated[int, Field(ge=3, le=1024, strict=True)]  # segments around the axis
+
+
+def torus(sections: Sections = 64) -> Triangles:
+    """A horizontal ring, with half as many sections around the tube as around the axis."""
+    angles = np.linspace(0, 2 * np.pi, max(3, sections // 2) + 1)
+    angles[-1] = 0
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    return _revolved(circle * (1 / 6) + [0.5, 0.0], sections)
+
+
+def cylinder(sections: Sections = 64) -> Triangles:
+    """A closed cylinder."""
+    return _revolved(np.array([[0, -0.5], [0.5, -0.5], [0.5, 0.5], [0, 0.5]]), sections)
+
+
+def cone(sections: Sections = 64) -> Triangles:
+    """A closed cone with its apex up, centred at half its height."""
+    triangles = _revolved(np.array([[0, 0], [0.5, 0], [0, 1]]), sections)
+    return Triangles(triangles.vertices - [0.0, 0.5, 0.0], triangles.faces)
+
+
+def capsule(sections: Sections = 64) -> Triangles:
+    """A cylinder of height 1 between two hemispheres."""
+    quarter = (max(4, sections // 2) + 1) // 2 + 1  # points from the equator to a pole
+    angles = np.concatenate([np.linspace(-np.pi / 2, 0, quarter), np.linspace(0, np.pi / 2, quarter)])
+    profile = np.column_stack([np.cos(angles), np.sin(angles)]) * 0.5
+    profile[:quarter, 1] -= 0.5
+    profile[quarter:, 1] += 0.5
+    return _revolved(profile, sections + sections % 2)
+
+
+def _revolved(profile: Floats, sections: int) -> Triangles:
+    """The surface that a profile of (P, 2) radii and heights sweeps around the y axis, upwards on its outside."""
+    radius, height = profile.T
+    angles = np.linspace(0, 2 * np.pi, sections + 1)[:-1, np.newaxis]
+    angles = np.where(np.abs(radius) < _POLE, 0, angles)  # (sections, P)
+    points = np.stack(
+        [np.cos(angles) * radius, np.sin(angles) * radius, np.broadcast_to(height, angles.shape)], axis=-1
+    )
+    count = len(radius)
+    quad = np.array([[0, count, 1], [1, count, count + 1]])
+    strips = np.arange(sections)[:, np.newaxis] * count + np.arange(count - 1)  # the first corner of each quad
+    corners = (strips[..., np.newaxis, np.newaxis] + quad).reshape(-1, 3) % (sections * count)
+    closed = without_zero_area(welded(points.reshape(-1, 3), corners))[0]
+    return Triangles(closed.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0], closed.faces)
+
+
+_HIP, _KNEE, _CHEST, _NECK, _HEAD = 0.50, 0.26, 0.78, 0.84, 0.93  # heights, of a figure of height 1
+_STRIDE, _SWING, _BEND = np.radians(28.0), np.radians(24.0), np.radians(50.0)
+
+
+def walker(
+    phase: Annotated[float, Field(ge=0.0, le=1.0, strict=True)] = 0.1,
+    sections: Annotated[int, Field(ge=4, le=256, strict=True)] = 12,
+) -> Triangles:
+    """A walking figure of height about 1 that faces +z, of closed limbs that overlap, its feet near y = 0.
+
+    phase: of its stride, a whole one from 0 to 1; sections: around a limb.
+    """
+    angle = 2 * np.pi * phase
+    limbs = [
+        _limb((0, _HIP, 0), (0, _CHEST, 0), 0.085, 0.1, sections),
+        _limb((0, _NECK, 0), (0, _HEAD, 0.01), 0.03, 0.065, sections),
+    ]
+    for side in (-1.0, 1.0):
+        leg, arm = side * np.sin(angle), -side * np.sin(angle)
+        bend = _BEND * max(0.0, side * np.cos(angle)) ** 2 + 0.08
+        hip, shoulder = np.array([0.055 * side, _HIP, 0.0]), np.array([0.125 * side, _CHEST, 0.0])
+        thigh = _STRIDE * leg
+        knee = hip + (_HIP - _KNEE) * _down(thigh)
+        ankle = knee + (_KNEE - 0.04) * _down(thigh - bend)
+        elbow = shoulder + 0.16 * _down(_SWING * arm)
+        hand = elbow + 0.17 * _down(_SWING * arm + 0.5)
+        toe = ankle + 0.1 * np.array([0.0, np.sin(thigh - bend), np.cos(thigh - bend)])
+        limbs += [_limb(hip, knee, 0.055, 0.043, sections), _limb(knee, ankle, 0.041, 0.03, sections)]
+        limbs += [_limb(ankle, toe, 0.032, 0.026, sections), _limb(shoulder, elbow, 0.036, 0.031, sections)]
+        limbs.append(_limb(elbow, hand, 0.029, 0.026, sections))
+    starts = np.cumsum([0, *(len(limb.vertices) for limb in limbs[:-1])])
+    faces = np.concatenate([limb.faces + start for limb, start in zip(limbs, starts, strict=True)])
+    vertices = np.concatenate([limb.vertices for limb in limbs])
+    return Triangles(vertices - [0.0, vertices[:, 1].min(), 0.0], faces.astype(np.int32))
+
+
+def _down(angle: float) -> Floats:
+    """Unit vector downwards, turned forwards by an angle."""
+    return np.array([0.0, -np.cos(angle), np.sin(angle)])
+
+
+def _limb(start: object, end: object, first: float, last: float, sections: int) -> Triangles:
+    """A closed capsule between two points, of radius `first` at the start and `last` at the end."""
+    one, other = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+    along = (other - one) / np.linalg.norm(other - one)
+    across = np.cross(along, [0.0, 0.0, 1.0] if abs(along[2]) < 0.9 else [0.0, 1.0, 0.0])
+    across /= np.linalg.norm(across)
+    basis = np.stack([across, along, np.cross(across, along)])
+    shape = capsule(sections)
+    upper = shape.vertices[:, 1] > 0
+    round_part = shape.vertices - np.where(upper, 0.5, -0.5)[:, None] * [0.0, 1.0, 0.0]
+    vertices = np.where(upper[:, None], other, one) + 2 * np.where(upper, last, first)[:, None] * round_part @ basis
+    return Triangles(vertices, shape.faces)
+
+
+_LEAFLETS = 4  # on each side of a twig, besides the one at its end
+LEAF = 0.36
+"""Length of the longest leaf, as a share of a card's side."""
+_EDGE = 1.5  # texels from 0 to 255 at the edge of a leaf
+_FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+
+
+class Cards(NamedTuple):
+    """Squares of two triangles, cut out. vertices: (4 N, 3); faces: (2 N, 3); coordinates, places: (2 N, 3, 2)."""
+
+    vertices: Floats
+    faces: Faces
+    cutout: Cutout
+    coordinates: NDArray[np.float32]
+    places: NDArray[np.float32]
+
+
+def foliage(
+    count: Annotated[int, Field(ge=1, le=50_000, strict=True)] = 200,
+    size: Annotated[float, Field(gt=0.0, le=1.0, strict=True)] = 0.3,
+    texels: Annotated[int, Field(ge=4, le=1024, strict=True)] = 64,
+    nearest: Annotated[bool, Field(strict=True)] = False,
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)] = 1,
+) -> Cards:
+    """Twigs of leaves, cut out by alpha of cards with random orientations in a ball of diameter 1.
+
+    count: cards, denser towards the ball's surface; size: side of a card; texels: along a side of the mask; nearest:
+    the nearest texel in place of four mixed bilinearly; seed: of the orientations.
+    """
+    random = np.random.default_rng(seed)
+    outward, other = random.normal(size=(2, count, 3))
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    middle = outward * (0.5 - size / 2) * random.uniform(0.1, 1.0, (count, 1)) ** (1 / 3)
+    across = np.cross(outward, other)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    up = outward + 0.7 * np.cross(outward, across)  # twigs point outwards, with random deviation
+    up -= across * np.einsum("ij,ij->i", up, across)[:, None]
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    half = size / 2
+    corners = [middle + half * (x * across + y * up) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    faces = (4 * np.arange(count, dtype=np.int32)[:, None, None] + _FACES).reshape(-1, 3)
+    corners_of = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=np.float32)  # v downwards
+    coordinates = np.tile(corners_of[_FACES], (count, 1, 1))
+    cutout = cut_out(twig(texels), nearest=nearest, wrap=("clamp", "clamp"))
+    vertices = np.stack(corners, axis=1).reshape(-1, 3)
+    return Cards(vertices, faces, cutout, coordinates, cutout.places(coordinates))
+
+
+@cache
+def twig(texels: int) -> NDArray[np.uint8]:
+    """(texels, texels) uint8 alpha of a twig that grows upwards, opaque in its leaves; read-only, as it is cached."""
+    across, along = np.meshgrid(*(2 * [(np.arange(texels) + 0.5) / texels]), indexing="xy")
+    x, y = across - 0.5, 1.0 - along  # y from the foot up
+    inside = 0.018 - np.hypot(x, np.minimum(np.maximum(y - 0.85, 0.0), 1.0))  # the stem, to a height of 0.85
+    for number in range(_LEAFLETS):
+        for side in (-1.0, 1.0):
+            inside = np.maximum(inside, _leaf(x, y, (0.0, 0.08 + 0.19 * number), side * np.radians(62.0), LEAF))
+    inside = np.maximum(inside, _leaf(x, y, (0.0, 0.66), 0.0, 0.32))
+    alpha = np.clip(0.5 + inside * texels / _EDGE, 0.0, 1.0)
+    alpha[:, [0, -1]] = alpha[[0, -1]] = 0.0  # nothing reaches a card's edge
+    result = np.rint(255 * alpha).astype(np.uint8)
+    result.flags.writeable = False
+    return result
+
+
+def _leaf(x: Floats, y: Floats, foot: tuple[float, float], turn: float, length: float) -> Floats:
+    """Roughly the distance inwards from the outline of a leaf: where two circles overlap."""
+    sine, cosine = np.sin(turn), np.cos(turn)
+    u = (x - foot[0]) * cosine - (y - foot[1]) * sine
+    v = (x - foot[0]) * sine + (y - foot[1]) * cosine - length / 2
+    radius = 0.62 * length
+    offset = np.sqrt(radius**2 - (length / 2) ** 2)
+    inside: Floats = radius - np.maximum(np.hypot(u - offset, v), np.hypot(u + offset, v))
+    return inside
+
 
 _BOX = [[6, 4, 7], [3, 6, 7], [7, 4, 5], [5, 3, 7], [6, 0, 4], [2, 6, 3], [2, 0, 6], [4, 0, 5], [1, 3, 5], [5, 0, 1]]
 _BOX += [[1, 2, 3], [0, 2, 1]]

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from shadowbench.scenes.geometry import Floats as Floats
-
+Floats = NDArray[np.float64]
 Vec3 = tuple[float, float, float]
 
 

@@ -18,7 +18,7 @@ from shadowbench.plugin.params import Component
 from shadowbench.plugin.spec import Spec, format_value, parse_spec
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Light
-from shadowbench.scenes.tables import camera_from_table, light_from_table
+from shadowbench.scenes.scene_tables import camera_from_table, light_from_table
 from shadowbench.strict import explain
 
 Techniques = Mapping[str, type[Subject]]

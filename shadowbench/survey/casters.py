@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from shadowbench.geometry.topology import topology_of
-from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.model import View
+from shadowbench.scenes.triangles import Geometry
 
 _POINTS = 1 << 16  # on cut-out casters
 

@@ -8,8 +8,8 @@ import numpy as np
 from shadowbench.geometry.convex import caster_and_receiver_vertices, practical_depths, slices
 from shadowbench.geometry.lights import LightSpace, window
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import SUN_RADIUS, Light, View
+from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.metrics import rmse

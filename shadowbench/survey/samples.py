@@ -12,8 +12,7 @@ from scipy.spatial import cKDTree
 
 from shadowbench.errors import InputError
 from shadowbench.geometry.lights import Box, LightSpace, light_space
-from shadowbench.scenes.model import View
-from shadowbench.scenes.placement import Placement
+from shadowbench.scenes.model import Placement, View
 from shadowbench.scenes.vectors import Floats, perpendicular_basis
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.rays import EDGE_ON, Indices, Mask, dot

@@ -12,8 +12,8 @@ from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.geometry import triangle_texels
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
 from shadowbench.scenes.model import View
+from shadowbench.scenes.triangles import Geometry, bounds_of, used_by
 from shadowbench.scenes.vectors import Floats, vec3
 
 _ROUNDING = 1e-6  # of the diagonal: exceeds the float32 distance of a plane's own corners from it near the origin

@@ -17,8 +17,8 @@ from shadowbench.gl.targets import StencilTarget
 from shadowbench.maps.culling import box_corners, kept_ranges, may_shadow, visible_region
 from shadowbench.maps.fits import MinMaxReduction
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 
 Count = Literal["z-pass", "z-fail"]

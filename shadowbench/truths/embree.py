@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.cutouts import CutoutFaces
-from shadowbench.scenes.geometry import Geometry, in_slices
+from shadowbench.scenes.triangles import Geometry, in_slices
 from shadowbench.scenes.vectors import Floats
 
 Mask = NDArray[np.bool_]

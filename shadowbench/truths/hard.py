@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from shadowbench.compiled import compiled
 from shadowbench.geometry.tree import LEAF, Tree, build_tree
-from shadowbench.scenes.geometry import Geometry, facet_normals
+from shadowbench.scenes.triangles import Geometry, facet_normals
 from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.embree import over_slices, rows_a_slice
 from shadowbench.truths.packets import CutoutArrays, cutout_arrays, is_opaque_at

@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 
 from shadowbench.scenes.assumed import sun_direction
-from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import NEAREST_TARGET, Camera, Light, LightShape, Scene
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import Floats, Vec3, unit, vec3
 
 Handle = Literal["light", "aim"]

@@ -22,10 +22,10 @@ from shadowbench.plugin.params import Component, TechniqueParams, allowed, parse
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.plugin.spec import Spec, format_value, parse_spec, spec_of
 from shadowbench.scenes.assumed import sun_direction
-from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.meshes import MESH_SUFFIXES
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.strict import Strict, explain

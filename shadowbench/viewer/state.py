@@ -19,11 +19,10 @@ from shadowbench.measure.rows import read_run_file, stream_rows
 from shadowbench.options import FIRST, VIEW_SIZE, SceneOptions
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.assumed import GROUND_SIDE, content_of
-from shadowbench.scenes.files import read_document
-from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.library import builtin_names, load_scene, read_document
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.opening import named, opened
-from shadowbench.scenes.tables import LIGHT_TABLES, camera_from_table, light_from_table
+from shadowbench.scenes.scene_tables import LIGHT_TABLES, camera_from_table, light_from_table
 from shadowbench.strict import Strict, validated
 from shadowbench.studies.crossing import Techniques
 from shadowbench.truths.embree import tracer_of

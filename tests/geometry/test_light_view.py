@@ -26,54 +26,54 @@ def along(
     return np.column_stack([points, np.ones(len(points))])
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_box_holds_angles_at_unit_distance_or_lengths_and_distances(kind) -> None:
-    points = np.vstack([along(kind, np.array([2.0]), -0.3, 0.1), along(kind, np.array([4.0]), 0.2, -0.5)])[:, :3]
-    box = space_of(kind).box(points)
-    assert box.low == pytest.approx((-0.3, -0.5, 2)) and box.high == pytest.approx((0.2, 0.1, 4))
+def test_a_box_holds_angles_at_unit_distance_or_lengths_and_distances() -> None:
+    for kind in KINDS:
+        points = np.vstack([along(kind, np.array([2.0]), -0.3, 0.1), along(kind, np.array([4.0]), 0.2, -0.5)])[:, :3]
+        box = space_of(kind).box(points)
+        assert box.low == pytest.approx((-0.3, -0.5, 2)) and box.high == pytest.approx((0.2, 0.1, 4))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_depth_scale_is_the_slope_of_depth_over_distance(kind) -> None:
-    seen, distance, step = view_of(kind), np.linspace(1, 5, 9), 1e-6
-    depths = [
-        (places @ seen.to_map().T)[:, 2:] for places in (along(kind, distance - step), along(kind, distance + step))
-    ]
-    near, far = (places[:, 0] / places[:, 1] for places in depths)
-    expected = seen.depth_scale / (distance**2 if kind == "spot" else 1)
-    assert (far - near) / (2 * step) == pytest.approx(expected, rel=1e-6)
+def test_depth_scale_is_the_slope_of_depth_over_distance() -> None:
+    for kind in KINDS:
+        seen, distance, step = view_of(kind), np.linspace(1, 5, 9), 1e-6
+        depths = [
+            (places @ seen.to_map().T)[:, 2:] for places in (along(kind, distance - step), along(kind, distance + step))
+        ]
+        near, far = (places[:, 0] / places[:, 1] for places in depths)
+        expected = seen.depth_scale / (distance**2 if kind == "spot" else 1)
+        assert (far - near) / (2 * step) == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_texel_is_that_part_of_the_map(kind) -> None:
-    seen = view_of(kind)
-    assert seen.texel == pytest.approx((0.6 / 64, 0.8 / 64))
-    width, height = seen.texel
-    corner, across, up = (
-        (along(kind, np.array([2.0]), *place) @ seen.to_map().T)[0] for place in ((0, 0), (width, 0), (0, height))
-    )
-    assert (across / across[3] - corner / corner[3])[:2] * 64 == pytest.approx((1, 0), abs=1e-9)
-    assert (up / up[3] - corner / corner[3])[:2] * 64 == pytest.approx((0, 1), abs=1e-9)
+def test_a_texel_is_that_part_of_the_map() -> None:
+    for kind in KINDS:
+        seen = view_of(kind)
+        assert seen.texel == pytest.approx((0.6 / 64, 0.8 / 64))
+        width, height = seen.texel
+        corner, across, up = (
+            (along(kind, np.array([2.0]), *place) @ seen.to_map().T)[0] for place in ((0, 0), (width, 0), (0, height))
+        )
+        assert (across / across[3] - corner / corner[3])[:2] * 64 == pytest.approx((1, 0), abs=1e-9)
+        assert (up / up[3] - corner / corner[3])[:2] * 64 == pytest.approx((0, 1), abs=1e-9)
 
 
-@pytest.mark.parametrize("reversed_depth", [False, True])
-@pytest.mark.parametrize("kind", KINDS)
-def test_linear_depth_is_the_share_of_the_way_from_near_to_far(kind, reversed_depth) -> None:
-    seen, distance = view_of(kind), np.linspace(1, 5, 9)
-    place = along(kind, distance) @ seen.to_map(reversed_depth).T
-    assert seen.linear(place[:, 2] / place[:, 3], reversed_depth) == pytest.approx((distance - 1) / 4)
+def test_linear_depth_is_the_share_of_the_way_from_near_to_far() -> None:
+    for kind in KINDS:
+        for reversed_depth in (False, True):
+            seen, distance = view_of(kind), np.linspace(1, 5, 9)
+            place = along(kind, distance) @ seen.to_map(reversed_depth).T
+            assert seen.linear(place[:, 2] / place[:, 3], reversed_depth) == pytest.approx((distance - 1) / 4)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_planes_bound_what_the_map_shows_and_all_before_it(kind) -> None:
-    seen, random = view_of(kind), np.random.default_rng(3)
-    distance = random.uniform(0.2, 7, 500)
-    points = along(kind, distance, *random.uniform(-0.8, 0.8, (2, 500)))
-    place = points @ seen.to_map().T
-    u, v, depth = (place[:, :3] / place[:, 3:]).T
-    shown = (np.abs(u - 0.5) <= 0.5) & (np.abs(v - 0.5) <= 0.5) & (depth <= 1)
-    assert 50 < shown.sum() < 300
-    assert np.array_equal((points @ seen.planes.T >= 0).all(axis=1), shown)
-    on_a_side = along(kind, distance, -0.4, 0.5) @ seen.planes.T
-    assert on_a_side[:, [0, 3]] == pytest.approx(0, abs=1e-12) and (on_a_side[:, [1, 2]] > 0).all()
-    assert (along(kind, np.array([5.0])) @ seen.planes.T)[0, 4] == pytest.approx(0, abs=1e-12)
+def test_planes_bound_what_the_map_shows_and_all_before_it() -> None:
+    for kind in KINDS:
+        seen, random = view_of(kind), np.random.default_rng(3)
+        distance = random.uniform(0.2, 7, 500)
+        points = along(kind, distance, *random.uniform(-0.8, 0.8, (2, 500)))
+        place = points @ seen.to_map().T
+        u, v, depth = (place[:, :3] / place[:, 3:]).T
+        shown = (np.abs(u - 0.5) <= 0.5) & (np.abs(v - 0.5) <= 0.5) & (depth <= 1)
+        assert 50 < shown.sum() < 300
+        assert np.array_equal((points @ seen.planes.T >= 0).all(axis=1), shown)
+        on_a_side = along(kind, distance, -0.4, 0.5) @ seen.planes.T
+        assert on_a_side[:, [0, 3]] == pytest.approx(0, abs=1e-12) and (on_a_side[:, [1, 2]] > 0).all()
+        assert (along(kind, np.array([5.0])) @ seen.planes.T)[0, 4] == pytest.approx(0, abs=1e-12)

@@ -11,7 +11,7 @@ from shadowbench.gl.gbuffer import download
 from shadowbench.gl.picture import PicturePass, Shading
 from shadowbench.scenes.cutouts import WRAPS, cut_out
 from shadowbench.scenes.model import Light, Mesh
-from shadowbench.scenes.textures import Texture
+from shadowbench.scenes.triangles import Texture
 from tests.cards import alpha_at
 
 BARE = Shading(ambient=0.0, specular=0.0, light_color=(1.0, 1.0, 1.0))

@@ -13,8 +13,7 @@ from shadowbench.geometry.lights import Box, LightView, light_space, window
 from shadowbench.gl.clock import Clock
 from shadowbench.maps.fits import Fit, FitContext, SceneFit, VisibleBounds
 from shadowbench.plugin.base import Frame, Phase
-from shadowbench.scenes.model import Light, Scene
-from shadowbench.scenes.placement import IDENTITY_PLACEMENT
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Scene
 from shadowbench.scenes.vectors import unit
 from tests.samples import by_turns, pairs
 

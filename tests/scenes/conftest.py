@@ -12,7 +12,7 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.library import load_scene
-from tests.fuzz.corrupt import glb_of
+from tests.scenes.rigs import glb_of
 
 PYDANTIC = re.compile(
     r"Field required|should (be|have|match)|Value error|Unable to parse|validation|valid (string|integer|list|dict)"

@@ -1,17 +1,27 @@
-"""Rigged, morphed and animated glTF files, made by code."""
+"""glTF files made by code: rigged, morphed and animated ones, and compressed ones."""
 
+import json
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import meshopt
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
-
-from tests.fuzz.corrupt import glb_of
 
 CODES = {"int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125, "float32": 5126}
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 HALF = np.sqrt(0.5)
+
+
+def glb_of(document: dict[str, Any], blob: bytes) -> bytes:
+    """The bytes of a .glb."""
+    text = json.dumps(document).encode()
+    text, blob = text + b" " * (-len(text) % 4), blob + b"\0" * (-len(blob) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(blob), 0x004E4942) + blob
+    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
 
 
 class Rig:
@@ -252,3 +262,46 @@ def sheared() -> Rig:
 RIGS: dict[str, Callable[[], Rig]] = {
     make.__name__: make for make in (bent, spline, morphing, morphed_skin, eight_joints, quantised, two_skins, sheared)
 }
+
+
+def compressed_glb(
+    mesh: trimesh.Trimesh,
+    extension: str = "EXT_meshopt_compression",
+    mode: str = "TRIANGLES",
+    width: int = 2,
+    positions: str = "NONE",
+    change: dict[str, Any] | None = None,
+) -> bytes:
+    """A .glb of meshopt-compressed positions and indices of `width` bytes. change: of the table of the positions."""
+    vertices, corners = np.float32(mesh.vertices), mesh.faces.ravel().astype(f"<u{width}")
+    rows = meshopt.encode_filter_exp(vertices, 15) if positions == "EXPONENTIAL" else vertices
+    first = meshopt.encode_gltf_buffer(rows, "ATTRIBUTES", version=int(extension[0] == "K"))
+    second = meshopt.encode_gltf_buffer(corners, mode)
+    sizes = [{"count": len(vertices), "byteStride": 12}, {"count": len(corners), "byteStride": width}]
+    packed = [
+        {"byteLength": len(first), "mode": "ATTRIBUTES", "filter": positions, **sizes[0], **(change or {})},
+        {"byteLength": len(second), "mode": mode, **sizes[1], "byteOffset": len(first)},
+    ]
+    lengths = [vertices.nbytes, corners.nbytes]
+    document = {
+        "asset": {"version": "2.0"},
+        "extensionsRequired": [extension],
+        "extensionsUsed": [extension],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": len(vertices)},
+            {"bufferView": 1, "componentType": {2: 5123, 4: 5125}[width], "type": "SCALAR", "count": len(corners)},
+        ],
+        "bufferViews": [
+            {
+                "buffer": 1,
+                "byteOffset": sum(lengths[:k]),
+                "byteLength": lengths[k],
+                "extensions": {extension: {"buffer": 0, **packed[k]}},
+            }
+            for k in (0, 1)
+        ],
+        "buffers": [{"byteLength": len(first + second)}, {"byteLength": sum(lengths)}],
+    }
+    return glb_of(document, first + second)

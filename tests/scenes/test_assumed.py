@@ -1,24 +1,21 @@
 """Assumptions about a mesh file without a scene file: ground, camera and light."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-import typer
 
 import shadowbench
-from shadowbench.commands import app
 from shadowbench.options import ViewOptions
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.assumed import without_ground
-from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_digest
 from shadowbench.scenes.opening import chosen_view
+from shadowbench.scenes.triangles import bounds_of
 from shadowbench.studies.study import Study
 from shadowbench.survey.survey import explanations_of, needs
 from tests.scenes.conftest import refused
@@ -53,17 +50,6 @@ def test_a_box_alone_gets_a_ground_a_camera_and_a_sun(box: Path) -> None:
     assert (light.kind, light.direction) == ("directional", (0.8, -1.0, -0.6))
     assert [note.split(" in ")[0] for note in scene.notes] == ["no up axis", "no ground", "no camera", "no light"]
     assert all("box.obj: assumed" in note for note in scene.notes)
-
-
-@pytest.mark.parametrize(("floor", "added"), [(1.0, False), (0.75, False), (0.5, True), (0.0, True), (-1.0, True)])
-def test_a_file_with_a_floor_gets_no_ground(tmp_path: Path, floor: float, added: bool) -> None:
-    """Of a width relative to the box; a negative one faces down."""
-    box = trimesh.creation.box(bounds=[(-1, 0.1, -1), (1, 1.1, 1)])
-    corners = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) * [floor, 1, abs(floor)]
-    plane = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]])
-    path = tmp_path / "room.obj"
-    trimesh.util.concatenate([box, plane] if floor else [box]).export(path)
-    assert ("ground" in [mesh.name for mesh in load_scene(path).meshes]) == added
 
 
 def block(*bounds: float) -> trimesh.Trimesh:
@@ -113,66 +99,39 @@ def legs(width: float) -> list[trimesh.Trimesh]:
     return [block(x, 0, z, x + width, 0.7, z + width) for x in (-0.75, 0.75 - width) for z in (-0.4, 0.4 - width)]
 
 
-@pytest.mark.parametrize(
-    ("parts", "own"),
-    [
-        pytest.param([SLAB, BOX], True, id="a box on a slab"),
-        pytest.param([SLAB, foliage(0.3)], True, id="a slab under leaves that hide it and hang over it"),
-        pytest.param([SLAB, TOP, *legs(0.05)], True, id="a table on a slab"),
-        pytest.param([*(part.apply_translation((1e5, -9e4, 3e5)) for part in turned(0, (1, 0, 0), SLAB, BOX))], True,
-                     id="a slab far from the origin"),
-        pytest.param(turned(40, (0, 1, 0), SLAB, BOX), True, id="a slab that is turned about the vertical"),
-        pytest.param(turned(20, (1, 0, 0), SLAB, BOX), True, id="a tilted slab"),
-        pytest.param([relief(0.2)], True, id="a terrain"),
-        pytest.param([relief(0.2), block(-0.2, -0.05, -0.2, 0.2, 1, 0.2)], True, id="a house that goes into a terrain"),
-        pytest.param(ROOM, True, id="a room with a ceiling"),
-        pytest.param([CLOSED_ROOM], True, id="a room of one box, seen from inside"),
-        pytest.param([BOX], False, id="a box"),
-        pytest.param([trimesh.creation.icosphere(3)], False, id="a ball"),
-        pytest.param([foliage(0)], False, id="a bush"),
-        pytest.param([TOP, *legs(0.05)], False, id="a table"),
-        pytest.param([TOP, *legs(0.002)], False, id="a table on legs thinner than the distance of the rays"),
-        pytest.param([block(-0.25, 0, -0.25, 0.25, 0.09, 0.25), block(-0.1, 0.09, -0.1, 0.1, 2, 0.1)], False,
-                     id="a statue on its plinth"),
-        pytest.param([half_ball(1)], False, id="a dome"),
-        pytest.param([half_ball(-1)], False, id="a bowl"),
-        pytest.param([block(x, 0, z, x + 8, 9, z + 8) for x in range(0, 60, 10) for z in range(0, 60, 10)], False,
-                     id="houses"),
-        pytest.param(turned(50, (1, 0, 0), SLAB), False, id="a slab that stands nearly upright"),
-        pytest.param([trimesh.Trimesh([[0, 0, 0], [1, 0, 1], [1, 1, 1], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])], False,
-                     id="a vertical plane"),
+GROUNDS = {
+    "a box on a slab": [SLAB, BOX],
+    "a slab under leaves that hide it and hang over it": [SLAB, foliage(0.3)],
+    "a table on a slab": [SLAB, TOP, *legs(0.05)],
+    "a slab far from the origin": [
+        part.apply_translation((1e5, -9e4, 3e5)) for part in turned(0, (1, 0, 0), SLAB, BOX)
     ],
-)  # fmt: skip
-def test_a_ground_is_thin_over_half_the_footprint_and_all_stands_on_it(
-    tmp_path: Path, parts: list[trimesh.Trimesh], own: bool
-) -> None:
+    "a tilted slab": turned(20, (1, 0, 0), SLAB, BOX),
+    "a terrain": [relief(0.2)],
+    "a house that goes into a terrain": [relief(0.2), block(-0.2, -0.05, -0.2, 0.2, 1, 0.2)],
+    "a room with a ceiling": ROOM,
+    "a room of one box, seen from inside": [CLOSED_ROOM],
+}
+NO_GROUNDS = {
+    "a box": [BOX],
+    "a ball": [trimesh.creation.icosphere(3)],
+    "a bush": [foliage(0)],
+    "a table": [TOP, *legs(0.05)],
+    "a table on legs thinner than the distance of the rays": [TOP, *legs(0.002)],
+    "a statue on its plinth": [block(-0.25, 0, -0.25, 0.25, 0.09, 0.25), block(-0.1, 0.09, -0.1, 0.1, 2, 0.1)],
+    "a dome": [half_ball(1)],
+    "a bowl": [half_ball(-1)],
+    "houses": [block(x, 0, z, x + 8, 9, z + 8) for x in range(0, 60, 10) for z in range(0, 60, 10)],
+    "a slab that stands nearly upright": turned(50, (1, 0, 0), SLAB),
+    "a vertical plane": [trimesh.Trimesh([[0, 0, 0], [1, 0, 1], [1, 1, 1], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])],
+}
+
+
+def test_a_ground_is_thin_over_half_the_footprint_and_all_stands_on_it(tmp_path: Path) -> None:
     path = tmp_path / "model.ply"
-    trimesh.util.concatenate(parts).export(path)
-    assert ("ground" not in [mesh.name for mesh in load_scene(path).meshes]) == own
-
-
-def test_a_slab_under_a_box_needs_no_larger_a_map_than_its_top(tmp_path: Path) -> None:
-    plane = trimesh.Trimesh([[-1, 0.02, 1], [1, 0.02, 1], [1, 0.02, -1], [-1, 0.02, -1]], [[0, 1, 2], [0, 2, 3]])
-    sizes = []
-    for name, floor in (("slab", SLAB), ("plane", plane)):
-        path = tmp_path / f"{name}.obj"
-        trimesh.util.concatenate([floor, BOX]).export(path)
-        edge_size = needs(chosen_view(path, 128, ViewOptions(camera="3,2,4", target="0,0.3,0"))).texels.edge_size
-        assert edge_size is not None
-        sizes.append(edge_size)
-    assert sizes[0] == pytest.approx(sizes[1], rel=0.05)
-
-
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
-def test_what_rounding_leaves_of_a_coordinate_is_printed_as_0(tmp_path: Path, size: float) -> None:
-    """A box that stands on y = 0 but for a part in 10⁸ of its size, as single precision leaves it."""
-    low = np.array([-1, -1e-8, -1 + 1e-8]) * size
-    path = tmp_path / "box.obj"
-    path.write_text(trimesh.creation.box(bounds=[low, np.array([1, 2, 1]) * size]).export(file_type="obj", digits=14))
-    notes = load_scene(path).notes
-    assert "at y = 0 around (0, 0)," in notes[1]
-    height = f"{size:g}"
-    assert f"looking at (0, {height}, 0)," in notes[2]
+    for what, parts in (GROUNDS | NO_GROUNDS).items():
+        trimesh.util.concatenate(parts).export(path)
+        assert ("ground" not in [mesh.name for mesh in load_scene(path).meshes]) == (what in GROUNDS), what
 
 
 def test_without_the_ground_the_rest_is_the_same_and_its_view_another(box: Path) -> None:
@@ -212,44 +171,30 @@ def test_needs_tells_the_map_sizes_with_and_without_the_ground(tmp_path: Path, b
     assert row.reason.endswith(f"(--no-ground), instead of {both.texels.edge_size:.0f} with it")
 
 
-def test_every_command_that_takes_a_mesh_file_can_leave_the_ground_out_and_place_camera_and_light() -> None:
-    for name, command in typer.main.get_command(app).commands.items():
-        options = {option for one in command.params for option in one.opts}
-        places = {"--no-ground", "--sun", "--camera", "--target", "--lamp", "--sun-at"}
-        assert places & options == (places if "--up" in options else set()), name
+def test_a_file_without_an_up_axis_is_rotated_by_the_option(tmp_path: Path) -> None:
+    for suffix in ("obj", "ply", "stl", "off"):
+        path = tmp_path / f"post.{suffix}"
+        trimesh.creation.box(bounds=[(0.5, 0.5, 0), (1.5, 3.5, 10)]).export(path)
+        said, y, z = load_scene(path), load_scene(path, up="y"), load_scene(path, up="z")
+        assert bounds_of(y.meshes[0].vertices) == pytest.approx(np.array([[0.5, 0.5, 0], [1.5, 3.5, 10]]))
+        assert bounds_of(z.meshes[0].vertices) == pytest.approx(np.array([[0.5, 0, -3.5], [1.5, 10, -0.5]]))
+        assert (y.meshes[0].vertices == said.meshes[0].vertices).all()
+        corners = z.meshes[0].vertices[z.meshes[0].faces]
+        assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6 == pytest.approx(
+            30
+        )
+        line = f"no up axis in post.{suffix}: assumed y; --up z takes z"
+        assert [line in scene.notes for scene in (said, y, z)] == [True, False, False]
 
 
-@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "off"])
-def test_a_file_without_an_up_axis_is_rotated_by_the_option(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"post.{suffix}"
-    trimesh.creation.box(bounds=[(0.5, 0.5, 0), (1.5, 3.5, 10)]).export(path)
-    said, y, z = load_scene(path), load_scene(path, up="y"), load_scene(path, up="z")
-    assert bounds_of(y.meshes[0].vertices) == pytest.approx(np.array([[0.5, 0.5, 0], [1.5, 3.5, 10]]))
-    assert bounds_of(z.meshes[0].vertices) == pytest.approx(np.array([[0.5, 0, -3.5], [1.5, 10, -0.5]]))
-    assert (y.meshes[0].vertices == said.meshes[0].vertices).all()
-    corners = z.meshes[0].vertices[z.meshes[0].faces]
-    assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6 == pytest.approx(30)
-    line = f"no up axis in post.{suffix}: assumed y; --up z takes z"
-    assert [line in scene.notes for scene in (said, y, z)] == [True, False, False]
-
-
-@pytest.mark.parametrize(
-    ("reference", "up", "words"),
-    [
+def test_up_is_refused_where_it_is_known_or_no_axis() -> None:
+    for reference, up, words in (
         ("cube-on-plane", "z", ["cube-on-plane specifies its up axis", ".obj .ply .stl .off"]),
         ("scene.toml", "y", ["scene.toml specifies its up axis", "rotate = [-90, 0, 0]"]),
         ("model.gltf", "z", ["model.gltf specifies its up axis"]),
         ("model.obj", "Z", ["found 'Z'; allowed: y, z"]),
-    ],
-)
-def test_up_is_refused_where_it_is_known_or_no_axis(reference: str, up: str, words: list[str]) -> None:
-    refused(reference, *words, up=up)
-
-
-def test_a_scene_file_is_never_given_a_ground(scene_file: Callable[..., Path]) -> None:
-    scene = load_scene(scene_file('[[mesh]]\nshape = "box"\n'))
-    assert [mesh.name for mesh in scene.meshes] == ["box"]
-    assert [note.split(" in ")[0] for note in scene.notes] == ["no camera", "no light"]
+    ):
+        refused(reference, *words, up=up)
 
 
 def test_a_speck_is_refused(tmp_path: Path) -> None:

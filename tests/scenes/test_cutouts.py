@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.cutouts import SUBTEXELS, Cutout, cut_out, cut_out_triangles
-from shadowbench.scenes.geometry import Triangles
 from shadowbench.scenes.meshes import placed
 from shadowbench.scenes.model import Mesh, Scene
+from shadowbench.scenes.triangles import Triangles
 from tests.cards import alpha_at
 
 CHEQUER = np.array([[255, 0], [0, 255]], dtype=np.uint8)

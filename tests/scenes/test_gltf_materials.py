@@ -105,13 +105,6 @@ def test_the_sampler_says_what_is_between_texels_and_outside(card: Written) -> N
     assert np.array_equal(cutout.bits, RANDOM[..., 3] > 127)
 
 
-def test_texture_coordinates_lie_at_their_corners(card: Written) -> None:
-    found = coordinates_at(only_mesh(card(masked({"index": 0}))))
-    assert found == {(0, 0, 0): (0, 1), (1, 0, 0): (1, 1), (1, 1, 0): (1, 0), (0, 1, 0): (0, 0)}
-    twice = coordinates_at(only_mesh(card(masked({"index": 0, "texCoord": 1}))))
-    assert twice == {at: (2 * u, 2 * v) for at, (u, v) in found.items()}
-
-
 def test_a_texture_is_scaled_then_turned_counter_clockwise_then_moved(card: Written) -> None:
     moved = {"offset": [0.25, 0.5], "rotation": np.pi / 2, "scale": [2, 3], "texCoord": 0}
     info = {"index": 0, "texCoord": 1, "extensions": {"KHR_texture_transform": moved}}
@@ -130,20 +123,16 @@ def test_factor_and_vertex_alpha_count(card: Written) -> None:
     assert np.array_equal(constant.cutout.words, cut_out(RANDOM[..., 3], 0.375, 0.25).words)
 
 
-@pytest.mark.parametrize(
-    ("material", "image"),
-    [
+def test_what_is_opaque_everywhere_is_not_cut_out(card: Written) -> None:
+    for material, image in (
         (masked({"index": 0}), RANDOM[..., :3].copy()),
         (masked(), RANDOM),
         (masked({"index": 0}, alphaCutoff=0.0), RANDOM),
         ({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, RANDOM),
-    ],
-    ids=["no alpha", "no texture", "no cutoff", "opaque"],
-)
-def test_what_is_opaque_everywhere_is_not_cut_out(card: Written, material: dict[str, Any], image: np.ndarray) -> None:
-    path = card(material, images=[image_of(image)])
-    assert only_mesh(path).cutout is None
-    assert not any("opaque" in note for note in read_meshes(path).notes)
+    ):
+        path = card(material, images=[image_of(image)])
+        assert only_mesh(path).cutout is None
+        assert not any("opaque" in note for note in read_meshes(path).notes)
 
 
 def test_a_blended_material_is_cut_out_at_one_half_and_told(card: Written) -> None:
@@ -157,69 +146,31 @@ def test_what_is_opaque_nowhere_is_left_out(card: Written) -> None:
     refused(card({**masked(factor=0.2), "alphaMode": "BLEND"}), "card.gltf", "no triangles")
 
 
-@pytest.mark.parametrize(
-    ("glossy", "color", "alpha"),
-    [
+def test_a_material_of_both_workflows_is_that_of_the_extension(card: Written) -> None:
+    """KHR_materials_pbrSpecularGlossiness: the core properties are a fallback for who does not read it."""
+    for glossy, color, alpha in (
         ({"diffuseFactor": [0.1, 0.2, 0.3, 1], "diffuseTexture": {"index": 0}}, (0.1, 0.2, 0.3), RANDOM[..., 3]),
         ({"diffuseTexture": {"index": 0}}, (1, 1, 1), RANDOM[..., 3]),
         ({"diffuseFactor": [0.1, 0.2, 0.3, 1]}, (0.1, 0.2, 0.3), None),
         ({}, GREY, None),
-    ],
-)
-def test_a_material_of_both_workflows_is_that_of_the_extension(
-    card: Written, glossy: dict[str, Any], color: Any, alpha: np.ndarray | None
-) -> None:
-    """KHR_materials_pbrSpecularGlossiness: the core properties are a fallback for who does not read it."""
-    both = masked({"index": 1}, factor=0.75, extensions={"KHR_materials_pbrSpecularGlossiness": glossy})
-    images = [image_of(RANDOM), image_of(RANDOM[::-1])]
-    mesh = only_mesh(card(both, images=images, textures=[{"source": 0}, {"source": 1}]))
-    assert mesh.color == pytest.approx(color)
-    assert (mesh.texture is None, mesh.cutout is None) == (alpha is None,) * 2
-    assert mesh.cutout is None or np.array_equal(mesh.cutout.words, cut_out(RANDOM[..., 3]).words)
+    ):
+        both = masked({"index": 1}, factor=0.75, extensions={"KHR_materials_pbrSpecularGlossiness": glossy})
+        images = [image_of(RANDOM), image_of(RANDOM[::-1])]
+        mesh = only_mesh(card(both, images=images, textures=[{"source": 0}, {"source": 1}]))
+        assert mesh.color == pytest.approx(color)
+        assert (mesh.texture is None, mesh.cutout is None) == (alpha is None,) * 2
+        assert mesh.cutout is None or np.array_equal(mesh.cutout.words, cut_out(RANDOM[..., 3]).words)
 
 
-@pytest.mark.parametrize("shared", [True, False], ids=["one image", "images of the same bytes"])
-def test_an_image_is_decoded_and_kept_once_however_many_materials_use_it(
-    card: Written, monkeypatch: pytest.MonkeyPatch, shared: bool
-) -> None:
-    decoded: list[str] = []
-    monkeypatch.setattr(
-        "shadowbench.scenes.gltf_materials.read_image",
-        lambda data, where: decoded.append(where) or read_image(data, where),
-    )
-    path = card(masked({"index": 0}))
-    document = json.loads(path.read_text())
-    (primitive,) = document["meshes"][0]["primitives"]
-    document["images"] *= 1 if shared else 40
-    document["textures"] = [{"source": 0 if shared else k} for k in range(40)]
-    document["materials"] = [masked({"index": k}, alphaCutoff=0.2 + 0.01 * k) for k in range(40)]
-    document["meshes"][0]["primitives"] = [{**primitive, "material": k} for k in range(40)]
-    path.write_text(json.dumps(document))
-    scene = read_meshes(path)
-    cutouts = scene.geometry.cutouts
-    assert cutouts is not None and len(decoded) == 1 and len(cutouts.cutouts) == 40
-    assert len({id(mesh.texture) for mesh in scene.meshes}) == 1
-
-
-def test_an_image_of_an_extension_that_is_not_read_is_told(card: Written) -> None:
-    texture = {"extensions": {"KHR_texture_basisu": {"source": 0}}}
-    contents = read_meshes(card(masked({"index": 0}), textures=[texture]))
-    assert contents.meshes[0].cutout is None
-    assert any("KHR_texture_basisu: alpha not read, taken as 1" in note for note in contents.notes)
-
-
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
+def test_an_image_that_cannot_be_read_is_one_line(card: Written) -> None:
+    for parts, words in (
         ({"images": [{"uri": "data:image/png;base64,iVBORw0KGgo="}]}, ["images 1", "not an image"]),
         ({"images": [{"uri": "missing.png"}]}, ["images 1", "missing.png"]),
         ({"images": [{}]}, ["images 1", "uri"]),
         ({"textures": [{"source": 3}]}, ["textures", "3"]),
         ({"textures": []}, ["materials 1", "there are none"]),
-    ],
-)
-def test_an_image_that_cannot_be_read_is_one_line(card: Written, parts: dict[str, Any], words: list[str]) -> None:
-    refused(card(masked({"index": 0}), **parts), "card.gltf", *words)
+    ):
+        refused(card(masked({"index": 0}), **parts), "card.gltf", *words)
 
 
 def test_an_image_of_too_many_texels_is_refused_before_it_is_decoded(
@@ -240,17 +191,6 @@ def test_a_base_colour_is_the_texture_times_the_factor_with_its_wrap(card: Writt
     assert coordinates_at(mesh)[1, 1, 0] == (2, 0)
 
 
-def test_a_texture_without_a_factor_keeps_its_colours_and_a_mask_its_alpha(card: Written) -> None:
-    glossy = {"extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseTexture": {"index": 0}}}}
-    plain, old, leaf = (
-        only_mesh(card(one)) for one in ({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, glossy,
-                                         masked({"index": 0}))
-    )  # fmt: skip
-    assert plain.color == old.color == leaf.color == (1.0, 1.0, 1.0)
-    assert plain.texture is not None and old.texture is not None and leaf.texture is not None
-    assert (plain.texture.opaque, old.texture.opaque, leaf.texture.opaque) == (True, True, False)
-
-
 def test_vertex_colours_are_those_of_triangles_in_the_mean(card: Written) -> None:
     colors = np.array([[0.0, 0.3, 0.6], [0.3, 0.3, 0.6], [0.6, 0.3, 0.6], [0.9, 0.9, 0.9]])
     path = card({"pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.5, 0.5, 1.0]}}, colors)
@@ -258,29 +198,19 @@ def test_vertex_colours_are_those_of_triangles_in_the_mean(card: Written) -> Non
     assert scene.geometry.colors == pytest.approx(np.array([[0.3, 0.15, 0.3], [0.5, 0.25, 0.35]]), abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("parts", "note"),
-    [
+def test_a_texture_of_an_opaque_surface_that_is_not_read_is_told(card: Written) -> None:
+    for parts, note in (
         ({"images": [{"uri": "missing.png"}]}, "images 1: uri 'missing.png' is not a file in"),
         ({"images": [{"uri": "../card.png"}]}, "images 1: uri '../card.png' leads outside"),
         ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]}, "KHR_texture_basisu"),
-    ],
-)
-def test_a_texture_of_an_opaque_surface_that_is_not_read_is_told(
-    card: Written, parts: dict[str, Any], note: str
-) -> None:
-    contents = read_meshes(card({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, **parts))
-    assert contents.meshes[0].texture is None and contents.meshes[0].color == GREY
-    assert any(note in found and "drawn without this texture" in found for found in contents.notes)
+    ):
+        contents = read_meshes(card({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, **parts))
+        assert contents.meshes[0].texture is None and contents.meshes[0].color == GREY
+        assert any(note in found and "drawn without this texture" in found for found in contents.notes)
 
 
 def test_more_image_files_than_memory_is_spent_on_are_told(card: Written, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shadowbench.scenes.gltf_materials.MOST_BYTES", 99)
+    monkeypatch.setattr("shadowbench.scenes.gltf.MOST_BYTES", 99)
     contents = read_meshes(card({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}))
     assert contents.meshes[0].texture is None
     assert any("above 0 MiB of images" in note for note in contents.notes)
-
-
-def test_masks_of_too_many_texels_together_are_refused(card: Written, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shadowbench.scenes.gltf_materials.MOST_MASKED", 31)
-    refused(card(masked({"index": 0})), "images 1", "32 texels of masks", "31")

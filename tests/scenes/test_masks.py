@@ -11,8 +11,7 @@ from PIL import Image
 from shadowbench.scenes.cutouts import cut_out
 from shadowbench.scenes.images import read_image, read_square
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Mesh, view_of
-from shadowbench.truths.trace import trace
+from shadowbench.scenes.model import Mesh
 from tests.scenes.conftest import refused
 
 ALPHA = np.array([[0, 51, 102, 153], [255, 0, 0, 255]], dtype=np.uint8)
@@ -38,16 +37,17 @@ def only(path: Path, **options: Any) -> Mesh:
     return mesh
 
 
-@pytest.mark.parametrize(
-    ("table", "wrap"),
-    [('shape = "plane"', "clamp"), ('shape = "foliage"\ncount = 2', "clamp"), ('file = "a.obj"', "repeat")],
-)
-def test_a_mask_cuts_shapes_and_files_out_that_have_coordinates(masked, table: str, wrap: str) -> None:
-    cutout = only(masked(table)).cutout
-    assert cutout is not None and cutout.wrap == (wrap, wrap)
-    assert np.array_equal(cutout.words, cut_out(ALPHA, wrap=(wrap, wrap)).words)
-    cutout = only(masked(table, keys='mask = "leaf.png"\ncutoff = 0.25\nmask_filter = "nearest"')).cutout
-    assert cutout is not None and np.array_equal(cutout.bits, ALPHA > 63)
+def test_a_mask_cuts_shapes_and_files_out_that_have_coordinates(masked) -> None:
+    for table, wrap in (
+        ('shape = "plane"', "clamp"),
+        ('shape = "foliage"\ncount = 2', "clamp"),
+        ('file = "a.obj"', "repeat"),
+    ):
+        cutout = only(masked(table)).cutout
+        assert cutout is not None and cutout.wrap == (wrap, wrap)
+        assert np.array_equal(cutout.words, cut_out(ALPHA, wrap=(wrap, wrap)).words)
+        cutout = only(masked(table, keys='mask = "leaf.png"\ncutoff = 0.25\nmask_filter = "nearest"')).cutout
+        assert cutout is not None and np.array_equal(cutout.bits, ALPHA > 63)
 
 
 def test_an_image_on_an_upright_plane_is_upright(masked) -> None:
@@ -59,36 +59,8 @@ def test_an_image_on_an_upright_plane_is_upright(masked) -> None:
     }  # fmt: skip
 
 
-def test_tables_with_one_mask_share_it(masked, tmp_path: Path) -> None:
-    path = masked('shape = "plane"')
-    path.write_text(path.read_text() + '[[mesh]]\nshape = "plane"\nmask = "leaf.png"\ntranslate = [0, 1, 0]\n')
-    first, second = load_scene(path).meshes
-    assert first.cutout is second.cutout
-
-
-def test_a_mask_cuts_a_shadow_where_it_cuts_the_surface(masked) -> None:
-    half = np.zeros((4, 4), np.uint8)
-    half[:, :2] = 255  # the half towards −x is there
-    path = masked('shape = "plane"\ntranslate = [0, 1, 0]', half)
-    light = '[light]\nkind = "directional"\ndirection = [1, -1, 0]\n'
-    head = f"[camera]\nposition = [0, 8, 0.01]\ntarget = [0, 0, 0]\n{light}"
-    path.write_text(head + path.read_text() + '[[mesh]]\nshape = "plane"\nscale = 4\n')
-    scene = load_scene(path)
-    truth = trace(view_of(scene, scene.cameras[0], scene.lights[0], 128), pixel_samples=1)
-    row = 64
-    leaf = np.flatnonzero((truth.triangle[row] >= 0) & (truth.triangle[row] < 2))
-    shadow = np.flatnonzero(truth.visibility[row] == 0)
-
-    def column(x: float, y: float) -> float:
-        return 64 + 64 * x / ((8 - y) * np.tan(np.radians(18)))
-
-    assert [leaf[0], leaf[-1] + 1] == pytest.approx([column(-0.5, 1), column(0, 1)], abs=1)
-    assert [shadow[0], shadow[-1] + 1] == pytest.approx([column(0.5, 0), column(1, 0)], abs=1)
-
-
-@pytest.mark.parametrize(
-    ("table", "keys", "words"),
-    [
+def test_a_bad_mask_is_one_line(masked) -> None:
+    for table, keys, words in (
         ('shape = "box"', 'mask = "leaf.png"', ["mask", "'box' has no texture coordinates", "plane, foliage"]),
         ('file = "bare.obj"', 'mask = "leaf.png"', ["mask", "'bare' has no texture coordinates"]),
         ('shape = "plane"', 'mask = "none.png"', ["mask", "'none.png' is not a file in"]),
@@ -99,25 +71,23 @@ def test_a_mask_cuts_a_shadow_where_it_cuts_the_surface(masked) -> None:
         ('shape = "plane"', 'mask = "leaf.png"\ncutoff = 1.5', ["cutoff", "1.5"]),
         ('shape = "plane"', 'mask = "leaf.png"\nmask_filter = "cubic"', ["mask_filter", "linear", "nearest"]),
         ('shape = "plane"', "cutoff = 0.3", ["cutoff and mask_filter are for a mask"]),
-    ],
-)
-def test_a_bad_mask_is_one_line(masked, table: str, keys: str, words: list[str]) -> None:
-    refused(masked(table, keys=keys), "[[mesh]] 1", *words)
+    ):
+        refused(masked(table, keys=keys), "[[mesh]] 1", *words)
 
 
 def test_a_mask_that_leaves_nothing_is_refused(masked) -> None:
     refused(masked('shape = "plane"', np.full((2, 2), 60, np.uint8)), "mask", "below the cutoff 0.5 everywhere")
 
 
-@pytest.mark.parametrize("clear", [None, 4 * 257])
-def test_a_grey_image_of_16_bits_has_the_texels_of_its_8_bits(clear: int | None) -> None:
+def test_a_grey_image_of_16_bits_has_the_texels_of_its_8_bits() -> None:
     """A PNG may call one grey transparent."""
-    grey = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    files = []
-    for levels, scale in ((grey, 1), (grey.astype(np.uint16) * 257, 257)):
-        files.append(io.BytesIO())
-        options = {} if clear is None else {"transparency": clear * scale // 257}
-        Image.fromarray(levels).save(files[-1], "PNG", **options)
-    shallow, deep = (read_image(file.getvalue(), "a") for file in files)
-    assert np.array_equal(deep, shallow) and np.array_equal(deep[..., 0], grey)
-    assert np.array_equal(*(read_square(file.getvalue(), "a", 8, opaque=True) for file in files))
+    for clear in (None, 4 * 257):
+        grey = np.arange(256, dtype=np.uint8).reshape(16, 16)
+        files = []
+        for levels, scale in ((grey, 1), (grey.astype(np.uint16) * 257, 257)):
+            files.append(io.BytesIO())
+            options = {} if clear is None else {"transparency": clear * scale // 257}
+            Image.fromarray(levels).save(files[-1], "PNG", **options)
+        shallow, deep = (read_image(file.getvalue(), "a") for file in files)
+        assert np.array_equal(deep, shallow) and np.array_equal(deep[..., 0], grey)
+        assert np.array_equal(*(read_square(file.getvalue(), "a", 8, opaque=True) for file in files))

@@ -4,18 +4,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from shadowbench.scenes.contents import Chosen
+from shadowbench.scenes.file_contents import Chosen
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import placed, read_meshes
 from shadowbench.scenes.model import Mesh
-from shadowbench.scenes.normals import mean_normals, normal_matrices, unit_normals
 from shadowbench.scenes.shapes import SHAPES
+from shadowbench.scenes.triangles import mean_normals, normal_matrices, unit_normals
 from tests.scenes.conftest import refused
 from tests.scenes.rigs import Rig
 
@@ -35,13 +34,10 @@ def corners_of(path: Path) -> dict[tuple[float, ...], NDArray[np.float32]]:
     return {tuple(place): normal for place, normal in zip(places.tolist(), normals, strict=True)}
 
 
-@pytest.mark.parametrize(
-    "faces",
-    ["f 1//1 2//2 3//3 4//4", "f 1/9/1 2/9/2 3/9/3 4/9/4", "f -4//-4 -3//-3 -2//-2 -1//-1"],
-)
-def test_an_obj_has_a_normal_at_each_corner(mesh_file: MeshFile, faces: str) -> None:
-    found = corners_of(mesh_file("a.obj", CORNERS + NORMALS + faces))
-    assert np.allclose([found[0, 0, 0], found[1, 0, 0], found[1, 1, 0], found[0, 1, 0]], GIVEN, atol=1e-7)
+def test_an_obj_has_a_normal_at_each_corner(mesh_file: MeshFile) -> None:
+    for faces in ("f 1//1 2//2 3//3 4//4", "f 1/9/1 2/9/2 3/9/3 4/9/4", "f -4//-4 -3//-3 -2//-2 -1//-1"):
+        found = corners_of(mesh_file("a.obj", CORNERS + NORMALS + faces))
+        assert np.allclose([found[0, 0, 0], found[1, 0, 0], found[1, 1, 0], found[0, 1, 0]], GIVEN, atol=1e-7)
 
 
 def test_normals_of_an_obj_follow_concave_polygons(mesh_file: MeshFile) -> None:
@@ -59,44 +55,32 @@ def test_faces_of_an_obj_without_normals_are_flat_beside_others(mesh_file: MeshF
     assert mesh.normals[1].any(axis=1).all()
 
 
-@pytest.mark.parametrize("text", ["f 1 2 3", "f 1/1 2/2 3/3", "vn 0 0 0\nf 1//1 2//1 3//1"])
-def test_a_file_without_normals_is_flat(mesh_file: MeshFile, text: str) -> None:
-    assert read_meshes(mesh_file("a.obj", CORNERS + text)).meshes[0].normals is None
+def test_a_file_without_normals_is_flat(mesh_file: MeshFile) -> None:
+    for text in ("f 1 2 3", "f 1/1 2/2 3/3", "vn 0 0 0\nf 1//1 2//1 3//1"):
+        assert read_meshes(mesh_file("a.obj", CORNERS + text)).meshes[0].normals is None
 
 
-def test_an_index_of_no_normal_is_refused(mesh_file: MeshFile) -> None:
-    refused(mesh_file("a.obj", CORNERS + NORMALS + "f 1//1 2//2 3//5"), "line 9", "normal 5", "has 4")
+def test_a_sphere_of_a_file_is_smooth(tmp_path: Path) -> None:
+    for kind in ("ply", "obj", "glb"):
+        for encoding in ("ascii", "binary"):
+            sphere = trimesh.creation.icosphere(subdivisions=2)
+            options = {"encoding": encoding, "vertex_normal": True} if kind == "ply" else {"include_normals": True}
+            sphere.export(tmp_path / f"sphere.{kind}", **options)
+            for place, normal in corners_of(tmp_path / f"sphere.{kind}").items():
+                assert np.dot(unit_normals(np.array(place)), normal) > 0.999
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "binary"])
-@pytest.mark.parametrize("kind", ["ply", "obj", "glb"])
-def test_a_sphere_of_a_file_is_smooth(tmp_path: Path, kind: str, encoding: str) -> None:
-    sphere = trimesh.creation.icosphere(subdivisions=2)
-    options = {"encoding": encoding, "vertex_normal": True} if kind == "ply" else {"include_normals": True}
-    sphere.export(tmp_path / f"sphere.{kind}", **options)
-    for place, normal in corners_of(tmp_path / f"sphere.{kind}").items():
-        assert np.dot(unit_normals(np.array(place)), normal) > 0.999
-
-
-def test_normals_are_read_from_compressed_files(tmp_path: Path) -> None:
-    ball = trimesh.creation.icosphere(subdivisions=2)
-    options = {"include_normals": True, "extension_draco": True}
-    (tmp_path / "ball.glb").write_bytes(trimesh.exchange.gltf.export_glb(trimesh.Scene(ball), **options))
-    for place, normal in corners_of(tmp_path / "ball.glb").items():
-        assert np.dot(unit_normals(np.array(place)), normal) > 0.999
-
-
-@pytest.mark.parametrize("matrix", [np.diag([1, 2, 3.0]), np.diag([-1, 1, 1.0]), np.diag([1, 0, 1.0])])
-def test_normals_stay_perpendicular_to_their_surface(matrix: NDArray[np.float64]) -> None:
+def test_normals_stay_perpendicular_to_their_surface() -> None:
     """Of a plane along the diagonals, under scaling, mirroring and flattening."""
-    plane = np.array([[0, 0, 0], [1, 0, -1], [0, 1, -1.0]])
-    mesh = Mesh("plane", plane, np.array([[0, 1, 2]], np.int32), normals=unit_normals(np.ones((1, 3, 3))))
-    affine = np.eye(4)
-    affine[:3, :3] = matrix
-    ((moved,), _) = placed([(mesh, affine)], "file")
-    a, b, c = moved.vertices[moved.faces[0]]
-    assert moved.normals is not None
-    assert np.allclose(moved.normals @ np.cross(b - a, c - a), np.linalg.norm(np.cross(b - a, c - a)), rtol=1e-6)
+    for matrix in (np.diag([1, 2, 3.0]), np.diag([-1, 1, 1.0]), np.diag([1, 0, 1.0])):
+        plane = np.array([[0, 0, 0], [1, 0, -1], [0, 1, -1.0]])
+        mesh = Mesh("plane", plane, np.array([[0, 1, 2]], np.int32), normals=unit_normals(np.ones((1, 3, 3))))
+        affine = np.eye(4)
+        affine[:3, :3] = matrix
+        ((moved,), _) = placed([(mesh, affine)], "file")
+        a, b, c = moved.vertices[moved.faces[0]]
+        assert moved.normals is not None
+        assert np.allclose(moved.normals @ np.cross(b - a, c - a), np.linalg.norm(np.cross(b - a, c - a)), rtol=1e-6)
 
 
 @given(st.lists(st.floats(-1, 1), min_size=9, max_size=9))
@@ -121,16 +105,16 @@ def test_normals_bend_with_joints_and_morph_targets(tmp_path: Path) -> None:
     assert np.allclose(posed.normals, [0, -1, 0], atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["sphere", "torus", "capsule"])
-def test_mean_normals_of_a_round_shape_are_nearly_those_of_the_surface(name: str) -> None:
-    triangles = SHAPES[name]()
-    normals = mean_normals(triangles)
-    flat = np.cross(
-        *(triangles.vertices[triangles.faces[:, k]] - triangles.vertices[triangles.faces[:, 0]] for k in (1, 2))
-    )
-    assert (np.einsum("fki,fi->fk", normals, flat) > 0.9 * np.linalg.norm(flat, axis=1)[:, None]).all()
-    if name == "sphere":
-        assert np.allclose(normals, 2 * triangles.vertices[triangles.faces], atol=0.01)
+def test_mean_normals_of_a_round_shape_are_nearly_those_of_the_surface() -> None:
+    for name in ("sphere", "torus", "capsule"):
+        triangles = SHAPES[name]()
+        normals = mean_normals(triangles)
+        flat = np.cross(
+            *(triangles.vertices[triangles.faces[:, k]] - triangles.vertices[triangles.faces[:, 0]] for k in (1, 2))
+        )
+        assert (np.einsum("fki,fi->fk", normals, flat) > 0.9 * np.linalg.norm(flat, axis=1)[:, None]).all()
+        if name == "sphere":
+            assert np.allclose(normals, 2 * triangles.vertices[triangles.faces], atol=0.01)
 
 
 def test_a_shape_is_smooth_where_its_table_says_so(scene_file: Callable[..., Path]) -> None:
@@ -139,10 +123,3 @@ def test_a_shape_is_smooth_where_its_table_says_so(scene_file: Callable[..., Pat
     assert smooth.normals is not None
     assert flat.normals is None
     refused(scene_file('[[mesh]]\nfile = "a.obj"\nsmooth = true\n'), "smooth is for a shape")
-
-
-def test_normals_turn_with_the_up_axis(mesh_file: MeshFile) -> None:
-    path = mesh_file("a.obj", CORNERS + "vn 0 0 1\nf 1//1 2//1 3//1 4//1\n")
-    mesh = load_scene(path, up="z").meshes[0]
-    assert mesh.normals is not None
-    assert np.array_equal(mesh.normals, np.broadcast_to([0, 1, 0], (2, 3, 3)))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shadowbench.scenes.contents import BY_DEFAULT, Chosen
 from shadowbench.scenes.cutouts import cut_out
+from shadowbench.scenes.file_contents import BY_DEFAULT, Chosen
 from shadowbench.scenes.images import read_image
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import GREY, Mesh, Scene
@@ -61,52 +61,34 @@ def test_v_is_turned_downwards_and_coordinates_lie_at_their_corners(painted) -> 
     assert places == {(0, 0, 0): (0, 1), (1, 0, 0): (1, 1), (1, 1, 0): (1, 0), (0, 1, 0): (0, 0)}
 
 
-@pytest.mark.parametrize(
-    "face",
-    ["f 1/-4 2/-3 3/-2 4/-1", "f 1/1/1 2/2/1 3/3/1 4/4/1", "f 1/1/ 2/2/ 3/3/ 4/4/", "f -4/1 -3/2//9 \\\n -2/3 -1/4"],
-)
-def test_indices_of_coordinates_are_read_in_every_form(painted, face: str) -> None:
-    obj = SQUARE + "vn 0 0 1\nusemtl a\n"
-    plain, other = (only(painted("newmtl a\nmap_Kd leaf.png", obj + text)) for text in (QUAD, face))
-    assert np.array_equal(plain.coordinates, other.coordinates)
+def test_indices_of_coordinates_are_read_in_every_form(painted) -> None:
+    for face in (
+        "f 1/-4 2/-3 3/-2 4/-1",
+        "f 1/1/1 2/2/1 3/3/1 4/4/1",
+        "f 1/1/ 2/2/ 3/3/ 4/4/",
+        "f -4/1 -3/2//9 \\\n -2/3 -1/4",
+    ):
+        obj = SQUARE + "vn 0 0 1\nusemtl a\n"
+        plain, other = (only(painted("newmtl a\nmap_Kd leaf.png", obj + text)) for text in (QUAD, face))
+        assert np.array_equal(plain.coordinates, other.coordinates)
 
 
-def test_corners_without_coordinates_have_zero_beside_others(painted) -> None:
-    mesh = only(painted("newmtl a\nmap_Kd leaf.png", SQUARE + "usemtl a\nf 1 2/3 3\n"))
-    assert mesh.coordinates.tolist() == [[[0, 0], [1, 0], [0, 0]]]
-
-
-@pytest.mark.parametrize(
-    ("mtl", "alpha"),
-    [
+def test_a_mask_is_the_alpha_of_its_image_or_else_its_luminance(painted) -> None:
+    for mtl, alpha in (
         ("map_d leaf.png", GREYS),
         ("map_d grey.png", GREYS),
         ("MAP_D -clamp on -s 1 1 1 grey.png", GREYS),
         ("map_Kd leaf.png\nmap_d leaf.png", GREYS),
         ("map_Kd opaque.png\nmap_d grey.png", GREYS),
-    ],
-    ids=["alpha", "luminance", "options", "map_Kd's", "another's"],
-)
-def test_a_mask_is_the_alpha_of_its_image_or_else_its_luminance(painted, mtl: str, alpha: np.ndarray) -> None:
-    scene = painted("newmtl a\n" + mtl)
-    assert np.array_equal(cut(scene), cut_out(alpha, wrap=only(scene).cutout.wrap).words)
-    assert any("1 material(s) cut out where d · map_d is below 0.5" in note for note in scene.notes)
+    ):
+        scene = painted("newmtl a\n" + mtl)
+        assert np.array_equal(cut(scene), cut_out(alpha, wrap=only(scene).cutout.wrap).words)
+        assert any("1 material(s) cut out where d · map_d is below 0.5" in note for note in scene.notes)
 
 
-def test_an_opaque_image_of_colours_that_is_the_mask_too_cuts_nothing(painted) -> None:
-    assert only(painted("newmtl a\nmap_Kd opaque.png\nmap_d opaque.png")).cutout is None
-
-
-def test_clamp_is_the_wrap_of_mask_and_texture(painted) -> None:
-    mesh = only(painted("newmtl a\nmap_Kd -clamp on leaf.png\nmap_d -clamp on leaf.png"))
-    assert mesh.cutout.wrap == mesh.texture.wrap == ("clamp", "clamp")
-    mesh = only(painted("newmtl a\nmap_Kd leaf.png\nmap_d leaf.png"))
-    assert mesh.cutout.wrap == mesh.texture.wrap == ("repeat", "repeat")
-
-
-@pytest.mark.parametrize(("mtl", "factor"), [("d 0.8", 0.8), ("Tr 0.2", 0.8), ("Tr 1\nd 1", 1.0)])
-def test_dissolve_is_a_factor_of_the_mask_and_d_comes_before_tr(painted, mtl: str, factor: float) -> None:
-    assert np.array_equal(cut(painted(f"newmtl a\nmap_d grey.png\n{mtl}")), cut_out(GREYS, factor).words)
+def test_dissolve_is_a_factor_of_the_mask_and_d_comes_before_tr(painted) -> None:
+    for mtl, factor in (("d 0.8", 0.8), ("Tr 0.2", 0.8), ("Tr 1\nd 1", 1.0)):
+        assert np.array_equal(cut(painted(f"newmtl a\nmap_d grey.png\n{mtl}")), cut_out(GREYS, factor).words)
 
 
 def test_faces_whose_material_is_opaque_nowhere_are_left_out_and_told(painted) -> None:
@@ -136,9 +118,8 @@ def test_a_texture_is_multiplied_by_kd_unless_that_is_black(painted) -> None:
     assert np.array_equal(read_image(red.texture.content, "a"), LEAF)
 
 
-@pytest.mark.parametrize(
-    ("mtl", "note"),
-    [
+def test_what_is_not_read_is_a_note_and_the_mesh_is_there(painted) -> None:
+    for mtl, note in (
         (None, "mtllib 'a.mtl' is not a file in"),
         ("newmtl a\nmap_d none.png", "map_d 'none.png' is not a file in"),
         ("newmtl a\nmap_d ../leaf.png", "map_d '../leaf.png' leads outside"),
@@ -147,12 +128,10 @@ def test_a_texture_is_multiplied_by_kd_unless_that_is_black(painted) -> None:
         ("newmtl a\nmap_d -o 0.5 0 0 grey.png", "map_d -o: left out"),
         (b"\xff\xfe\0nonsense", ""),
         ("newmtl a\nKd spectral b.rfl\nd halo\nTr nan\nmap_d\nmap_Kd -clamp", ""),
-    ],
-)
-def test_what_is_not_read_is_a_note_and_the_mesh_is_there(painted, mtl: str | None, note: str) -> None:
-    scene = painted(mtl)
-    assert len(only(scene).faces) == 2 and only(scene).color == GREY
-    assert any(note in line for line in scene.notes) or not note
+    ):
+        scene = painted(mtl)
+        assert len(only(scene).faces) == 2 and only(scene).color == GREY
+        assert any(note in line for line in scene.notes) or not note
 
 
 def test_names_may_have_blanks_and_backslashes(painted, tmp_path: Path) -> None:
@@ -170,24 +149,16 @@ def test_without_materials_that_need_them_coordinates_are_read_only_if_asked_for
     assert len(only(painted("newmtl a\nKd 1 0 0", broken)).faces) == 1
 
 
-@pytest.mark.parametrize(
-    ("obj", "words"),
-    [
+def test_a_coordinate_that_is_none_is_one_line(painted, tmp_path: Path) -> None:
+    for obj, words in (
         (SQUARE + "usemtl a\nf 1/9 2/1 3/1\n", ["line 11", "texture coordinate 9", "has 4"]),
         (SQUARE + "usemtl a\nf 1/0 2/1 3/1\n", ["line 11", "texture coordinate 0"]),
         (SQUARE + "vt 0.5\nusemtl a\nf 1/1 2/1 3/5\n", ["line 10", "found 1 numbers; 2"]),
         (SQUARE + "usemtl a\nf 1/x 2/1 3/1\n", ["line 11", "'1/x'"]),
-    ],
-)
-def test_a_coordinate_that_is_none_is_one_line(painted, tmp_path: Path, obj: str, words: list[str]) -> None:
-    painted("newmtl a\nmap_Kd leaf.png\n")
-    (tmp_path / "a.obj").write_text("mtllib a.mtl\n" + obj)
-    refused(tmp_path / "a.obj", "a.obj", *words)
-
-
-def test_a_coordinate_that_is_no_number_is_zero(painted) -> None:
-    mesh = only(painted("newmtl a\nmap_d leaf.png", SQUARE + "vt nan inf\nusemtl a\nf 1/5 2/2 3/3\n"))
-    assert np.isfinite(mesh.coordinates).all()
+    ):
+        painted("newmtl a\nmap_Kd leaf.png\n")
+        (tmp_path / "a.obj").write_text("mtllib a.mtl\n" + obj)
+        refused(tmp_path / "a.obj", "a.obj", *words)
 
 
 def test_a_ply_may_have_coordinates(tmp_path: Path) -> None:

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Scene
-from shadowbench.scenes.polygons import Polygons, triangulated
+from shadowbench.scenes.polygons import Polygons, fan_faces, strip_faces, triangulated
 from tests.scenes.conftest import refused
 
 MeshFile = Callable[[str, str | bytes], Path]
@@ -137,30 +139,30 @@ WRITERS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", WRITERS)
-def test_a_planar_polygon_has_the_area_of_the_shoelace_formula(mesh_file: MeshFile, name: str) -> None:
-    for vertices, ring, expected in polygons(200):
-        contents = read_meshes(mesh_file(name, WRITERS[name](vertices, ring)))
-        assert area(contents) == pytest.approx(expected, rel=1e-9)
-        assert contents.notes == ()
-        normal = newell(vertices[ring])
-        assert (area_vectors(corners_of(contents)) @ normal > 0.0).all()
+def test_a_planar_polygon_has_the_area_of_the_shoelace_formula(mesh_file: MeshFile) -> None:
+    for name in WRITERS:
+        for vertices, ring, expected in polygons(200):
+            contents = read_meshes(mesh_file(name, WRITERS[name](vertices, ring)))
+            assert area(contents) == pytest.approx(expected, rel=1e-9)
+            assert contents.notes == ()
+            normal = newell(vertices[ring])
+            assert (area_vectors(corners_of(contents)) @ normal > 0.0).all()
 
 
-@pytest.mark.parametrize("name", WRITERS)
-def test_a_bent_polygon_covers_its_projection_once_and_is_a_note(mesh_file: MeshFile, name: str) -> None:
-    for vertices, ring, _ in polygons(60, bent=True):
-        if np.linalg.matrix_rank(vertices[ring] - vertices[ring[0]], tol=1e-3) < 3:
-            continue
-        contents = read_meshes(mesh_file(name, WRITERS[name](vertices, ring)))
-        normal = newell(vertices[ring])
-        size = float(np.linalg.norm(normal))
-        projected = area_vectors(corners_of(contents)) @ normal / size
-        assert projected.sum() == pytest.approx(size, rel=1e-9)
-        assert (projected > -1e-12 * size).all()
-        assert [
-            note.endswith("1 polygon(s) not planar: cut as seen along their mean normal") for note in contents.notes
-        ] == [True]
+def test_a_bent_polygon_covers_its_projection_once_and_is_a_note(mesh_file: MeshFile) -> None:
+    for name in WRITERS:
+        for vertices, ring, _ in polygons(60, bent=True):
+            if np.linalg.matrix_rank(vertices[ring] - vertices[ring[0]], tol=1e-3) < 3:
+                continue
+            contents = read_meshes(mesh_file(name, WRITERS[name](vertices, ring)))
+            normal = newell(vertices[ring])
+            size = float(np.linalg.norm(normal))
+            projected = area_vectors(corners_of(contents)) @ normal / size
+            assert projected.sum() == pytest.approx(size, rel=1e-9)
+            assert (projected > -1e-12 * size).all()
+            assert [
+                note.endswith("1 polygon(s) not planar: cut as seen along their mean normal") for note in contents.notes
+            ] == [True]
 
 
 def test_the_outline_of_the_triangles_is_the_ring_also_at_corners_on_straight_lines() -> None:
@@ -173,24 +175,6 @@ def test_the_outline_of_the_triangles_is_the_ring_also_at_corners_on_straight_li
         assert not any(outline.values())
 
 
-def test_a_corner_seen_edge_on_is_kept(mesh_file: MeshFile) -> None:
-    """One of the five corners lies on an edge that is parallel to the mean normal."""
-    text = "v -500 0 500\nv 500 0 500\nv 500 0 -500\nv -500 0 -500\nv 0 500 -500\nf 1// 2// 3// 4// 5//\n"
-    contents = read_meshes(mesh_file("a.obj", text))
-    corners = corners_of(contents)
-    normal = np.array([1.0, 3.0, 0.0]) / np.sqrt(10)
-    assert (area_vectors(corners) @ normal).sum() == pytest.approx(np.hypot(250_000, 750_000))
-    assert len(corners) == 3 and len(contents.notes) == 1
-
-
-def test_a_convex_polygon_is_a_fan_from_its_first_corner(mesh_file: MeshFile) -> None:
-    turn = np.arange(6) * np.pi / 3
-    vertices = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(6)])
-    (mesh,) = read_meshes(mesh_file("a.off", as_off(vertices, list(range(6))))).meshes
-    first = np.flatnonzero(np.isclose(mesh.vertices, [1, 0, 0]).all(axis=1))
-    assert (mesh.faces[:, 0] == first).all()
-
-
 def test_a_polygon_that_crosses_itself_and_faces_that_are_none_are_named(mesh_file: MeshFile) -> None:
     contents = read_meshes(mesh_file("a.obj", SQUARE + "f 1 3 2 4\nf 1 2\nf 3\nf 1 2 3\n"))
     assert contents.notes == (
@@ -198,21 +182,6 @@ def test_a_polygon_that_crosses_itself_and_faces_that_are_none_are_named(mesh_fi
         "a.obj: 1 polygon(s) that cross themselves: cut as fans from their first corner",
     )
     assert len(corners_of(contents)) == 3
-
-
-def flat_obj(*rings: list[tuple[float, float]]) -> str:
-    """Polygons in the plane z = 0 that share no vertex."""
-    lines = []
-    for ring in rings:
-        lines += [*(f"v {x!r} {y!r} 0" for x, y in ring), "f " + " ".join(str(k - len(ring)) for k in range(len(ring)))]
-    return "\n".join([*lines, ""])
-
-
-def test_a_polygon_that_cannot_be_triangulated_does_not_affect_others(mesh_file: MeshFile) -> None:
-    wild = [(1, 0), (0, 0), (0, 1), (1, 1), (0, 0), (0, 1)]
-    contents = read_meshes(mesh_file("a.obj", flat_obj(wild, [(5, 0), (6, 0), (6, 1)])))
-    corners = corners_of(contents)
-    assert area_vectors(corners[corners[:, 0, 0] > 4.0]) == pytest.approx(np.array([[0.0, 0.0, 0.5]]))
 
 
 def test_any_ring_keeps_its_area_vector_and_its_projected_area_unless_a_note_says_that_it_crosses() -> None:
@@ -242,19 +211,11 @@ def test_a_star_of_twelve_thousand_corners_is_cut_and_a_larger_one_is_told_what_
         cut(star_of(32_002), list(range(32_002)))
 
 
-@pytest.mark.parametrize("scale", [1e-9, 1e9])
-def test_neither_size_nor_place_changes_the_cut(mesh_file: MeshFile, scale: float) -> None:
-    for vertices, ring, expected in polygons(9):
-        contents = read_meshes(mesh_file("a.off", as_off(vertices * scale, ring)))
-        assert area(contents) == pytest.approx(expected * scale**2, rel=1e-6)
-
-
 # What each format may say.
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
+def test_an_obj_keeps_every_face_however_it_is_written(mesh_file: MeshFile) -> None:
+    for text, expected in (
         (SQUARE + "f 1 2 3\nf\t1 3 4\n", 4.0),
         (SQUARE + "f 1 2 3\n  f 1 3 4\n", 4.0),
         (SQUARE + "f 1 2 3 4 # the only one\n", 4.0),
@@ -268,55 +229,55 @@ def test_neither_size_nor_place_changes_the_cut(mesh_file: MeshFile, scale: floa
         (SQUARE + "o #1\nf 1 2 3\no #2\nf 1 3 4", 4.0),
         (SQUARE + "f 1 2 3\nf 1 3 4\\", 4.0),
         ("\ufeff" + SQUARE + "f 1 2 3 4\n", 4.0),
-    ],
-)
-def test_an_obj_keeps_every_face_however_it_is_written(mesh_file: MeshFile, text: str, expected: float) -> None:
-    contents = read_meshes(mesh_file("a.obj", text))
-    assert area(contents) == pytest.approx(expected)
-    assert contents.notes == ()
+    ):
+        contents = read_meshes(mesh_file("a.obj", text))
+        assert area(contents) == pytest.approx(expected)
+        assert contents.notes == ()
 
 
-def test_objects_that_differ_after_a_number_sign_are_two(mesh_file: MeshFile) -> None:
-    contents = read_meshes(mesh_file("a.obj", SQUARE + "o part#1\nf 1 2 3\no part#2\nf 1 3 4\no part#1\nf 2 3 4\n"))
-    assert [(mesh.name, len(mesh.faces)) for mesh in contents.meshes] == [("part#1", 2), ("part#2", 1)]
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_an_off_keeps_every_face(mesh_file: MeshFile) -> None:
+    for text in (
         "\ufeffOFF\n5 2 0\n0 0 0\n2 0 0\n2 2 0\n0 2 0\n4 1 0\n4 0 1 2 3\n3 1 4 2\n",
         "OFF\n5 2 0\n0 0 0\n2 0 0\n2 2 0\n0 2 0\n4 1 0\n4 0 1 2 3 # x\n3 1 4 2\n",
         "# first\nOFF 5 2 0\n\n0 0 0\n2 0 0\n2 2 0\n0 2 0\n4 1 0\n 4 0 1 2 3 255 0 0\n3 1 4 2 0.5 0.5 0.5\n",
-        "COFF\n5 2\n" + "".join(f"{v} 1 0 0 1\n" for v in ("0 0 0", "2 0 0", "2 2 0", "0 2 0", "4 1 0"))
+        "COFF\n5 2\n"
+        + "".join(f"{v} 1 0 0 1\n" for v in ("0 0 0", "2 0 0", "2 2 0", "0 2 0", "4 1 0"))
         + "4 0 1 2 3\n3 1 4 2\n",
-    ],
-    ids=["a byte order mark", "a comment behind a face", "colours of faces", "colours of vertices"],
-)  # fmt: skip
-def test_an_off_keeps_every_face(mesh_file: MeshFile, text: str) -> None:
-    contents = read_meshes(mesh_file("a.off", text))
-    assert (area(contents), contents.notes) == (pytest.approx(6.0), ())
+    ):
+        contents = read_meshes(mesh_file("a.off", text))
+        assert (area(contents), contents.notes) == (pytest.approx(6.0), ())
 
 
 FIVE = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [4, 1, 0.0]])
 
 
-@pytest.mark.parametrize("kind", ["binary_little_endian", "binary_big_endian"])
-@pytest.mark.parametrize("length", ["uchar", "ushort", "int", "uint"])
-@pytest.mark.parametrize(("before", "after"), [("", ""), ("uchar", ""), ("", "float"), ("short", "double")])
-def test_a_binary_ply_mixes_triangles_quads_and_other_properties(
-    mesh_file: MeshFile, kind: str, length: str, before: str, after: str
-) -> None:
+def test_a_binary_ply_mixes_triangles_quads_and_other_properties(mesh_file: MeshFile) -> None:
     codes = {"uchar": "B", "ushort": "H", "int": "i", "uint": "I", "short": "h", "float": "f", "double": "d"}
-    order = "<" if "little" in kind else ">"
-    header = f"property {before} first\n" * bool(before) + f"property list {length} int vertex_index\n"
-    header += f"property {after} last\n" * bool(after)
-    body = FIVE.astype(order + "f8").tobytes()
-    for ring in ((0, 1, 2, 3), (1, 4, 2)):
-        body += struct.pack(order + codes[before], 7) if before else b""
-        body += struct.pack(f"{order}{codes[length]}{len(ring)}i", len(ring), *ring)
-        body += struct.pack(order + codes[after], 7) if after else b""
-    contents = read_meshes(mesh_file("a.ply", ply_header(kind, 5, 2, header).encode() + body))
-    assert (area(contents), contents.notes) == (pytest.approx(6.0), ())
+    for kind, length, before, after in (
+        ("binary_little_endian", "uchar", "", ""),
+        ("binary_big_endian", "ushort", "uchar", ""),
+        ("binary_little_endian", "int", "", "float"),
+        ("binary_big_endian", "uint", "short", "double"),
+    ):
+        codes = {
+            "uchar": "B",
+            "ushort": "H",
+            "int": "i",
+            "uint": "I",
+            "short": "h",
+            "float": "f",
+            "double": "d",
+        }
+        order = "<" if "little" in kind else ">"
+        header = f"property {before} first\n" * bool(before) + f"property list {length} int vertex_index\n"
+        header += f"property {after} last\n" * bool(after)
+        body = FIVE.astype(order + "f8").tobytes()
+        for ring in ((0, 1, 2, 3), (1, 4, 2)):
+            body += struct.pack(order + codes[before], 7) if before else b""
+            body += struct.pack(f"{order}{codes[length]}{len(ring)}i", len(ring), *ring)
+            body += struct.pack(order + codes[after], 7) if after else b""
+        contents = read_meshes(mesh_file("a.ply", ply_header(kind, 5, 2, header).encode() + body))
+        assert (area(contents), contents.notes) == (pytest.approx(6.0), ())
 
 
 def test_a_text_ply_has_scalars_beside_lists_and_rows_that_are_no_faces(mesh_file: MeshFile) -> None:
@@ -331,19 +292,14 @@ def test_a_text_ply_has_scalars_beside_lists_and_rows_that_are_no_faces(mesh_fil
     assert read_meshes(mesh_file("b.ply", edges)).notes == ("b.ply: rows left out that are no faces: 1 edge",)
 
 
-@pytest.mark.parametrize(
-    ("damage", "words"),
-    [
+def test_a_damaged_binary_ply_is_one_line(mesh_file: MeshFile) -> None:
+    for damage, words in (
         (lambda data: data[:-1], ["cut short"]),
         (lambda data: data.replace(b"uchar int", b"int int"), ["cut short"]),
         (lambda data: data.replace(b"\x03\0\0\0\0", b"\xff\0\0\0\0"), ["cut short"]),
         (lambda data: data.replace(b"\1\0\0\0", b"\xff\xff\xff\xff"), ["vertex -1"]),
-    ],
-)
-def test_a_damaged_binary_ply_is_one_line(
-    mesh_file: MeshFile, damage: Callable[[bytes], bytes], words: list[str]
-) -> None:
-    refused(mesh_file("a.ply", damage(as_little_ply(FIVE, [0, 1, 2]))), "a.ply", *words)
+    ):
+        refused(mesh_file("a.ply", damage(as_little_ply(FIVE, [0, 1, 2]))), "a.ply", *words)
 
 
 def test_data_after_the_announced_rows_is_a_note(mesh_file: MeshFile) -> None:
@@ -355,10 +311,45 @@ def test_data_after_the_announced_rows_is_a_note(mesh_file: MeshFile) -> None:
     assert read_meshes(mesh_file("a.ply", data)).notes == ("a.ply: 4 bytes after its last row left out",)
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [("annulus.obj", 12.0), ("tab1.obj", 4.0), ("ind1.obj", 4.0), ("trailc.off", 6.0), ("mix1.ply", 6.0)],
-)
-def test_files_that_were_once_misread_have_the_right_area(shared_scenes: Path, name: str, expected: float) -> None:
-    contents = read_meshes(shared_scenes.parent / "cases" / name)
-    assert (area(contents), contents.notes) == (pytest.approx(expected), ())
+def test_files_that_were_once_misread_have_the_right_area(shared_scenes: Path) -> None:
+    for name, expected in (
+        ("annulus.obj", 12.0),
+        ("tab1.obj", 4.0),
+        ("ind1.obj", 4.0),
+        ("trailc.off", 6.0),
+        ("mix1.ply", 6.0),
+    ):
+        contents = read_meshes(shared_scenes.parent / "cases" / name)
+        assert (area(contents), contents.notes) == (pytest.approx(expected), ())
+
+
+# Strips and fans, with the winding of the glTF specification, 3.7.2.1.
+
+RESTART = 255
+
+
+def rotated(faces: list[tuple[int, int, int]]) -> list[tuple[int, ...]]:
+    """Each triangle from its smallest corner on: the same triangle, the same winding."""
+    return [tuple(np.roll(face, -int(np.argmin(face))).tolist()) for face in faces]
+
+
+def by_the_specification(indices: list[int], fan: bool) -> list[tuple[int, int, int]]:
+    faces, run = [], []
+    for index in [*indices, RESTART]:
+        if index != RESTART:
+            run.append(index)
+            continue
+        for i in range(len(run) - 2):
+            if fan:
+                faces.append((run[i + 1], run[i + 2], run[0]))
+            else:
+                faces.append((run[i], run[i + 1 + i % 2], run[i + 2 - i % 2]))
+        run = []
+    return [face for face in faces if fan or len(set(face)) == 3]
+
+
+@given(st.lists(st.integers(0, 6) | st.just(RESTART), max_size=30), st.booleans())
+def test_triangles_are_those_of_the_specification_also_after_a_restart(indices: list[int], fan: bool) -> None:
+    faces = (fan_faces if fan else strip_faces)(np.array(indices, dtype=np.uint8), RESTART)
+    assert faces.shape[1:] == (3,) and faces.dtype == np.int64
+    assert rotated(faces.tolist()) == rotated(by_the_specification(indices, fan))

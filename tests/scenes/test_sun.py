@@ -6,9 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-import shadowbench as sb
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.assumed import with_sun
@@ -40,26 +38,6 @@ def test_a_truth_under_the_sun_has_penumbrae_and_a_note_says_why(shadowbench: Ca
     soft, said = visibility("--sun")
     assert set(np.unique(hard)) == {0.0, 1.0} and NOTE not in silent
     assert ((soft > 0.02) & (soft < 0.98)).any() and f"note: {NOTE}\n" in said
-
-
-def test_a_scene_is_loaded_with_the_sun() -> None:
-    assert [light.soft for sun in (True, False) for light in sb.load("cube-on-plane", sun=sun).lights] == [True, False]
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("needs", "cube-on-plane", "--view-size", "32"),
-        ("export", "cube-on-plane", "{0}/out", "--view-size", "32"),
-        ("render", "cube-on-plane", "-t", "ray-traced", "-o", "{0}/a.png", "--view-size", "32"),
-        ("run", "cube-on-plane", "-t", "unshadowed", "--rounds", "0", "--view-size", "32", "-o", "{0}/run"),
-        ("recommend", "cube-on-plane", "--view-size", "32", "--min-iou", "0.5", "-o", "{0}/recommend"),
-    ],
-    ids=lambda words: words[0],
-)
-def test_every_command_with_a_scene_and_a_truth_takes_it(words, shadowbench: Callable, tmp_path: Path) -> None:
-    answer = shadowbench(*(word.format(tmp_path) for word in words), "--sun")
-    assert answer.code == 0 and f"note: {NOTE}\n" in answer.err
 
 
 def test_a_mask_is_scored_under_the_sun(shadowbench: Callable, tmp_path: Path) -> None:

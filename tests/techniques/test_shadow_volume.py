@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shadowbench.scenes.files import transform_of
-from shadowbench.scenes.library import hard_names, load_scene
+from shadowbench.scenes.library import hard_names, load_scene, transform_of
 from shadowbench.scenes.model import Light, Mesh, view_of
-from shadowbench.scenes.tables import MeshTable
+from shadowbench.scenes.scene_tables import MeshTable
 from shadowbench.scenes.vectors import unit
 from shadowbench.truths.trace import trace
 from tests.samples import by_turns

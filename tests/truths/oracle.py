@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.compiled import compiled
-from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.model import View
+from shadowbench.scenes.triangles import Geometry
 from shadowbench.scenes.vectors import Floats
 
 AT_ONCE = 256  # triangles, whose edges stay in the processor's cache

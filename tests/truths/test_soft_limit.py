@@ -8,7 +8,7 @@ import pytest
 
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.scenes.tables import light_from_table
+from shadowbench.scenes.scene_tables import light_from_table
 from shadowbench.scenes.vectors import vec3
 from shadowbench.truths.trace import trace
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
-from shadowbench.scenes.normals import unit_normals
 from shadowbench.scenes.shapes import sphere
+from shadowbench.scenes.triangles import unit_normals
 from shadowbench.scores.metrics import score
 from shadowbench.truths.cache import read_truth, write_truth
 from shadowbench.truths.trace import Truth, smooth_points, trace

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.scenes.assumed import sun_direction
-from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import Camera, Light, LightShape, View
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import unit
 from shadowbench.viewer import camera as by_hand
 from shadowbench.viewer.camera import distance, dragged, handles, looked, orbited, panned, projected, walked, zoomed

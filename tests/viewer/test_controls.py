@@ -15,8 +15,8 @@ from shadowbench.maps.biases import NoBias, Sum, Texel
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
-from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import Camera, Light
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.viewer import controls
 from shadowbench.viewer.controls import (

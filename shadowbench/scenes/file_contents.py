@@ -1,14 +1,77 @@
-"""Meshes placed in the world, without triangles of zero area."""
+"""What a mesh file holds: meshes with their materials, cameras and lights; and its meshes placed in the world."""
 
 from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.geometry import MOST_TRIANGLES, Triangles, checked, transformed, with_area
-from shadowbench.scenes.mesh import Mesh
-from shadowbench.scenes.vectors import Floats
+from shadowbench.scenes.cutouts import Cutout
+from shadowbench.scenes.model import GREY, Camera, Light, Mesh
+from shadowbench.scenes.scene_tables import LONGEST_NAME, name_from
+from shadowbench.scenes.triangles import MOST_TRIANGLES, Texture, Triangles, checked, transformed, with_area
+from shadowbench.scenes.vectors import Floats, Vec3, vec3
+
+BLEND_CUTOFF = 0.5
+"""Alpha below which surfaces are cut out whose material mixes them with what is behind."""
+MOST_MASKED = 1 << 27
+"""Limit on the texels of a file's masks, thirty-two of 2048², which techniques hold in one texture."""
+OPAQUE = np.full((1, 1), 255, dtype=np.uint8)
+"""Alphas of a material without an image."""
+
+
+class Look(NamedTuple):
+    """Fields of `Mesh` of these names."""
+
+    color: Vec3 = GREY
+    cutout: Cutout | None = None
+    texture: Texture | None = None
+    coordinates: NDArray[np.float32] | None = None
+    places: NDArray[np.float32] | None = None
+    tints: NDArray[np.float32] | None = None
+
+
+class Chosen(NamedTuple):
+    """What is read of a mesh file, all but coordinates of a glTF alone.
+
+    time: in seconds, None for 0; clip: by name or number from 1, or NO_CLIP, None for the first. coordinates: texture
+    coordinates too, even if no material needs them.
+    """
+
+    time: float | None = None
+    clip: str | None = None
+    coordinates: bool = False
+
+
+BY_DEFAULT = Chosen()
+
+
+class Contents(NamedTuple):
+    """Contents of a file: meshes in object space with their (4, 4) object-to-world matrices, cameras, lights, notes."""
+
+    instances: list[tuple[Mesh, Floats]]
+    cameras: list[Camera]
+    lights: list[Light]
+    notes: list[str]
+
+
+def target_of(position: Floats, forward: Floats) -> Vec3:
+    """A point that a camera at a position looks at along a unit vector.
+
+    Its distance scales with the position's coordinates, so that rounding keeps the direction.
+    """
+    return vec3(position + forward * max(1.0, float(np.linalg.norm(position))))
+
+
+def unique_name(name: str | None, default: str, taken: set[str]) -> str:
+    """A valid name for a scene file, with a number appended if it is taken."""
+    plain = candidate = (name_from(name or "") or default)[:LONGEST_NAME]
+    number = 2
+    while candidate in taken:
+        candidate, number = f"{plain[: LONGEST_NAME - len(f'-{number}')]}-{number}", number + 1
+    return candidate
+
 
 _BATCH = 1 << 12
 """Triangles that are looked at together, at least."""

@@ -9,8 +9,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.options import LATEST
-from shadowbench.scenes.geometry import LARGEST
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import Vec3
 from shadowbench.strict import Strict, validated
 
