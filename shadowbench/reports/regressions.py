@@ -84,7 +84,7 @@ def value_text(value: Any) -> str:
 
 
 def counts(findings: Findings, baseline: Path) -> str:
-    """How many cells were compared, and how many of each verdict were found."""
+    """How many cells were compared, and how many have each verdict."""
     cells = {verdict: len(by_cell(findings.of(verdict))) for verdict in _TITLES}
     missing = sum(change.after == MISSING for change in findings.changes)
     cells["regressed"] -= missing

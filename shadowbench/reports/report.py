@@ -139,7 +139,7 @@ _LATEX |= {"–": "--", "−": "$-$", "<": "$<$", ">": "$>$", "…": r"\ldots{}"
 
 
 def _latex_text(text: str) -> str:
-    """Text in which no character but those of commands has a meaning of its own to LaTeX."""
+    """Text whose characters mean nothing of their own to LaTeX, apart from commands."""
     return "".join(_LATEX.get(character, character) for character in text)
 
 
