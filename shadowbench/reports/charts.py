@@ -11,7 +11,7 @@ from PIL import Image
 
 from shadowbench.files import replace_file
 from shadowbench.plugin.registry import preset_names
-from shadowbench.reports.words import COLUMNS, cost_text, digits, error_text, value_text
+from shadowbench.reports.texts import COLUMNS, cost_text, digits, error_text, value_text
 from shadowbench.results.curves import curves
 from shadowbench.results.summary import Setting, Summary, known
 from shadowbench.techniques.unshadowed import Unshadowed

@@ -16,7 +16,7 @@ from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_facets, read_view
-from shadowbench.reports.words import table
+from shadowbench.reports.texts import table
 from shadowbench.results.baseline import MISSING, Change, Findings, Verdict
 from shadowbench.results.frame import Run, identity, view_name
 from shadowbench.scores.metrics import is_soft, leading_error

@@ -23,7 +23,7 @@ from shadowbench.reports.charts import (
 from shadowbench.reports.page import html_report, panels_of
 from shadowbench.reports.stability import Stability, analyse, range_text, tolerances
 from shadowbench.reports.sweep_charts import CELL, axis_figure, heat_map
-from shadowbench.reports.words import (
+from shadowbench.reports.texts import (
     COLUMNS,
     COST_HEADINGS,
     accuracy_text,

@@ -24,7 +24,7 @@ from shadowbench.reports.charts import (
     quantity,
 )
 from shadowbench.reports.stability import Stability
-from shadowbench.reports.words import digits
+from shadowbench.reports.texts import digits
 from shadowbench.results.ranges import TOLERANCES, OperatingRange, failure, tolerances_of, value_text
 
 SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
