@@ -27,8 +27,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.errors import Unsupported
-from shadowbench.measure.rendering import Rendering
-from shadowbench.measure.session import CellRequest, Session
+from shadowbench.measure.session import CellRequest, Rendering, Session
 from shadowbench.scenes.model import View
 
 ROUNDS = 5

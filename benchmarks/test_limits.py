@@ -18,12 +18,11 @@ import numpy as np
 import psutil
 import pytest
 import trimesh
-from PIL import Image
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import ndimage
 from skimage.metrics import structural_similarity
 
-from shadowbench.measure.doctor import MAX_NOISE, measure_noise
+from shadowbench.measure.machine import MAX_NOISE, measure_noise
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import CellRequest
 from shadowbench.measure.worker import Worker
@@ -91,12 +90,6 @@ def a_cell(scene_name: str, size: int) -> Call:
     truth = cached_truth(view_of(scene, scene.cameras[0], scene.lights[0], size), 1)
     against, mask = prepare_truth(truth), np.roll(truth.visibility, (1, 2), axis=(0, 1))
     return lambda: mask_record(mask, truth, against, truth.triangle)
-
-
-@pytest.mark.parametrize("scene", ["colonnade", "post"])
-@pytest.mark.benchmark(group="limits", timer=time.process_time)
-def test_scoring_a_cell(scene: str, smallest: bool, compare: Any, fixed_work: Call, one_core: None) -> None:
-    compare(a_cell(scene, 64 if smallest else 512), fixed_work)
 
 
 def the_edges_of(image: Any) -> Any:
@@ -191,18 +184,6 @@ def test_start_of_a_run_until_its_first_cell_is_drawn(tmp_path: Path, compare: A
 
 
 @pytest.mark.benchmark(group="limits")
-def test_passes_against_the_frame(cells: Any, compare: Any) -> None:
-    scene = load_scene("stairs")
-    session, view = cells.session, view_of(scene, scene.cameras[0], scene.lights[0], 512)
-    session.prepare_timing(view, CellRequest("shadow-map:size=2048"))
-    try:
-        passes, frames = lambda: session.time_passes(0), lambda: session.time_frame(0)
-        compare(passes, frames)
-    finally:
-        session.release_timed()
-
-
-@pytest.mark.benchmark(group="limits")
 def test_silhouettes_against_all_triangles(smallest: bool, cells: Any, compare: Any) -> None:
     scene = load_scene("statue")
     session, view = cells.session, view_of(scene, scene.cameras[0], scene.lights[0], 64 if smallest else 256)
@@ -244,16 +225,6 @@ def test_scoring_a_large_cell(smallest: bool, benchmark: BenchmarkFixture) -> No
     benchmark.pedantic(score, rounds=1)
     (peak,) = (line.split()[1] for line in Path("/proc/self/status").read_text().splitlines() if line[:5] == "VmHWM")
     note_peak(benchmark, 1024 * int(peak) - before)
-
-
-@pytest.mark.benchmark(group="memory")
-def test_scoring_the_largest_mask(tmp_path: Path, smallest: bool, cost: Any, benchmark: BenchmarkFixture) -> None:
-    size = 64 if smallest else 4096
-    Image.new("L", (size, size), 255).save(tmp_path / "mask.png")
-    words = ["-m", "shadowbench", "score", "cube-on-plane", tmp_path / "mask.png", "-q"]
-    spent = benchmark.pedantic(cost, args=words, rounds=1)
-    assert spent.returncode == 0
-    note_peak(benchmark, spent.peak_bytes)
 
 
 def note_peak(benchmark: BenchmarkFixture, peak: int) -> None:

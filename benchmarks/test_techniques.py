@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from shadowbench.measure.cells import Cell
+from shadowbench.measure.campaign import Cell
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.model import View

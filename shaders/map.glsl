@@ -1,5 +1,42 @@
-// Points of a shadow map, of a sun or a spot unless another projection is chosen.
-#include "projection/<projection>.glsl"
+// Points of a shadow map of one or more layers: SIZE is the parameter of that name, LAYERS and REVERSED are 1 and 0 unless
+// they are defined otherwise.
+#include "receiver.glsl"
+uniform float depth_step;     // spacing of stored depths near 1
+uniform float position_step;  // float32 rounding error of positions, a local length
+const float map_size = float(SIZE);
+const float depth_sign = REVERSED == 1 ? -1.0 : 1.0;  // reversed, depth is 1 at the near plane and 0 at the far plane
+
+float from_near(float depth) { return REVERSED == 1 ? 1.0 - depth : depth; }
+
+// A receiver's depth, clamped as stored depths are: before the near plane it is not in front of casters clamped to it.
+float stored_range(float depth, float front) {
+    return REVERSED == 1 ? clamp(depth, 0.0, 1.0 - front) : clamp(depth, front, 1.0);
+}
+
+struct ShadowCoord {
+    Receiver receiver;
+    vec3 position;            // of the receiver, as moved by the bias
+    int layer;                // of an array, face of a cube
+    vec2 uv;                  // in the layer, [0, 1]
+    float depth;              // as stored, in [0, 1]
+    float bias;               // how much nearer to the light it is taken to be
+    vec2 gradient;            // of the depth over uv that texels are compared with
+    vec3 axis;                // unit vector of decreasing depth, towards the light's plane, or a cube map's light
+    float axis_distance;      // from the light along that axis; 1 for a directional light
+    float depth_per_length;   // derivative of depth along that axis, per local length
+    float linear;             // depth along the axis: 0 at the near plane, 1 at the far plane; for a filter less the bias
+    float linear_per_length;  // derivative of linear depth along the axis, per local length
+    vec2 texel;               // size of a texel at the receiver, in local lengths
+};
+
+// A kind of map, of a sun or a spot unless it is chosen otherwise: a file that defines
+//   ShadowCoord projected(ShadowCoord p)             the point of p.position in layer p.layer
+//   MAP_SAMPLER map_depths, lookup(p, offset)        the map, and its texture coordinates; offsets are in texels
+//   float nearest_depth(ShadowCoord p, vec2 offset), hardware_comparison(ShadowCoord p, vec2 offset, float depth)
+//   float plane_depth(ShadowCoord p, vec2 offset)    linear depth of the receiver's plane, less the bias
+//   vec3 to_texels(ShadowCoord p, vec4 v)            homogeneous texels of a point (w = 1) or direction (w = 0)
+// and, with ON_PLANE, compare_nearest and compare_linear as in shadow_map.glsl.
+#include "map/<projection>.glsl"
 
 ShadowCoord shadow_coord(Receiver r, int layer) {
     ShadowCoord p;

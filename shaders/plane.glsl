@@ -1,7 +1,4 @@
-// The receiver's surroundings, for filters that are wide. A file of plane/ defines
-//   float plane_depth(ShadowCoord p, vec2 offset)    linear depth of the receiver's plane, less the bias
-//   vec3 to_texels(ShadowCoord p, vec4 v)            homogeneous texels of a point (w = 1) or direction (w = 0)
-#include "plane/<projection>.glsl"
+// The receiver's surroundings, for filters that are wide.
 
 // Lengths across the light's ray, in homogeneous texels.
 mat3 texels_across(ShadowCoord p) {

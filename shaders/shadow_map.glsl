@@ -1,11 +1,69 @@
 // Shadow mapping (Williams 1978) with percentage-closer filtering (Reeves, Salesin and Cook 1987): visibility is
 // lit(bias(receiver)), of the receiver's point in the map. Names in <> are chosen where the shader is composed.
 #include "map.glsl"
-#include "depths/<depths>.glsl"
-#include "far_rule/<far_rule>.glsl"
-#include "bias.glsl"
-#include "gradient/<gradient>.glsl"
-#include "filter.glsl"
+
+// Sine of the angle between the surface's normal and the direction of the map's depth. For a directional light and for a
+// cube map, whose depth is the distance, that angle is θ, between N and L. For a spot it differs from θ off the axis,
+// where the map's depth varies even over a surface that faces the light.
+float sin_slope(ShadowCoord p) {
+    float along = dot(p.receiver.normal, p.axis);
+    return sqrt(max(1.0 - along * along, 0.0));
+}
+
+// Change of the distance along the axis per length across the map: on the plane N·P = c the distance in direction
+// d (d·axis = 1) is c/(N·d), and its gradient is |N perpendicular to the axis| · distance/(N·d).
+float tan_slope(ShadowCoord p) {
+    return sin_slope(p) * p.axis_distance / (p.receiver.distance * max(p.receiver.cosine, 1e-6));
+}
+
+// Resolution of the comparison: the larger of the format's step and the rounding error of positions, which dominates over
+// a short depth range.
+float resolution(ShadowCoord p) { return max(depth_step, position_step * p.depth_per_length); }
+
+// A filter: a file that defines
+//   float filter_visibility(ShadowCoord p)    visibility of a receiver
+//   vec4 filter_contents(float depth)         if it has `contents` in Python: what the map stores for a caster at a linear
+//                                             depth, which is negative for casters in front of the near plane
+// by the functions of map.glsl and these, with offsets in texels from the receiver's own point:
+//   float compare_nearest(ShadowCoord p, vec2 offset)    of the nearest texel: 1 lit, 0 in shadow
+//   float compare_linear(ShadowCoord p, vec2 offset)     of the four nearest, with bilinear weights
+//   vec4 contents_at(ShadowCoord p, vec2 offset)         what the filter stored there, blurred and from the mip levels
+// Texels are compared with the receiver's depth, or if `on_plane` is true in Python each with the receiver's plane there.
+// Filters as wide as the scene asks for may include plane.glsl.
+#if ON_PLANE == 0
+float compare_nearest(ShadowCoord p, vec2 offset) {
+    float depth = stored_range(p.depth, p.bias + depth_step);
+    return depth_sign * (depth - nearest_depth(p, offset)) <= p.bias ? 1.0 : 0.0;
+}
+
+float compare_linear(ShadowCoord p, vec2 offset) {
+    return hardware_comparison(p, offset, p.depth - depth_sign * p.bias);
+}
+#endif
+uniform MAP_SAMPLER map_contents;  // what the filter stored, blurred
+
+vec4 contents_of_level(ShadowCoord p, vec2 offset, float level) { return textureLod(map_contents, lookup(p, offset), level); }
+#include "contents/<contents>.glsl"
+#include <filter>
+
+// A bias: a file that defines
+//   ShadowCoord bias(ShadowCoord p)    the receiver's point with a larger `bias`, another `gradient`, or `moved`
+// by the functions above and
+//   float radius(ShadowCoord p)        largest distance of a compared texel's points from the receiver's point, in texels
+#ifndef FILTER_HAS_RADIUS
+uniform float filter_radius;
+
+float radius(ShadowCoord p) { return filter_radius; }
+#endif
+#include <bias>
+
+// Receivers beyond the map's far plane are lit, or in shadow as where nothing is done about them: explicitly, as fixed-point
+// formats clamp the compared depth and float formats do not.
+const float visibility_beyond = float(LIT_BEYOND);
+
+bool beyond(ShadowCoord p) {
+    return LIT_BEYOND == 1 ? from_near(p.depth) > 1.0 : from_near(p.depth) - 1.0 - p.bias > 0.0;
+}
 
 // Visibility of a biased receiver. All pixels of a quad must have called `bias` before, as it may take screen derivatives.
 float lit(ShadowCoord p) {
@@ -14,5 +72,8 @@ float lit(ShadowCoord p) {
     if (has_near_plane) p.bias = min(p.bias, max(from_near(p.depth) - depth_step, 0.0));
     if (beyond(p)) return visibility_beyond;
     p.linear -= p.bias / p.depth_per_length * p.linear_per_length;
-    return filter_visibility(with_gradient(p));
+#if GRADIENT_OF_RECEIVER == 1
+    p.gradient = plane_gradient(p);  // a filter asks for the receiver's plane, and the bias has none
+#endif
+    return filter_visibility(p);
 }

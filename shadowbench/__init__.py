@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         truth,
     )
     from shadowbench.errors import InputError, ShadowbenchError
-    from shadowbench.measure.rendering import Rendering
+    from shadowbench.measure.session import Rendering
     from shadowbench.plugin.base import Technique
     from shadowbench.plugin.params import param
     from shadowbench.plugin.spec import Spec

@@ -23,11 +23,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shadowbench import options
-from shadowbench.advice.costs import by_of
-from shadowbench.advice.recommend import Recommendation, has_penumbra
+from shadowbench.advice.recommend import Recommendation, by_of, has_penumbra, target_of
 from shadowbench.advice.recommend import recommend as measure_recommendation
-from shadowbench.advice.space import technique_names
-from shadowbench.advice.target import target_of
+from shadowbench.advice.search import technique_names
 from shadowbench.campaigns import campaign_in, shared_worker
 from shadowbench.campaigns import close as close
 from shadowbench.errors import InputError as InputError
@@ -35,8 +33,8 @@ from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.masks.inputs import visibility_of
 from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import subjects_with, techniques_with
-from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
+from shadowbench.measure.session import Rendering
 from shadowbench.plugin.base import Technique as Technique
 from shadowbench.plugin.params import param as param
 from shadowbench.plugin.spec import Spec, parse_spec

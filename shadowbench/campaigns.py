@@ -9,9 +9,8 @@ from threading import RLock
 from typing import Any
 
 from shadowbench.measure.campaign import Campaign, LogReporter, Reporter
-from shadowbench.measure.drawer import Limits
 from shadowbench.measure.gl_drawer import drawer_of
-from shadowbench.measure.worker import Worker
+from shadowbench.measure.worker import Limits, Worker
 
 
 class _Shared:

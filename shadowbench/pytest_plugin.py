@@ -103,7 +103,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
     def measure(mask: "str | Path | ArrayLike | None" = None, *, scene: str | Path, **others: Any) -> ShadowAccuracy:
         from shadowbench.errors import InputError
         from shadowbench.masks.accuracy import accuracy_of
-        from shadowbench.masks.inputs import stored_truth_of
+        from shadowbench.masks.inputs import external_mask, stored_truth_of
         from shadowbench.scenes.opening import chosen_view
         from shadowbench.truths.embree import tracer_of
 
@@ -111,22 +111,10 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         file = folder / f"{name}{f'-{number}' if number > 1 else ''}.diff.png"
         try:
             chosen = ViewOptions(**{name: others.pop(name) for name in _OPTIONS if name in others})
-            handed = _handed(mask, others)
-            against = stored_truth_of(scene, chosen) or chosen_view(scene, handed.size, chosen, tracer_of=tracer_of)
-            return ShadowAccuracy(accuracy_of(handed, against), file)
+            picture = external_mask(mask, **others)
+            against = stored_truth_of(scene, chosen) or chosen_view(scene, picture.size, chosen, tracer_of=tracer_of)
+            return ShadowAccuracy(accuracy_of(picture, against), file)
         except InputError as error:
             pytest.fail(str(error), pytrace=False)
 
     return measure
-
-
-def _handed(mask: Any, screenshots: dict[str, Any]) -> Any:
-    """The mask, or visibility from the screenshots; TypeError for both, neither or an unknown keyword."""
-    from shadowbench.masks.inputs import from_screenshots, mask_from_array, mask_from_file
-
-    if mask is None:
-        linear = screenshots.pop("linear", False)
-        return from_screenshots(**{key: file and Path(file) for key, file in screenshots.items()}, linear=linear)
-    if screenshots:
-        raise TypeError(f"a mask and {', '.join(screenshots)}; allowed: a mask, or lit, shadowed, ambient and linear")
-    return mask_from_file(Path(mask)) if isinstance(mask, str | Path) else mask_from_array(mask)

@@ -21,9 +21,8 @@ from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order
 from shadowbench.gl.device import Device, Releasable, open_device
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
-from shadowbench.measure import doctor, worker
-from shadowbench.measure.drawer import Limits
-from shadowbench.measure.worker import Worker
+from shadowbench.measure import machine, worker
+from shadowbench.measure.worker import Limits, Worker
 from shadowbench.plugin.registry import forget_components
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Scene, View, view_of
@@ -285,7 +284,7 @@ def shadowbench(
     lent_worker: Callable[..., object], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> Callable[..., Answer]:
     """Calls the command line in this process; a worker's output is caught too."""
-    for module in (worker, doctor):
+    for module in (worker, machine):
         monkeypatch.setattr(module, "Worker", lent_worker)
 
     def call(*arguments: str | Path) -> Answer:

@@ -117,7 +117,7 @@ class Does(Wild):
 
     @classmethod
     def unsupported(cls, params, view, device):
-        return "reasons\\n" * 6_000_000 if params.what == "decline" else None
+        return "reasons\\n" * 2 if params.what == "decline" else None
 
     def build(self, stage):
         super().build(stage)
@@ -204,12 +204,6 @@ class Does(Wild):
     def do_print_foreign(self, texture):
         print("≥ 影")
 
-    def do_shout(self, texture):
-        raise ValueError("shout " * 8_000_000)
-
-    def do_shout_in_one_word(self, texture):
-        raise ValueError("\\x1b" * 50_000_000)
-
     def do_print_much(self, texture):
         for stream in (1, 2):
             os.write(stream, b"first words\\n")
@@ -249,12 +243,7 @@ class Does(Wild):
         self.do_eat(texture)
 
     def facts(self):
-        if self.params.what == "long-fact":
-            return {"f" * 50_000_000: 1.0}
         return {"odd": float("nan") if self.params.what == "odd-facts" else 1.0}
-
-    def do_long_fact(self, texture):
-        return texture
 
     def do_odd_facts(self, texture):
         return texture

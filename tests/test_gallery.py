@@ -16,8 +16,8 @@ from shadowbench.maps.biases import Bias
 from shadowbench.maps.filters import Filter
 from shadowbench.maps.fits import Fit, Split
 from shadowbench.measure.flips import ROW_METRICS
-from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.measure.session import Rendering
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.studies.artefacts import folder

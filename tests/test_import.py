@@ -34,7 +34,7 @@ def test_the_pytest_plugin_imports_nothing_beside_pytest() -> None:
 def test_a_worker_is_started_and_a_study_read_without_slow_packages() -> None:
     """Together they take more than a second, before the first cell is drawn."""
     assert not {"pandas", "numba", "trimesh", "networkx", "scipy"} & imported_by(
-        "import shadowbench.measure.serve, shadowbench.studies.run, shadowbench.plugin.registry"
+        "import shadowbench.measure.session, shadowbench.studies.run, shadowbench.plugin.registry"
     )
     assert "trimesh" not in imported_by("import shadowbench.engines.engine_drawer"), "only engines draw what it writes"
     told = imported_by("import shadowbench.measure.worker")

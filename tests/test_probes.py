@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from shadowbench import versions
-from shadowbench.scores.metrics import METRICS
 
 from .probes import FILE, KINDS, complaint, record
 
@@ -18,11 +17,6 @@ RECORDED = json.loads(FILE.read_text(encoding="utf-8"))
 def test_numbers_change_only_with_the_version_of_what_makes_them(kind: str) -> None:
     problem = complaint(kind, RECORDED, record([kind]))
     assert not problem, problem
-
-
-def test_every_metric_has_a_number_in_the_probes() -> None:
-    numbers = [probe["numbers"] for probe in RECORDED["score"].values()]
-    assert {name for held in numbers for name, value in held.items() if value is not None} >= METRICS.keys()
 
 
 @pytest.fixture
@@ -36,13 +30,6 @@ def test_a_last_bit_is_noticed_on_the_processor_of_the_recording_alone(kind: str
     assert complaint(kind, RECORDED, found).startswith(f"{kind.upper()}: 1 of")
     found["identity"]["embree"] = "another processor"
     assert not complaint(kind, RECORDED, found)
-
-
-@pytest.mark.parametrize("kind", ["draw", "trace"])
-def test_a_pixel_is_noticed_everywhere(kind: str, found: dict[str, Any]) -> None:
-    found["identity"]["renderer"] = "another"
-    next(iter(found[kind].values()))["pixels"][0] += 1
-    assert complaint(kind, RECORDED, found).startswith(kind.upper())
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -15,7 +15,7 @@ from pages import LABEL, compare, labelled, png
 
 import shadowbench as sb
 from shadowbench.measure.flips import FLIPS
-from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.session import Rendering
 from shadowbench.reports.gallery import difference
 from shadowbench.studies.artefacts import Artefact, artefacts
 from shadowbench.truths.trace import Truth

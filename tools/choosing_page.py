@@ -7,7 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from statistics import fmean, median
+from statistics import median
 
 from pages import compare
 
@@ -28,7 +28,7 @@ TARGETS = [Target("iou", limit) for limit in (0.9, 0.95, 0.98, 0.99)] + [
 STRICT = Target("iou", 0.99)
 COURSE = ("", "preset=offset", "preset=constant", "preset=course", "preset=webgl")
 COURSE_SCENE, COURSE_SIZE = "colonnade", 1024
-COLUMNS = ("iou", "acne", "leak", "contact")
+FAULTS = ("acne", "leak", "contact")
 
 
 def main() -> int:
@@ -36,7 +36,7 @@ def main() -> int:
     law = law_on_record()
     assert law is not None
     rows = {name: _rows(name) for name in ("techniques", "plants")}
-    scenes = {name: list(dict.fromkeys(row["scene"] for row in found)) for name, found in rows.items()}
+    scenes = {name: list(dict.fromkeys(row["scene"] for row in own)) for name, own in rows.items()}
     values = {
         "DEVICE": law.device,
         "SHORTEST": f"{SHORTEST_MS:g}",
@@ -44,15 +44,10 @@ def main() -> int:
         "VIEW": str(rows["techniques"][0]["view_size"]),
         "COUNTS": "\n".join(_counts(rows["techniques"], law)),
         "BY_SCENE": "\n".join(_by_scene(rows["techniques"], scenes["techniques"], law)),
-        "FINDINGS": "\n".join(_findings(rows["techniques"], law)),
         "PLANTS": "\n".join(_by_scene(rows["plants"], scenes["plants"], law)),
         "COURSE_SCENE": COURSE_SCENE,
         "COURSE_SIZE": str(COURSE_SIZE),
-        "COURSE_ONE": "\n".join(_course(rows["techniques"], [COURSE_SCENE])),
-        "COURSE_ALL": "\n".join(
-            _course(rows["techniques"], suns := [s for s in scenes["techniques"] if builtin_light(s) == "directional"])
-        ),
-        "SUNS": str(len(suns)),
+        "COURSE": "\n".join(_course(rows["techniques"])),
     }
     text = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
     for name, value in values.items():
@@ -110,45 +105,6 @@ def _counts(rows: Sequence[Record], law: Law) -> Iterator[str]:
         yield f"| {_target(target)} | {counts} | {len(scenes) - len(found)} | {median(sizes):g} |"
 
 
-def _findings(rows: Sequence[Record], law: Law) -> Iterator[str]:
-    """What the rows have in common, each sentence with its counts."""
-    scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    ranked = {scene: _ranked(rows, scene, STRICT, law) for scene in scenes}
-    for name in ("shadow-volume", "hybrid"):
-        own = [row["metrics"]["iou"] for row in rows if row["technique"] == name]
-        beaten = sum(found[0][1]["technique"] != name for found in ranked.values() if found)
-        least = "an IoU of 1" if min(own) == 1 else f"an IoU of {_iou(min(own))} or more"
-        yield (
-            f"- **`{name}`** has {least} in the {len(own)} scenes that it was drawn in; in {beaten} of {len(scenes)} "
-            "another technique meets 0.99 at less time."
-        )
-    for kind in ("point", "spot"):
-        lit = [scene for scene in scenes if builtin_light(scene) == kind]
-        winners = Counter(ranked[scene][0][1]["technique"] for scene in lit if ranked[scene])
-        named = ", ".join(f"`{name}` in {count}" for name, count in winners.most_common())
-        yield f"- **A {kind} light** ({', '.join(lit)}): at an IoU of 0.99 the cheapest is {named} of {len(lit)}."
-    planar = [row["scene"] for row in rows if row["technique"] == "planar-projection" and _meets(row, STRICT)]
-    yield (
-        f"- **Shadows on planes only**: `planar-projection` meets an IoU of 0.99 in {len(planar)} scenes: "
-        f"{', '.join(planar)}."
-    )
-    sides = ("shadow-map", "cascades")
-    ious = {
-        (r["scene"], r["spec"]): r["metrics"]["iou"]
-        for r in rows
-        if r["spec"] in sides and r["map_size"] == COURSE_SIZE
-    }
-    both = {
-        scene: [ious[scene, side] for side in sides] for scene in scenes if all((scene, side) in ious for side in sides)
-    }
-    better = [scene for scene, (one, several) in both.items() if several > one]
-    scene, (one, several) = max(both.items(), key=lambda item: item[1][1] - item[1][0])
-    yield (
-        f"- **Cascades** have a higher IoU than one map of the same size, {COURSE_SIZE}², in {len(better)} of the "
-        f"{len(both)} scenes with both, the most in {scene}: {_iou(several)} against {_iou(one)}."
-    )
-
-
 def _target(target: Target) -> str:
     return f"IoU ≥ {target.limit:.2f}" if target.metric == "iou" else f"edges ≤ {target.limit:g} px off"
 
@@ -180,22 +136,20 @@ def _iou(value: float) -> str:
     return "1" if value == 1.0 else f"{value:.4f}" if value < 0.99995 else f"{value:.6f}"
 
 
-def _course(rows: Sequence[Record], scenes: Sequence[str]) -> Iterator[str]:
-    """Means over scenes of the default and of settings that courses publish."""
+def _course(rows: Sequence[Record]) -> Iterator[str]:
+    """Scores in one scene of the default and of settings that courses publish."""
     known = {one.name: one for one in own_techniques()}
     yield "| spec | 1 − IoU | acne | leak | contact |"
     yield "|---|---:|---:|---:|---:|"
     for items in COURSE:
         short = f"shadow-map:{items}".rstrip(":")
         spec = parse_spec(short, known).sizeless_text
-        found = [
+        (row,) = (
             row["metrics"]
             for row in rows
-            if row["spec"] == spec and row["map_size"] == COURSE_SIZE and row["scene"] in scenes
-        ]
-        assert len(found) == len(scenes), f"{short}: {len(found)} rows of {len(scenes)}"
-        iou, *errors = (fmean(row[name] for row in found if row[name] is not None) for name in COLUMNS)
-        yield f"| `{short}` | {1 - iou:.4f} | {' | '.join(f'{value:.2g}' for value in errors)} |"
+            if (row["spec"], row["map_size"], row["scene"]) == (spec, COURSE_SIZE, COURSE_SCENE)
+        )
+        yield f"| `{short}` | {1 - row['iou']:.4f} | {' | '.join(f'{row[name]:.2g}' for name in FAULTS)} |"
 
 
 if __name__ == "__main__":

@@ -1,13 +1,11 @@
 """Compares predictions of `needs` with measurements on built-in and larger scenes: map size, cascades, bits, bias.
 
-python tools/needs_check.py [SCENE…] [--json FILE]: one line per scene; ratios are predicted over measured values.
+python tools/needs_check.py [SCENE…]: a line of a Markdown table per scene; ratios are predicted over measured values.
 """
 
-import argparse
-import json
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,108 +17,82 @@ from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.survey.depth import TOLERATED
-from shadowbench.survey.samples import REFERENCE_SIZE
-from shadowbench.survey.survey import Needs, needs
+from shadowbench.survey.maps import REFERENCE_SIZE, TOLERATED
+from shadowbench.survey.survey import needs
 from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")
 SIZES = tuple(round(256 * 2 ** (k / 2)) for k in range(13))  # to 16384
 BIASES = tuple(2 ** (k / 2) for k in range(-8, 7))  # factors of the predicted bias
 CASCADES = 5  # the technique's default
-FORMATS = {16: "depth=d16", 24: "depth=d24", 32: "depth=d32f,reversed=true"}
+FORMATS = {16: "depth=d16", 24: "depth=d24", 32: "depth=d32f"}
+COLUMNS = {"size": ".0f", f"size, {CASCADES} cascades": ".0f", "bias (m)": ".3g", "depth bits": ".0f"}
 WITHIN = 2.0
-COLUMNS = (  # heading, field of SceneCheck, format of values, width of the prediction
-    ("size", "map_size", ".0f", 12),
-    (f"size, {CASCADES} cascades", "cascade_size", ".0f", 18),
-    ("bias (m)", "bias", ".3g", 12),
-    ("depth bits", "bits", ".0f", 12),
-)
 
-Metrics = dict[str, float | None]
-
-
-@dataclass(frozen=True)
-class Pair:
-    """A predicted and a measured value; None if there is none, or none in the range of measurements."""
-
-    predicted: float | None
-    measured: float | None
-
-    @property
-    def ratio(self) -> float | None:
-        """Predicted over measured."""
-        return self.predicted / self.measured if self.predicted and self.measured else None
-
-
-@dataclass(frozen=True)
-class SceneCheck:
-    """Predictions and measurements of a scene."""
-
-    scene: str
-    map_size: Pair
-    cascade_size: Pair
-    bias: Pair
-    bits: Pair
+Pair = tuple[float | None, float | None]
+"""A predicted and a measured value; None if there is none, or none in the range of measurements."""
 
 
 def main() -> None:
     """Check the given scenes, by default all, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scenes", nargs="*", metavar="SCENE")
-    parser.add_argument("--json", type=Path, metavar="FILE")
-    options = parser.parse_args()
     larger = Path(os.environ.get("SHADOWBENCH_SCENES", "../shared/scenes"))
-    scenes = options.scenes or [*hard_names(), *(str(larger / name) for name in LARGER)]
-    headings = "".join(f"{name:>{width}} {'measured':>9} {'ratio':>6}" for name, _, _, width in COLUMNS)
-    print(f"{'scene':18}{headings}")
-    rows = []
+    scenes = sys.argv[1:] or [*hard_names(), *(str(larger / name) for name in LARGER)]
+    print(f"| scene | {' | '.join(f'{name} | ratio' for name in COLUMNS)} |")
+    print(f"|---|{'---:|' * 2 * len(COLUMNS)}")
+    rows: list[list[Pair]] = []
     with Worker() as worker:
         for scene in scenes:
-            rows.append(check(chosen_view(scene, 512), worker))
-            print(_line(rows[-1]), flush=True)
-    for name, field, _, _ in COLUMNS:
-        pairs = [pair for row in rows if (pair := getattr(row, field)).predicted]
-        within = sum(pair.ratio is not None and 1 / WITHIN <= pair.ratio <= WITHIN for pair in pairs)
-        same = sum(pair.predicted == pair.measured for pair in pairs)
-        found = f"the same on {same}" if field == "bits" else f"within a factor of {WITHIN:g} on {within}"
-        print(f"{name}: {found} of {len(pairs)} scenes")
-    if options.json:
-        options.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
+            rows.append(list(check(chosen_view(scene, 512), worker)))
+            cells = [cell for pair, form in zip(rows[-1], COLUMNS.values(), strict=True) for cell in text(pair, form)]
+            print(f"| {Path(scene).stem} | {' | '.join(cells)} |", flush=True)
+    for name, column in zip(COLUMNS, zip(*rows, strict=True), strict=True):
+        pairs = [(predicted, measured) for predicted, measured in column if predicted]
+        within = sum(bool(measured) and 1 / WITHIN <= predicted / measured <= WITHIN for predicted, measured in pairs)
+        print(f"{name}: within a factor of {WITHIN:g} in {within} of {len(pairs)} scenes")
 
 
-def check(view: View, worker: Worker) -> SceneCheck:
-    """Check one scene with shadow-map, or cube-map under a point light, at defaults except for the varied parameter."""
-    technique = "cube-map:depth=d32f" if view.light.kind == "point" else "shadow-map:depth=d32f"
-    predicted = needs(view)
-    truth = cached_truth(view)
+def text(pair: Pair, form: str) -> list[str]:
+    """The cells of a prediction and of its ratio to what was measured."""
+    predicted, measured = pair
+    ratio = f"{predicted / measured:.2f}" if predicted and measured else "–"
+    return ["–" if predicted is None else format(predicted, form), ratio]
+
+
+def check(view: View, worker: Worker) -> Iterator[Pair]:
+    """The pairs of one scene with shadow-map, or cube-map under a point light, at defaults but for what is varied."""
+    technique = "cube-map" if view.light.kind == "point" else "shadow-map"
+    predicted, truth = needs(view, penumbrae=False), cached_truth(view)
     prepared = prepare_truth(truth)
 
-    def measure(spec: str) -> Metrics:
-        rendering = worker.call(Session.draw, view, CellRequest(spec))
-        metrics: Metrics = mask_record(rendering.visibility, truth, prepared)["metrics"]
-        return metrics
-
-    def edge_p95(spec: str) -> float | None:
+    def measure(spec: str, metric: str) -> float | None:
         try:
-            return measure(spec)["edge_p95"]
+            rendering = worker.call(Session.draw, view, CellRequest(spec))
         except Unsupported:  # the map is too large for the driver
             return None
+        value: float | None = mask_record(rendering.visibility, truth, prepared)["metrics"][metric]
+        return value
 
-    def edge_size(spec: str) -> float | None:
-        return first_below(SIZES, 1.0, lambda size: edge_p95(f"{spec},size={size}"))
-
-    edges, cascades = predicted.texels.edge_size, predicted.cascades
-    return SceneCheck(
-        scene=view.scene.name,
-        map_size=Pair(edges, edge_size(technique) if edges else None),
-        cascade_size=Pair(
-            cascades.edge_size.get(CASCADES) if cascades else None,
-            edge_size(f"cascades:count={CASCADES}") if cascades else None,
-        ),
-        bias=Pair(predicted.bias.needed if predicted.bias else None, _bias(measure, technique, predicted)),
-        bits=Pair(predicted.bits.bits if predicted.bits else None, _bits(measure, technique)),
+    edges, cascades, bias = predicted.texels.edge_size, predicted.cascades, predicted.bias
+    for size, spec in (
+        (edges, f"{technique}:depth=d32f"),
+        (cascades and cascades.edge_size[CASCADES], f"cascades:count={CASCADES}"),
+    ):
+        yield (
+            size,
+            size and first_below(SIZES, 1.0, lambda size, spec=spec: measure(f"{spec},size={size}", "edge_p95")),
+        )
+    constant = f"{technique}:depth=d32f,size={REFERENCE_SIZE},filter=hard,bias=constant"
+    biases = [bias.needed * factor for factor in BIASES] if bias else []
+    yield (
+        bias and bias.needed,
+        first_below(biases, TOLERATED, lambda world: measure(f"{constant}(world={world:.9g})", "acne")),
     )
+    reverse = {32: "depth=d32f,reversed=true"} if technique == "shadow-map" else {}
+    formats = {**FORMATS, **reverse}.items()
+    ious = {bits: measure(f"{technique}:size={REFERENCE_SIZE},{depth}", "iou") for bits, depth in formats}
+    best = max((iou for iou in ious.values() if iou is not None), default=0.0)
+    enough = [bits for bits, iou in ious.items() if iou is not None and iou >= best - TOLERATED]
+    yield predicted.bits and predicted.bits.bits, enough[0] if enough else None
 
 
 def first_below(values: Sequence[float], limit: float, measure: Callable[[float], float | None]) -> float | None:
@@ -131,45 +103,11 @@ def first_below(values: Sequence[float], limit: float, measure: Callable[[float]
     """
     before: float | None = None
     for value in values:
-        found = measure(value)
-        if found is not None and found < limit:
+        measured = measure(value)
+        if measured is not None and measured < limit:
             return None if before is None else float(np.sqrt(before * value))
         before = value
     return None
-
-
-def _bits(measure: Callable[[str], Metrics], technique: str) -> int | None:
-    """Fewest bits whose IoU is within TOLERATED of the best format's."""
-    name = technique.partition(":")[0]
-    formats = FORMATS if name == "shadow-map" else {**FORMATS, 32: "depth=d32f"}
-    scores = {bits: measure(f"{name}:size={REFERENCE_SIZE},{depth}")["iou"] for bits, depth in formats.items()}
-    best = max((score for score in scores.values() if score is not None), default=None)
-    if best is None:
-        return None
-    return next(bits for bits, score in scores.items() if score is not None and score >= best - TOLERATED)
-
-
-def _bias(measure: Callable[[str], Metrics], technique: str, predicted: Needs) -> float | None:
-    """Smallest constant bias with acne below TOLERATED, without filtering."""
-    if predicted.bias is None:
-        return None
-    needed = predicted.bias.needed
-    return first_below(
-        [needed * factor for factor in BIASES],
-        TOLERATED,
-        lambda bias: measure(f"{technique},size={REFERENCE_SIZE},bias=constant(world={bias:.9g}),filter=hard")["acne"],
-    )
-
-
-def _line(row: SceneCheck) -> str:
-    def text(value: float | None, form: str, width: int) -> str:
-        return f"{'-' if value is None else format(value, form):>{width}}"
-
-    line = f"{row.scene:18}"
-    for _, field, form, width in COLUMNS:
-        pair = getattr(row, field)
-        line += f"{text(pair.predicted, form, width)} {text(pair.measured, form, 9)} {text(pair.ratio, '.2f', 6)}"
-    return line
 
 
 if __name__ == "__main__":

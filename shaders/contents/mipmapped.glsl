@@ -1,5 +1,3 @@
-#include "contents/levels.glsl"
-#include "plane/<projection>.glsl"
 #include "eye.glsl"
 uniform vec3 forward;
 uniform vec3 pixel_right;  // from one pixel's ray to the next, at unit depth

@@ -1,40 +1,297 @@
-"""The cheapest spec that meets a target in a view: measured by a search, and what was found."""
+"""The cheapest spec that meets a target in a view: what is asked, what ranks, the search, and what came of it."""
 
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal, NamedTuple, cast, get_args
 
-from shadowbench.advice.costs import By, Cost, Unit, cost_of
-from shadowbench.advice.search import Search, Trial, Untried
-from shadowbench.advice.space import (
+import numpy as np
+
+from shadowbench.advice.search import (
     Exclusion,
+    Search,
+    Trial,
     chosen_techniques,
     full_space,
     prune,
+    reads_of,
     start_size,
     unavailable,
-    untried_filters,
 )
-from shadowbench.advice.target import Target, least_error
-from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.cells import DEFAULT_REFERENCE, Cell
-from shadowbench.measure.drawer import DeviceInfo
+from shadowbench.errors import InputError
+from shadowbench.measure.campaign import DEFAULT_REFERENCE, Campaign, Cell
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.spec import Spec
-from shadowbench.results.frame import write_cells
-from shadowbench.results.law import Law
-from shadowbench.results.times import ReferenceTime
+from shadowbench.results.frame import cells_frame, write_cells
+from shadowbench.results.law import SHORTEST_MS, Law, counts_of, find_law, kind_of, law_on_record
+from shadowbench.results.times import ReferenceTime, normalise_times
 from shadowbench.scenes.model import View
+from shadowbench.scores.masks import ThresholdedMask
+from shadowbench.scores.metrics import METRICS, ranking
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import Study
 from shadowbench.survey.survey import Needs, needs
 from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
+
+Measure = Literal["iou", "edge_px", "rmse"]
+
+
+class _Measured(NamedTuple):
+    """What a target may be of: its option, what that allows, the text of a target, and of a value."""
+
+    option: str
+    allows: Callable[[float], bool]
+    allowed: str
+    target: str
+    value: str
+
+
+_MEASURES: dict[Measure, _Measured] = {
+    "iou": _Measured("--min-iou", lambda least: 0 < least <= 1, "above 0, up to 1", "IoU ≥ {:g}", "IoU {}"),
+    "edge_px": _Measured(
+        "--max-edge-px", lambda most: 0 <= most < math.inf, "0 and more", "edges at most {:g} px off", "edges {} px off"
+    ),
+    "rmse": _Measured("--max-rmse", lambda most: 0 <= most <= 1, "0 to 1", "RMSE ≤ {:g}", "RMSE {}"),
+}
+
+
+@dataclass(frozen=True)
+class Target:
+    """Target of a recommendation: minimum of `iou`, maximum of `edge_px` or `rmse`; optionally a budget in ms."""
+
+    metric: Measure
+    value: float
+    budget_ms: float | None = None
+
+    @property
+    def limit(self) -> float:
+        """Largest error that meets the target."""
+        return METRICS[self.metric].error(self.value)
+
+    def affords(self, cost: float) -> bool:
+        """Whether a cost is within the budget."""
+        return self.budget_ms is None or cost <= self.budget_ms
+
+    def error(self, metrics: Mapping[str, float | None]) -> float:
+        """Error of a row's metrics: 1 − IoU, the edge distance in pixels, or the RMSE.
+
+        IoU is None if neither the truth nor the mask has a shadow; the error is then 0. An edge distance is None if
+        neither has an edge; the error is then 0 if their shadows are equal, else infinite.
+        """
+        value = metrics[self.metric]
+        if value is None:
+            return 0.0 if metrics["iou"] in (None, 1.0) else math.inf
+        return METRICS[self.metric].error(value)
+
+    def text(self, error: float, row: Mapping[str, Any], as_target: bool = False) -> str:
+        """Text of an error by the metric: `IoU 0.9712`, `edges 0.21 px off`, `RMSE 0.013`; in words if infinite.
+
+        row: the score row, which has the error of its truth; as_target: rounded to a target that the error meets.
+        """
+        if math.isinf(error):
+            return "no edges to compare, and other shadows"
+        metric = METRICS[self.metric]
+        value = metric.error(error)  # which is its own inverse
+        return _MEASURES[self.metric].value.format(metric.text(value, self.reached if as_target else self.digits, row))
+
+    def digits(self, value: float) -> str:
+        """A value of the metric, rounded, but neither across the target nor to an IoU of 1 unless it is that."""
+        form = "{:.4g}" if self.metric == "iou" else "{:.3g}"
+        return METRICS[self.metric].digits_beside(self.value, form.format)(value)
+
+    def reached(self, value: float) -> str:
+        """A value of the metric as another target, which it meets: an IoU rounded down, others up."""
+        least, rounding = (4, ROUND_FLOOR) if self.metric == "iou" else (3, ROUND_CEILING)
+        for digits in range(least, 17):
+            rounded = float(Context(digits, rounding).create_decimal(value))
+            if rounded != self.value and (rounded > self.value) == (value > self.value):
+                return f"{rounded:.{digits}g}"
+        return f"{value:.16g}"
+
+    def __str__(self) -> str:
+        text = _MEASURES[self.metric].target.format(self.value)
+        return text if self.budget_ms is None else f"{text} within {self.budget_ms:g} ms"
+
+
+def target_of(
+    min_iou: float | None = None,
+    max_edge_px: float | None = None,
+    budget_ms: float | None = None,
+    max_rmse: float | None = None,
+    *,
+    soft: bool = False,
+) -> Target:
+    """Target given by options, by default an IoU of 0.99, or for soft shadows an RMSE of 0.02.
+
+    soft: whether the view has penumbrae. Raises InputError for invalid or conflicting options.
+    """
+    values: dict[Measure, float | None] = {"iou": min_iou, "edge_px": max_edge_px, "rmse": max_rmse}
+    given = {name: value for name, value in values.items() if value is not None}
+    if len(given) > 1:
+        both = " and ".join(_MEASURES[name].option for name in given)
+        raise InputError(f"{both}: found {'both' if len(given) == 2 else 'all'}; allowed: one of them")
+    if budget_ms is not None and not 0 < budget_ms < math.inf:
+        raise InputError(f"--budget-ms: found {budget_ms:g}; allowed: above 0")
+    for name, value in given.items():
+        if not _MEASURES[name].allows(value):
+            raise InputError(f"{_MEASURES[name].option}: found {value:g}; allowed: {_MEASURES[name].allowed}")
+        return Target(name, value, budget_ms)
+    return Target("rmse" if soft else "iou", ranking(soft).targets[1], budget_ms)
+
+
+def least_error(truth: Truth, metric: Measure) -> float:
+    """Approximate error of a single wrong pixel, of the shadow or of its edge: the smallest error above 0."""
+    mask = ThresholdedMask(truth.visibility, truth.receivers & ~truth.undecided)
+    if metric == "rmse":
+        return 1 / math.sqrt(max(int(np.count_nonzero(mask.valid)), 1))
+    return 1 / max(int(np.count_nonzero(mask.shadow if metric == "iou" else mask.edge)), 1)
+
+
+ROUNDS = 9
+Unit = Literal["work", "ms"]
+By = Literal["work", "device", "time"]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """The cost of a spec; law: by which milliseconds are predicted, None if they are measured.
+
+    without_law: where work ranks, why no law does, empty if work was asked for.
+    """
+
+    unit: Unit
+    law: Law | None = None
+    without_law: str = ""
+
+    @property
+    def rounds(self) -> int:
+        """Rounds in which a cell is timed."""
+        return ROUNDS if self.unit == "ms" and self.law is None else 0
+
+    def base(self, spec: Spec, view: View) -> float:
+        """The part of a spec's cost that is known before it is drawn; 0 where times are measured."""
+        pixels, reads = view.size**2, reads_of(spec)
+        if self.law is not None:
+            counts = {
+                "reads": pixels * reads,
+                "triangles": view.scene.geometry.count,
+                "gpu_bytes": _bytes(spec, view),
+            }
+            return self.law.share(kind_of(spec.sizeless_text), counts)
+        return float(pixels * (1 + reads)) if self.unit == "work" else 0.0
+
+    def unranked(self, spec: Spec) -> str | None:
+        """Why the cost of a spec is not known; None if it is."""
+        if self.law is None:
+            return spec.technique.extra_work(spec.params) if self.unit == "work" else None
+        kind = kind_of(spec.sizeless_text)
+        if self.law.holds(kind):
+            return None
+        why = "its work does not tell its time" if kind in self.law.kinds else "it was not timed"
+        return f"{why} on {self.law.device}"
+
+    def status(self, result: Result) -> str:
+        """`ok`, or why a cell is no trial."""
+        time = result.time
+        if result.status == "ok" and self.rounds and (time is None or time["ratio"] is None):
+            return f"failed: no ratio to the reference: {time and time['no_ratio']}"
+        return result.status
+
+    def trial(self, spec: Spec, result: Result, target: Target, view: View) -> Trial:
+        """Trial of a measured spec; its cost is its work, predicted time, or ratio to the reference.
+
+        A predicted time is the law's sum, which may be shorter than can be told apart: see `compared`.
+        """
+        row, work = result.score, result.score["work"]
+        cost = fixed = float(work.get("vertices", 0) + work.get("geometry", 0))
+        if self.law is not None:
+            counts = counts_of(row, view.scene.geometry.count)
+            kind, vertices = kind_of(spec.sizeless_text), {"frames": 0, "vertices": counts["vertices"]}
+            cost, fixed = self.law.share(kind, counts), self.law.share(kind, vertices)
+        elif self.unit == "work":
+            cost = float(work["cost"])
+        else:
+            assert result.time is not None
+            cost = float(result.time["ratio"])
+            fixed = cost * fixed / work["cost"] if "cost" in work else 0.0  # the vertices' share
+        error = target.error(row["metrics"])
+        return Trial(spec, cost, fixed, int(row["gpu_bytes"]), error, result, float(work.get("cost", 0)))
+
+    def compared(self, trials: Sequence[Trial]) -> tuple[Sequence[Trial], ReferenceTime | None]:
+        """Trials whose costs can be compared, and the reference time of ratios, by which they become milliseconds.
+
+        Predicted times that cannot be told apart are equal: then less work comes first.
+        """
+        if self.law is not None:
+            return [replace(one, cost=max(one.cost, SHORTEST_MS)) if one.cost else one for one in trials], None
+        if not self.rounds or not trials:
+            return trials, None
+        _, reference = normalise_times(cells_frame([trial.result for trial in trials]))
+        assert reference is not None
+        ms = reference.ms
+        return [replace(trial, cost=trial.cost * ms, fixed=trial.fixed * ms) for trial in trials], reference
+
+
+def _bytes(spec: Spec, view: View) -> int:
+    """Of the maps of a spec, one for each face or slice; 0 without a format of depths."""
+    bits = int("".join(filter(str.isdigit, getattr(spec.params, "depth", "0"))))
+    maps = 6 if view.light.hard_kind == "point" else spec.technique.view_slices(spec.params)
+    return maps * (spec.map_size or 0) ** 2 * bits // 8
+
+
+def by_of(name: str | None) -> By | None:
+    """What ranks, by name. Raises InputError for another."""
+    if name is None or name in get_args(By):
+        return cast("By | None", name)
+    raise InputError(f"--by: found {name!r:.60}; allowed: {', '.join(get_args(By))}")
+
+
+def cost_of(
+    target: Target, view: View, info: DeviceInfo, by: By | None = None, timed: bool = True, device: str | None = None
+) -> Cost:
+    """What ranks specs on a device, by default times: of a GPU that draws, else those predicted for another.
+
+    by: what was asked for; timed: whether the device may be; device: its name. Raises InputError for
+    options that cannot be met.
+    """
+    law = None if device is None else find_law(device)
+    if law is not None and by not in (None, "device"):
+        raise InputError(f"--device: found with --by {by}; allowed: --by device")
+    if by == "time" and not timed:
+        raise InputError("--by time: nothing is timed with --dask; allowed: without it")
+    if by == "time" or (by is None and law is None and timed and not info.software):
+        return Cost("ms")
+    asked, law = law is not None or by == "device", law or law_on_record()
+    obstacle = "" if by == "work" else _without_law(view, info, law)
+    if law is not None and by != "work" and not obstacle:
+        return Cost("ms", law)
+    if asked:
+        raise InputError(f"--device: {obstacle}")
+    if target.budget_ms is not None:
+        why = obstacle or "found with --by work, which has no times"
+        raise InputError(f"--budget-ms: {why}; allowed: with --by time, which ranks by this machine's times")
+    if not info.pipeline_statistics:
+        raise InputError(f"{info.renderer} does not count work; allowed: --by time, which ranks by its times")
+    return Cost("work", without_law=obstacle)
+
+
+def _without_law(view: View, info: DeviceInfo, law: Law | None) -> str:
+    """Why no law gives times of what a device draws of a view; empty if one does."""
+    if law is None:
+        return "no device has times on record"
+    if not info.software:
+        return "times are predicted from the work that a software renderer counts, not on a GPU"
+    if view.light.soft:
+        return f"found a light with a size; those of which {law.device} has times have none"
+    return "" if info.pipeline_statistics else f"{info.renderer} does not count work, from which times are predicted"
+
 
 # By how much an error may be smaller than predicted, for the same filter and for another; from rows of all built-in
 # scenes. edge_px, a mean of distances, is sensitive to single pixels, so that it falls less evenly with the map size.
@@ -51,8 +308,8 @@ class Recommendation:
 
     choice: the cheapest trial that meets the target, None if none does; trials: all successful ones, by cost;
     unsuccessful: status by spec of the others; excluded: specs that were not tried, by the survey or on principle;
-    unranked: why specs have no cost, an infinite one in their trials; untried: those not tried by what is predicted of
-    them, by technique; space_size: number of specs in the full space; needs: survey of the view, without penumbrae;
+    unranked: why specs have no cost, an infinite one in their trials; untried: numbers of those not tried by technique
+    and a key of `LEFT_OUT`; space_size: number of specs in the full space; needs: of the view, without penumbrae;
     reference: reference time of costs in milliseconds, None if costs are work, or predicted; cost: what ranks; among:
     the techniques that were asked for, empty for all.
     """
@@ -65,21 +322,11 @@ class Recommendation:
     unsuccessful: Mapping[str, str]
     excluded: tuple[Exclusion, ...]
     unranked: Mapping[Spec, str]
-    untried: Mapping[str, Untried]
+    untried: Mapping[tuple[str, str], int]
     space_size: int
     needs: Needs
     reference: ReferenceTime | None
     among: tuple[str, ...] = ()
-
-    @property
-    def unit(self) -> Unit:
-        """Of costs."""
-        return self.cost.unit
-
-    @property
-    def law(self) -> Law | None:
-        """By which costs are predicted, None if they are not."""
-        return self.cost.law
 
     def __repr__(self) -> str:
         """One line: scene, target and choice."""
@@ -142,7 +389,7 @@ class Recommendation:
             return "unranked"
         if trial.error <= self.target.limit:
             return "next" if self.target.affords(trial.cost) else "too slow"
-        return "so far" if trial.spec.technique.name in self.untried else "misses"
+        return "so far" if any(name == trial.spec.technique.name for name, _ in self.untried) else "misses"
 
 
 def has_penumbra(view: View) -> bool:
@@ -210,10 +457,7 @@ def find_cheapest(
     survey = needs(view, penumbrae=False)  # those rule out no spec
     space = full_space(known, kind, largest, soft)
     space_size = len(space)
-    excluded = [
-        *(Exclusion(name, why, 0) for name, why in unavailable(known, kind, soft).items()),
-        *untried_filters(space, soft),
-    ]
+    excluded = [Exclusion(name, why, 0) for name, why in unavailable(known, kind, soft).items()]
     left_out = prune(space, survey, target.value if target.metric == "iou" else None)
     if (lit := _nothing_dark(view, truth, target)) is not None:
         excluded, left_out = [Exclusion(f"all but {Unshadowed.name}", lit, len(space))], {}
@@ -252,9 +496,7 @@ def find_cheapest(
     searched = {*tried, *ranked.unmeasured, *others.unmeasured}
     left_out = {spec: why for spec, why in left_out.items() if spec not in searched and spec.text not in unsuccessful}
     excluded += [Exclusion(*reason, count) for reason, count in Counter(left_out.values()).items()]
-    untried = ranked.untried()
-    for spec in others.unmeasured:
-        untried.setdefault(spec.technique.name, Untried()).unranked += 1
+    untried = ranked.untried() + Counter((spec.technique.name, "unranked") for spec in others.unmeasured)
     best = next((trial for trial in trials if trial.error <= target.limit), None)
     return Recommendation(
         view=view,

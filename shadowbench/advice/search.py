@@ -7,15 +7,143 @@ measured next, until none is left. Then each technique of which a spec meets the
 its own.
 """
 
+import itertools
 import math
 import statistics
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
+from shadowbench.errors import InputError
 from shadowbench.maps.filters import Filter
 from shadowbench.measure.rows import Result
-from shadowbench.plugin.spec import Spec, format_value
+from shadowbench.plugin.base import Subject
+from shadowbench.plugin.spec import Spec, format_value, parse_spec
+from shadowbench.scenes.model import LightKind
+from shadowbench.studies.crossing import Techniques
+from shadowbench.survey.survey import Needs
+
+SIZES = (256, 512, 1024, 2048, 4096)
+
+Rule = Callable[[Spec], tuple[str, str] | None]  # what is excluded and why
+
+
+@dataclass(frozen=True)
+class Exclusion:
+    """A part of the space that is not tried, the reason, and its number of specs."""
+
+    what: str
+    why: str
+    specs: int
+
+
+def grid_of(technique: type[Subject], soft: bool = False) -> dict[str, Sequence[Any]]:
+    """Grid of parameter values of a technique, including map sizes. soft: for lights with a size."""
+    grid = {**technique.catalogue.grid, **(technique.catalogue.soft_grid if soft else {})}
+    if "size" in technique.Params.model_fields:
+        grid.setdefault("size", SIZES)
+    return grid
+
+
+def specs_of(technique: type[Subject], largest: int, soft: bool = False) -> list[Spec]:
+    """All specs of a technique's grid with maps up to `largest`."""
+    grid = grid_of(technique, soft)
+    if "size" in grid:
+        grid["size"] = [size for size in grid["size"] if size <= largest] or [largest]
+    home = Spec(technique, technique.Params())
+    choices = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
+    return [home.with_(**chosen) if chosen else home for chosen in choices]
+
+
+def full_space(known: Techniques, light: LightKind, largest: int, soft: bool = False) -> list[Spec]:
+    """All specs that support a kind of light, with or without a size, as an exhaustive search would measure them."""
+    refused = unavailable(known, light, soft)
+    answering = [technique for name, technique in known.items() if name not in refused]
+    return [spec for technique in answering for spec in specs_of(technique, largest, soft)]
+
+
+def technique_names(texts: Sequence[str], known: Techniques) -> tuple[str, ...]:
+    """Names of techniques, each once. Raises InputError for other texts, such as specs with parameters."""
+    names = [parse_spec(text, known).technique.name for text in texts]
+    for text in texts:
+        if ":" in text:
+            raise InputError(
+                f"technique {text!r:.60}: found parameters, which the search chooses; allowed: a name alone"
+            )
+    return tuple(dict.fromkeys(names))
+
+
+def chosen_techniques(known: Techniques, names: Sequence[str], light: LightKind, soft: bool = False) -> Techniques:
+    """The named techniques, all of them if none is named. Raises InputError if no named one can be searched."""
+    refused = unavailable(known, light, soft)
+    if names and refused.keys() >= set(names):
+        whys = "; ".join(f"{name} {refused[name]}" for name in names)
+        able = ", ".join(name for name in known if name not in refused)
+        raise InputError(f"nothing to search: {whys}; allowed: {able}")
+    return {name: known[name] for name in names} or known
+
+
+def unavailable(known: Techniques, light: LightKind, soft: bool = False) -> dict[str, str]:
+    """Why techniques are never in the space for this light, by name."""
+    whys = {}
+    for name, technique in known.items():
+        if technique.catalogue.never_recommended:
+            whys[name] = technique.catalogue.never_recommended
+        elif light not in technique.lights:
+            whys[name] = f"supports {' and '.join(sorted(technique.lights))} light, not {light}"
+        elif technique.catalogue.soft_only and not soft:
+            whys[name] = "is for lights with a size"
+    return whys
+
+
+def prune(space: Sequence[Spec], needs: Needs, least_iou: float | None) -> dict[Spec, tuple[str, str]]:
+    """The specs of a space that the needs of a view leave out, with what and why as in `Exclusion`.
+
+    least_iou: target IoU, None for another target.
+    """
+    rules = _depth_rule(needs), _planar_rule(needs, least_iou)
+    reasons = {spec: next(filter(None, (rule(spec) for rule in rules)), None) for spec in space}
+    return {spec: reason for spec, reason in reasons.items() if reason is not None}
+
+
+def _depth_rule(needs: Needs) -> Rule:
+    bits, unwanted = needs.bits.bits if needs.bits else None, "d16"
+    if bits == 16:
+        unwanted, why = "d32f", "by `needs` 16 bits separate casters from receivers, at half the bytes"
+    elif bits:
+        why = f"by `needs` {bits} bits are needed to separate casters from receivers"
+    else:
+        why = "no format is known to separate casters from receivers, so that the widest is taken"
+    return lambda spec: (f"depth={unwanted}", why) if getattr(spec.params, "depth", None) == unwanted else None
+
+
+def _planar_rule(needs: Needs, least_iou: float | None) -> Rule:
+    """Excludes planar techniques if no plane is visible, or if an upper bound of their IoU misses the target.
+
+    Shadows on curved receivers stay lit; the bound assumes that as much as possible of the lit surface is curved, and
+    the reason says what is seen.
+    """
+    seen = needs.receivers
+    curved, shadow = 1 - seen.planar, seen.shadowed
+    most = 1 - max(curved + shadow - 1, 0.0) / shadow if shadow > 0 else 1.0
+    why = None
+    if seen.planes == 0:
+        why = "no receiver that is seen is a plane"
+    elif least_iou is not None and most < least_iou:
+        why = (
+            f"by `needs` it would leave {seen.lost:.1%} of the shadow lit: its IoU is at most about {1 - seen.lost:.3g}"
+        )
+    return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.catalogue.only_planes else None
+
+
+def start_size(spec: Spec, needs: Needs) -> float:
+    """Predicted map size for a technique: one texel per pixel, at shadow edges if there are any."""
+    texels, several, slices = needs.texels, needs.cascades, spec.technique.view_slices(spec.params)
+    if slices > 1 and several is not None:
+        return several.edge_size.get(slices, several.edge_size[several.best])
+    return texels.edge_size or texels.size
+
 
 SLOPE = 1.0  # default of −d log(error) / d log(size): an edge is off by a fraction of a texel
 SLOPES = (0.4, 1.6)  # range to which measured slopes are clamped
@@ -23,6 +151,13 @@ SLOPES = (0.4, 1.6)  # range to which measured slopes are clamped
 GROWTH = (1.2, 2.0)
 FIRST = "hardware"  # filter of a group's first trial
 TINY = 1e-6  # smallest error used in predictions
+LEFT_OUT = {
+    "dearer": "predicted to cost at least as much as {}",
+    "inaccurate": "predicted to miss the target",
+    "beyond": "with the map of one that failed, or a larger one",
+    "unranked": "without a cost",
+}
+"""Why a search measures no spec, by a key; {}: the choice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,20 +185,6 @@ class Trial:
     def rank(self) -> tuple[float, float, int, float]:
         """The lower, the better among trials that meet a target."""
         return self.cost, self.tie, self.bytes, self.error
-
-
-@dataclass
-class Untried:
-    """Numbers of specs of a technique that a search left out.
-
-    dearer: predicted to cost at least as much as the cheapest that meets the target; inaccurate: predicted to miss the
-    target; beyond: with the map of one that failed, or a larger one; unranked: without a cost.
-    """
-
-    dearer: int = 0
-    inaccurate: int = 0
-    beyond: int = 0
-    unranked: int = 0
 
 
 @dataclass(frozen=True)
@@ -166,17 +287,12 @@ class Search:
         """Specs that were not measured."""
         return [*self._left, *self._beyond]
 
-    def untried(self) -> dict[str, Untried]:
-        """Specs that were not measured, counted by technique and by what is predicted of them."""
-        found: defaultdict[str, Untried] = defaultdict(Untried)
+    def untried(self) -> Counter[tuple[str, str]]:
+        """Numbers of specs that were not measured, by technique and by a key of `LEFT_OUT`."""
+        whys = Counter((spec.technique.name, "beyond") for spec in self._beyond)
         for spec, point in self._left.items():
-            if self.cost(point) >= self.cost_limit:
-                found[spec.technique.name].dearer += 1
-            else:
-                found[spec.technique.name].inaccurate += 1
-        for spec in self._beyond:
-            found[spec.technique.name].beyond += 1
-        return dict(found)
+            whys[spec.technique.name, "dearer" if self.cost(point) >= self.cost_limit else "inaccurate"] += 1
+        return whys
 
     @property
     def best(self) -> Trial | None:

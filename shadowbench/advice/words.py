@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from shadowbench.advice.recommend import Recommendation
-from shadowbench.advice.search import Trial
-from shadowbench.advice.space import SIZES, start_size
+from shadowbench.advice.search import LEFT_OUT, SIZES, Trial, start_size
 from shadowbench.errors import number
 from shadowbench.files import replace_file
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.drawer import DeviceInfo, Drawer
+from shadowbench.measure.campaign import Block, Cell, Drawer
+from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.params import Component
 from shadowbench.results.law import SHORTEST_MS, kind_of
 from shadowbench.scores.metrics import METRICS, is_soft, soft_faults
@@ -26,9 +25,9 @@ _KINDS = {
 _FACETS = 0.01  # share of smooth surfaces' light from which dark facets are told
 
 
-def target_notes(found: Recommendation) -> list[str]:
+def target_notes(advice: Recommendation) -> list[str]:
     """What a target means for soft shadows, where IoU and edges say little and the truth has an error of its own."""
-    target, rows = found.target, [trial.result.score for trial in found.trials]
+    target, rows = advice.target, [trial.result.score for trial in advice.trials]
     if target.metric != "rmse":
         what = "IoU judges" if target.metric == "iou" else "edges are"
         soft = any(is_soft(row["metrics"]) for row in rows)
@@ -39,9 +38,9 @@ def target_notes(found: Recommendation) -> list[str]:
     return [f"the truth's own error is an RMSE of {least:.2g}: a smaller one cannot be told from 0"]
 
 
-def facet_notes(found: Recommendation) -> list[str]:
+def facet_notes(advice: Recommendation) -> list[str]:
     """That dark facets show on smooth surfaces, which no target counts."""
-    shown = found.choice or found.closest
+    shown = advice.choice or advice.closest
     share = shown.result.score["metrics"].get("terminator") if shown else None
     if share is None or share < _FACETS:
         return []
@@ -51,85 +50,85 @@ def facet_notes(found: Recommendation) -> list[str]:
     ]
 
 
-def phase_notes(found: Recommendation) -> list[str]:
+def phase_notes(advice: Recommendation) -> list[str]:
     """That scores of maps are of one position of their texels, of which tables of `run` may show several."""
-    if not any(trial.spec.technique.phased for trial in found.trials):
+    if not any(trial.spec.technique.phased for trial in advice.trials):
         return []
     return ["maps are scored in one phase (sub-texel offset): `shadowbench run --phases 8` shows how others differ"]
 
 
-def cost_notes(found: Recommendation) -> list[str]:
+def cost_notes(advice: Recommendation) -> list[str]:
     """How far predicted times can be off; why work ranks where no time can; why specs have no cost."""
     notes = []
-    if found.law is not None:
-        errors = found.law.kinds
-        kinds = sorted({kind_of(trial.spec.sizeless_text) for trial in found.trials})
+    if advice.cost.law is not None:
+        errors = advice.cost.law.kinds
+        kinds = sorted({kind_of(trial.spec.sizeless_text) for trial in advice.trials})
         factors = ", ".join(f"{kind} ×{errors[kind]['median']:.2f}" for kind in kinds if kind in errors)
         notes = [
             f"ms: beyond a frame without shadows, predicted from work; of <{SHORTEST_MS:g}, not told apart, less work "
             f"is first" + (f"; median error in other scenes at 1024²: {factors}" if factors else "")
         ]
-    elif found.cost.without_law:
-        notes = [f"work, not predicted times: {found.cost.without_law}"]
+    elif advice.cost.without_law:
+        notes = [f"work, not predicted times: {advice.cost.without_law}"]
     whys: dict[str, dict[str, None]] = {}
-    for spec, why in found.unranked.items():
-        whys.setdefault(why, {})[kind_of(spec.sizeless_text) if found.law else spec.sizeless_text] = None
+    for spec, why in advice.unranked.items():
+        whys.setdefault(why, {})[kind_of(spec.sizeless_text) if advice.cost.law else spec.sizeless_text] = None
     return [*notes, *(f"no cost is known of {', '.join(kinds)}: {why}" for why, kinds in whys.items())]
 
 
-def cost_text(found: Recommendation, trial: Trial) -> str:
+def cost_text(advice: Recommendation, trial: Trial) -> str:
     """A cost in the unit of its column; empty if it is not known."""
     if not trial.ranked:
         return ""
-    if found.unit == "work":
+    if advice.cost.unit == "work":
         return f"{trial.cost:,.0f}"
-    if found.law is not None:
+    if advice.cost.law is not None:
         return f"{trial.cost:.2g}" if trial.cost > SHORTEST_MS else f"<{SHORTEST_MS:g}"
     return number(trial.cost)
 
 
-def relative_text(found: Recommendation, trial: Trial) -> str:
+def relative_text(advice: Recommendation, trial: Trial) -> str:
     """A cost relative to the choice's, or a lower bound; empty without either."""
-    if found.choice is None or not (trial.ranked and found.choice.ranked and found.choice.cost):
+    if advice.choice is None or not (trial.ranked and advice.choice.ranked and advice.choice.cost):
         return ""
-    least = found.law is not None and trial.cost > found.choice.cost <= SHORTEST_MS
-    return f"{'>' * least}{trial.cost / found.choice.cost:.3g}"
+    least = advice.cost.law is not None and trial.cost > advice.choice.cost <= SHORTEST_MS
+    return f"{'>' * least}{trial.cost / advice.choice.cost:.3g}"
 
 
-def step_lines(found: Recommendation) -> list[str]:
+def step_lines(advice: Recommendation) -> list[str]:
     """What relaxing the target would save and tightening it would cost, among the trials."""
-    choice, cheaper, better = found.choice, found.cheaper, found.better
+    choice, cheaper, better = advice.choice, advice.cheaper, advice.better
     assert choice is not None
     lines = ["of those measured, none saves a tenth or more if the target is relaxed"]
     if not choice.ranked:
         lines = ["nothing whose cost is known meets the target"]
     if cheaper is not None:
         saved = math.floor(100 * (1 - cheaper.cost / choice.cost))
-        target = _error(found, cheaper, as_target=True)
+        target = _error(advice, cheaper, as_target=True)
         lines = [f"of those measured, relaxing the target to {target} saves {saved}%: {_name(cheaper)}"]
     if better is not None:
-        target, times = _error(found, better, as_target=True), relative_text(found, better)
-        costs = f"costs {times} × as much" if times else f"costs {cost_text(found, better)} {found.unit}"
+        target, times = _error(advice, better, as_target=True), relative_text(advice, better)
+        costs = f"costs {times} × as much" if times else f"costs {cost_text(advice, better)} {advice.cost.unit}"
         lines.append(f"of those measured, tightening it to {target} {costs}: {_name(better)}")
     elif choice.error > 0:
         lines.append("tightening it: nothing measured has less than half the error")
     return lines
 
 
-def obstacles(found: Recommendation) -> list[str]:
+def obstacles(advice: Recommendation) -> list[str]:
     """Why nothing that was measured meets the target."""
-    target, near = found.target, found.closest
-    of = f" of {', '.join(found.among)}" if found.among else ""
+    target, near = advice.target, advice.closest
+    of = f" of {', '.join(advice.among)}" if advice.among else ""
     if near is None:
-        why = f"; {'; '.join(found.unsuccessful.values())}" if found.unsuccessful else ""
+        why = f"; {'; '.join(advice.unsuccessful.values())}" if advice.unsuccessful else ""
         return [f"nothing{of} was measured that meets {target}: no spec could be{why}"]
-    line = f"nothing measured{of} meets {target}; the closest is {_name(near)}: {_error(found, near)}"
-    if found.met:  # over the budget
-        met = found.met[0]
+    line = f"nothing measured{of} meets {target}; the closest is {_name(near)}: {_error(advice, near)}"
+    if advice.met:  # over the budget
+        met = advice.met[0]
         time = f"in {met.cost:.3g} ms" if met.ranked else "in a time that is not known"
-        return [line, f"obstacle: the budget; {_name(met)} reaches {_error(found, met)} {time}"]
+        return [line, f"obstacle: the budget; {_name(met)} reaches {_error(advice, met)} {time}"]
     soft = target.metric == "rmse" and is_soft(near.result.score["metrics"])
-    faults = _soft_faults(near) if soft else _hard_faults(found, near)
+    faults = _soft_faults(near) if soft else _hard_faults(advice, near)
     return [line, *(f"obstacle: {one}" for one in faults)]
 
 
@@ -143,11 +142,11 @@ def _soft_faults(near: Trial) -> list[str]:
     return worst
 
 
-def _hard_faults(found: Recommendation, near: Trial) -> list[str]:
+def _hard_faults(advice: Recommendation, near: Trial) -> list[str]:
     """What is wrong with the closest trial, where IoU or edges judge it."""
     metrics, name = near.result.score["metrics"], near.spec.technique.name
-    largest = max(trial.spec.map_size or 0 for trial in found.trials if trial.spec.technique.name == name)
-    size = start_size(near.spec, found.needs)
+    largest = max(trial.spec.map_size or 0 for trial in advice.trials if trial.spec.technique.name == name)
+    size = start_size(near.spec, advice.needs)
     kinds = {kind: metrics[kind] for kind in _KINDS if metrics[kind] and METRICS[kind].suits(is_soft(metrics))}
     lines = []
     if kinds:
@@ -164,31 +163,25 @@ def _hard_faults(found: Recommendation, near: Trial) -> list[str]:
     return lines
 
 
-def excluded_lines(found: Recommendation) -> list[str]:
+def excluded_lines(advice: Recommendation) -> list[str]:
     """What was not tried or failed: techniques, what `needs` rules out, what predictions leave out, and failures."""
-    names = [one.what for one in found.excluded if not one.specs]
+    names = [one.what for one in advice.excluded if not one.specs]
     lines = [f"not tried: {', '.join(names)}; --json says why"] if names else []
-    lines += [f"not tried: {one.what} ({one.specs} specs): {one.why}" for one in found.excluded if one.specs]
-    limit = "the choice" if found.choice or not found.met else _name(found.met[0])
-    whys = {
-        "dearer": f"predicted to cost at least as much as {limit}",
-        "inaccurate": "predicted to miss the target",
-        "beyond": "with the map of one that failed, or a larger one",
-        "unranked": "without a cost",
-    }
-    left = {why: {name: getattr(rest, why) for name, rest in found.untried.items()} for why in whys}
-    counts = [
-        f"{sum(of.values())} {whys[why]} ({', '.join(f'{name} {count}' for name, count in of.items() if count)})"
-        for why, of in left.items()
-        if any(of.values())
-    ]
+    lines += [f"not tried: {one.what} ({one.specs} specs): {one.why}" for one in advice.excluded if one.specs]
+    limit = "the choice" if advice.choice or not advice.met else _name(advice.met[0])
+    counts = []
+    for key, why in LEFT_OUT.items():
+        of_each = {name: count for (name, own), count in advice.untried.items() if own == key}
+        if of_each:
+            named = ", ".join(f"{name} {count}" for name, count in of_each.items())
+            counts.append(f"{sum(of_each.values())} {why.format(limit)} ({named})")
     if counts:
         lines.append(f"not tried: {', '.join(counts)}; -t TECHNIQUE searches one alone")
-    return [*lines, *(f"not measured: {spec}: {status}" for spec, status in found.unsuccessful.items())]
+    return [*lines, *(f"not measured: {spec}: {status}" for spec, status in advice.unsuccessful.items())]
 
 
-def _error(found: Recommendation, trial: Trial, as_target: bool = False) -> str:
-    return found.target.text(trial.error, trial.result.score, as_target)
+def _error(advice: Recommendation, trial: Trial, as_target: bool = False) -> str:
+    return advice.target.text(trial.error, trial.result.score, as_target)
 
 
 def _name(trial: Trial) -> str:
@@ -196,33 +189,33 @@ def _name(trial: Trial) -> str:
     return trial.spec.sizeless_text + size
 
 
-def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
+def values(advice: Recommendation, info: DeviceInfo) -> dict[str, Any]:
     """JSON object of `recommend --json`."""
-    view = found.view
+    view, law = advice.view, advice.cost.law
     return {
         "scene": view.scene.name,
         "view": view.camera.name,
         "light": view.light.name,
         "view_size": view.size,
-        "target": asdict(found.target),
-        "notes": target_notes(found) + facet_notes(found) + cost_notes(found),
-        "ranked_by": "work_cost" if found.unit == "work" else "frame_ms" if found.law is None else "predicted_ms",
-        "device": None if found.law is None else found.law.device,
-        "reference": None if found.reference is None else asdict(found.reference),
+        "target": asdict(advice.target),
+        "notes": target_notes(advice) + facet_notes(advice) + cost_notes(advice),
+        "ranked_by": "predicted_ms" if law else "frame_ms" if advice.cost.unit == "ms" else "work_cost",
+        "device": law and law.device,
+        "reference": None if advice.reference is None else asdict(advice.reference),
         "renderer": info.renderer,
-        "choice": _values(found.choice),
-        "closest": _values(found.closest),
-        "in_the_way": obstacles(found) if found.closest else [],
-        "runners_up": [{"standing": found.standing(one)} | (_values(one) or {}) for one in found.runners_up],
-        "relaxed": _values(found.cheaper),
-        "tightened": _values(found.better),
-        "measured": found.measured,
-        "space": found.space_size,
-        "evidence": [_values(trial) for trial in found.trials],
-        "techniques": list(found.among) or None,
-        "refused": dict(found.unsuccessful),
-        "untried": [{"technique": name, **asdict(one)} for name, one in found.untried.items()],
-        "excluded": [asdict(exclusion) for exclusion in found.excluded],
+        "choice": _values(advice.choice),
+        "closest": _values(advice.closest),
+        "in_the_way": obstacles(advice) if advice.closest else [],
+        "runners_up": [{"standing": advice.standing(one)} | (_values(one) or {}) for one in advice.runners_up],
+        "relaxed": _values(advice.cheaper),
+        "tightened": _values(advice.better),
+        "measured": advice.measured,
+        "space": advice.space_size,
+        "evidence": [_values(trial) for trial in advice.trials],
+        "techniques": list(advice.among) or None,
+        "refused": dict(advice.unsuccessful),
+        "untried": [{"technique": name, "why": why, "specs": count} for (name, why), count in advice.untried.items()],
+        "excluded": [asdict(exclusion) for exclusion in advice.excluded],
     }
 
 
@@ -234,18 +227,18 @@ def _values(trial: Trial | None) -> dict[str, Any] | None:
     return values | {name: row[name] for name in ("key", "metrics")}
 
 
-def export_choice(found: Recommendation, folder: Path, drawer: Drawer) -> None:
+def export_choice(advice: Recommendation, folder: Path, drawer: Drawer) -> None:
     """Write `parameters.json` and one file per shader stage of the choice into a folder; nothing without a choice."""
-    if found.choice is None:
+    if advice.choice is None:
         return
-    spec, scene = found.choice.spec, found.view.scene
-    shaders = drawer.shaders(Block(found.view, ()), Cell(spec))
+    spec, scene = advice.choice.spec, advice.view.scene
+    shaders = drawer.shaders(Block(advice.view, ()), Cell(spec))
     parameters = {
         "spec": spec.text,
         "technique": spec.technique.name,
         "parameters": {name: _parameter(value) for name, value in spec.params},
         "scene": scene.name,
-        "target": str(found.target),
+        "target": str(advice.target),
         "metre": scene.placement.length(1.0),  # length of 1 m in the shaders' units
         "uniforms": {one.name: {name: _parameter(value) for name, value in one.uniforms.items()} for one in shaders},
     }

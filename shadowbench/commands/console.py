@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import TaskID
 
-    from shadowbench.measure.drawer import Failure
+    from shadowbench.measure.campaign import Failure
     from shadowbench.measure.rows import Result
     from shadowbench.options import ViewOptions
     from shadowbench.scenes.model import View

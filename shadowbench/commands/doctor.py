@@ -10,7 +10,7 @@ def doctor(json: options.Json = False, quiet: options.Quiet = False) -> int:
     Prints the machine, library versions, the OpenGL renderer and its limits, the timer in use and its noise, how many
     rays Embree traces at once, and the cache of ray-traced truths. Exit code 3 if nothing can be drawn.
     """
-    from shadowbench.measure.doctor import diagnosis
+    from shadowbench.measure.machine import diagnosis
     from shadowbench.versions import ABSENT
 
     found = diagnosis()

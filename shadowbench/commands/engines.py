@@ -1,10 +1,10 @@
 """`engines`: what other engines there are, their installation, whether they draw here, and how well."""
 
 from collections.abc import Mapping
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 from shadowbench.commands import console, options
 from shadowbench.errors import InputError, ShadowbenchError, alternatives
@@ -12,7 +12,6 @@ from shadowbench.options import MAP_SIZE, PHASES, option, view_size
 
 if TYPE_CHECKING:
     from shadowbench.plugin.engine import Engine
-    from shadowbench.plugin.spec import Spec
 
     Engines = Mapping[str, type[Engine]]
 
@@ -62,7 +61,7 @@ def engines(
         ),
     ] = None,
     *,
-    asked: MeasureOptions,
+    measuring: MeasureOptions,
     printed: options.Printed,
 ) -> int:
     """List, install, check or measure other engines.
@@ -83,13 +82,13 @@ def engines(
     known = known_engines()
     if action not in _ACTIONS:
         raise InputError(f"engines: found {action!r}{alternatives(action, _ACTIONS)}")
-    for name in (field.name for field in (*fields(asked), *fields(printed)) if field.name != "quiet"):
+    for name in (field.name for field in (*fields(measuring), *fields(printed)) if field.name != "quiet"):
         allowed = _OF_ACTIONS.get(name, ("measure",))
-        if action not in allowed and (getattr(asked, name, None) or getattr(printed, name, None)):
+        if action not in allowed and (getattr(measuring, name, None) or getattr(printed, name, None)):
             shown = "-o" if name == "output" else f"--{name.replace('_', '-')}"
             raise InputError(f"engines {action}: found {shown}; allowed for: {' and '.join(allowed)}")
     if action == "page":
-        return _write_page(names or [], asked.output, printed.quiet)
+        return _write_page(names or [], measuring.output, printed.quiet)
     if action == "install" and names == [_ALL]:
         names = list(known)
     for name in names or ():
@@ -101,36 +100,29 @@ def engines(
             raise InputError(f"engines install: found no name; allowed: {_ALL}, {', '.join(known)}")
         return _install(chosen, printed.quiet)
     if action == "measure":
-        return _measure(chosen, bool(names), asked, printed.quiet)
+        return _measure(chosen, bool(names), measuring, printed.quiet)
     return _list(chosen, printed.json) if action == "list" else _doctor(chosen, bool(names))
 
 
 def _list(chosen: "Engines", json: bool) -> int:
     from shadowbench.engines.programs import locked_version, what_lacks
 
-    entries: list[dict[str, Any]] = [
-        {
-            "name": name,
-            "version": locked_version(engine),
-            "lights": sorted(engine.lights),
-            "presets": list(engine.presets),
-            "ready": what_lacks(engine) is None,
-            "lacks": what_lacks(engine),
-        }
-        for name, engine in chosen.items()
-    ]
     if json:
+        entries = [
+            {
+                "name": name,
+                "version": locked_version(engine),
+                "lights": sorted(engine.lights),
+                "presets": list(engine.presets),
+                "lacks": what_lacks(engine),
+            }
+            for name, engine in chosen.items()
+        ]
         console.print_json(entries)
         return 0
     rows = [
-        (
-            entry["name"],
-            entry["version"],
-            " ".join(entry["lights"]),
-            " ".join(entry["presets"]),
-            entry["lacks"] or "ready",
-        )
-        for entry in entries
+        (name, locked_version(one), " ".join(sorted(one.lights)), " ".join(one.presets), what_lacks(one) or "ready")
+        for name, one in chosen.items()
     ]
     console.print_table("", ("engine", "version", "lights", "presets", ""), rows, whole=("engine", "version"))
     return 0
@@ -162,7 +154,7 @@ def _doctor(chosen: "Engines", named: bool) -> int:
     """Have engines draw a probe and a shadow of each kind of light; exit code 1 if one does not."""
     from shadowbench.engines.engine_session import EngineSession
     from shadowbench.engines.programs import what_lacks
-    from shadowbench.measure.drawer import CellFailed
+    from shadowbench.measure.worker import CellFailed
 
     failed = False
     for name, engine in chosen.items():
@@ -181,22 +173,18 @@ def _doctor(chosen: "Engines", named: bool) -> int:
     return int(failed)
 
 
-def _measure(chosen: "Engines", named: bool, asked: MeasureOptions, quiet: bool) -> int:
-    """Measure the presets of engines into a folder, and write its report.
+def _measure(chosen: "Engines", named: bool, measuring: MeasureOptions, quiet: bool) -> int:
+    """Run the presets of engines into a folder, and write its report.
 
-    Engines that cannot draw here are named on stderr; exit code 1 if one of them was asked for, or if none can draw.
+    Engines that cannot draw here are named on stderr; exit code 1 if one of them was named, or if none can draw.
     Raises InputError without a folder, and for scenes with soft shadows.
     """
-    from shadowbench.campaigns import campaign_in
-    from shadowbench.commands.study_tables import print_study
     from shadowbench.engines.programs import what_lacks
     from shadowbench.scenes.library import hard_names, load_scene
-    from shadowbench.studies.run import measure
-    from shadowbench.studies.study import Study
 
-    if asked.output is None:
+    if measuring.output is None:
         raise InputError("engines measure: found no -o; allowed: a folder for rows, pictures and the report")
-    scenes = options.listed(asked.scenes)
+    scenes = options.listed(measuring.scenes) or hard_names()
     for scene in scenes:
         if any(light.soft for light in load_scene(scene).lights):
             raise InputError(
@@ -206,38 +194,38 @@ def _measure(chosen: "Engines", named: bool, asked: MeasureOptions, quiet: bool)
     for name, reason in lacking.items():
         if named or not quiet:
             console.print_error(f"{name}: {reason}")
-    ready = [engine for name, engine in chosen.items() if name not in lacking]
-    code = int(not ready or (named and bool(lacking)))
-    if not ready:
-        return code
-    specs = [spec for engine in ready for spec in _preset_specs(engine, asked.map_size or 1024)]
-    study = Study.of(
-        scenes or hard_names(), specs, view_size=asked.view_size or 512, phases=asked.phases or 1, rounds=0
-    )
-    with ExitStack() as stack:
-        reporter = stack.enter_context(console.Reporter(quiet))
-        campaign = stack.enter_context(campaign_in(asked.output, reporter, limits=study.limits))
-        result = measure(study, campaign)
-    print_study(result, asked.output, quiet)
-    _write_page([str(asked.output)], asked.output / _PAGE, quiet)
-    return console.exit_code_of(result.run.last.results, result.failures) or code
+    specs = [
+        spec for name in chosen if name not in lacking for spec in _presets(chosen[name], measuring.map_size or 1024)
+    ]
+    if not specs:
+        return 1
+    words = ["-o", str(measuring.output), "--rounds", "0", *(word for spec in specs for word in ("-t", spec))]
+    words += ["--view-size", str(measuring.view_size)] if measuring.view_size else []
+    words += ["--phases", str(measuring.phases)] if measuring.phases else []
+    code = _command("run", [*scenes, *words], quiet)
+    _write_page([str(measuring.output)], measuring.output / _PAGE, quiet)
+    return code or int(named and bool(lacking))
 
 
-def _preset_specs(engine: "type[Engine]", map_size: int) -> "list[Spec]":
+def _presets(engine: "type[Engine]", map_size: int) -> list[str]:
     """The specs of an engine's presets, with materials single- and double-sided; those that are equal are one."""
     from shadowbench.plugin.engine import Sides
-    from shadowbench.plugin.spec import parse_spec
+    from shadowbench.plugin.spec import has_size, parse_spec
 
-    texts = [f"{engine.name}:preset={preset},sides={sides}" for preset in engine.presets for sides in get_args(Sides)]
-    specs = [parse_spec(text, {engine.name: engine}) for text in texts]
-    return list(dict.fromkeys(spec.with_(size=map_size) if spec.has_size else spec for spec in specs))
+    end = f",size={map_size}" if has_size(engine) else ""
+    texts = [f"{engine.name}:preset={name},sides={side}{end}" for name in engine.presets for side in get_args(Sides)]
+    return list({parse_spec(text, {engine.name: engine}): text for text in reversed(texts)}.values())[::-1]
 
 
 def _write_page(folders: list[str], target: Path | None, quiet: bool) -> int:
     """Write the report of folders. Raises InputError."""
-    from shadowbench.commands import app
-
     if not folders:
         raise InputError("engines page: found no folder; allowed: those of `engines measure` or `run`")
-    page = target or Path(folders[0], _PAGE)
-    return int(app(["report", *folders, "-o", str(page), *(["-q"] if quiet else [])], standalone_mode=False) or 0)
+    return _command("report", [*folders, "-o", str(target or Path(folders[0], _PAGE))], quiet)
+
+
+def _command(name: str, words: list[str], quiet: bool) -> int:
+    """The exit code of another command."""
+    from shadowbench.commands import app
+
+    return int(app([name, *words, *(["-q"] if quiet else [])], standalone_mode=False) or 0)

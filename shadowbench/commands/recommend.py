@@ -10,7 +10,7 @@ from shadowbench.options import ViewOptions, option, view_size
 if TYPE_CHECKING:
     from shadowbench.advice.recommend import Recommendation
     from shadowbench.advice.search import Trial
-    from shadowbench.measure.drawer import DeviceInfo
+    from shadowbench.measure.worker import DeviceInfo
 
 
 @options.command("For example  shadowbench needs street --view-size 1024")
@@ -23,22 +23,21 @@ def needs(
     follow from the geometry and from the ray-traced truth, which `run` reads too, of at most 512 × 512 of the pixels.
     Each prediction has its reason. Needs no OpenGL.
     """
-    from shadowbench.survey.explanations import explanations_of, verdict_of
+    from shadowbench.survey.survey import explanations_of, verdict_of
     from shadowbench.survey.survey import needs as needs_of
 
     with console.Reporter(printed.quiet) as reporter:
         chosen = reporter.view(scene, view_size, view)
-        found = needs_of(chosen)
-        if found.pixels < found.view_size**2:
-            reporter.note(f"{found.pixels / found.view_size**2:.1%} of the pixels were sampled")
-    rows = explanations_of(found)
+        needed = needs_of(chosen)
+        if needed.pixels < needed.view_size**2:
+            reporter.note(f"{needed.pixels / needed.view_size**2:.1%} of the pixels were sampled")
+    rows = explanations_of(needed)
     if printed.json:
-        values = asdict(found)
-        values["reach"].pop("matters")
-        names = {"scene": chosen.scene.name, "view": chosen.camera.name, "verdict": verdict_of(found)}
+        values = asdict(needed)
+        names = {"scene": chosen.scene.name, "view": chosen.camera.name, "verdict": verdict_of(needed)}
         console.print_json(names | values | {"told": [row._asdict() for row in rows]})
         return
-    title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels: {verdict_of(found)}"
+    title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels: {verdict_of(needed)}"
     console.print_table(title, ("need", "number", "why"), rows, padded=True)
 
 
@@ -122,11 +121,9 @@ def recommend(
       MiB         memory of textures and buffers
       key         name of the cell's mask and picture in the output folder
     """
-    from shadowbench.advice.costs import by_of
-    from shadowbench.advice.recommend import has_penumbra
+    from shadowbench.advice.recommend import by_of, has_penumbra, target_of
     from shadowbench.advice.recommend import recommend as measure_recommendation
-    from shadowbench.advice.space import technique_names
-    from shadowbench.advice.target import target_of
+    from shadowbench.advice.search import technique_names
     from shadowbench.advice.words import export_choice, values
     from shadowbench.campaigns import campaign_in
     from shadowbench.files import make_folder
@@ -144,7 +141,7 @@ def recommend(
         campaign_in(asked.output, reporter, asked.plugin, **asdict(machines)) as campaign,
     ):
         chosen = reporter.view(scene, asked.view_size, view)
-        found, info = measure_recommendation(
+        advice, info = measure_recommendation(
             chosen,
             target_of(*wanted, soft=has_penumbra(chosen)),
             known,
@@ -155,17 +152,17 @@ def recommend(
             device=asked.device,
         )
         if asked.export is not None:
-            export_choice(found, asked.export, campaign.drawer)
+            export_choice(advice, asked.export, campaign.drawer)
     if printed.json:
-        console.print_json(values(found, info))
+        console.print_json(values(advice, info))
     else:
-        _print(found, info, asked.output)
-        if asked.export is not None and found.choice is not None and not printed.quiet:
+        _print(advice, info, asked.output)
+        if asked.export is not None and advice.choice is not None and not printed.quiet:
             console.print_line(f"{asked.export}: parameters.json and the GLSL of the choice")
-    return 0 if found.choice is not None else 1
+    return 0 if advice.choice is not None else 1
 
 
-def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
+def _print(advice: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     from shadowbench.advice.words import (
         cost_notes,
         excluded_lines,
@@ -178,50 +175,50 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     from shadowbench.results.times import time_notes
 
     by, caveat = "this GPU's times", ""
-    if found.law is not None:
-        by = f"predicted times on {found.law.device}"
+    if advice.cost.law is not None:
+        by = f"predicted times on {advice.cost.law.device}"
     elif info.software:
-        by = "work" if found.unit == "work" else "this machine's times"
+        by = "work" if advice.cost.unit == "work" else "this machine's times"
         caveat = "; times of a software renderer are not those of a GPU"
-    cost = "work" if found.unit == "work" else "ms"
-    numbers = ("map", found.target.metric, cost, "× choice", "MiB")
+    cost = "work" if advice.cost.unit == "work" else "ms"
+    numbers = ("map", advice.target.metric, cost, "× choice", "MiB")
     columns = ("", "spec", *numbers, "key")
-    shown = list(dict.fromkeys(one for one in (found.choice, found.closest, *found.runners_up) if one is not None))
-    among = f", of {', '.join(found.among)}" if found.among else ""
-    title = f"{found.view.scene.name}, {found.target}{among}, by {by}{caveat}"
-    rows = [(found.standing(one), *_cells(found, one)) for one in shown]
+    shown = list(dict.fromkeys(one for one in (advice.choice, advice.closest, *advice.runners_up) if one is not None))
+    among = f", of {', '.join(advice.among)}" if advice.among else ""
+    title = f"{advice.view.scene.name}, {advice.target}{among}, by {by}{caveat}"
+    rows = [(advice.standing(one), *_cells(advice, one)) for one in shown]
     console.print_table(title, columns, rows, numbers=numbers, whole=columns)
-    lines = step_lines(found) if found.choice else obstacles(found)
-    rough = [_is_rough(found, one) for one in shown]
-    notes = [*target_notes(found), *facet_notes(found), *phase_notes(found), *cost_notes(found)]
-    notes += time_notes(found.reference, rough)
-    for line in [*lines, *notes, *excluded_lines(found)]:
+    lines = step_lines(advice) if advice.choice else obstacles(advice)
+    rough = [_is_rough(advice, one) for one in shown]
+    notes = [*target_notes(advice), *facet_notes(advice), *phase_notes(advice), *cost_notes(advice)]
+    notes += time_notes(advice.reference, rough)
+    for line in [*lines, *notes, *excluded_lines(advice)]:
         console.print_line(line)
     console.print_line(
-        f"{len(found.trials)} of {found.space_size} specs measured; masks and pictures, by key, in {folder}"
+        f"{len(advice.trials)} of {advice.space_size} specs measured; masks and pictures, by key, in {folder}"
     )
 
 
-def _is_rough(found: "Recommendation", one: "Trial") -> bool:
+def _is_rough(advice: "Recommendation", one: "Trial") -> bool:
     """Whether the rounds of a time varied much."""
     from shadowbench.results.times import ROUGH
 
     time = one.result.time
-    return found.unit == "ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]
+    return advice.cost.unit == "ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]
 
 
-def _cells(found: "Recommendation", one: "Trial") -> list[str]:
+def _cells(advice: "Recommendation", one: "Trial") -> list[str]:
     from shadowbench.advice.words import cost_text, relative_text
     from shadowbench.scores.metrics import METRICS
 
     row = one.result.score
-    value = row["metrics"][found.target.metric]
+    value = row["metrics"][advice.target.metric]
     return [
         one.spec.sizeless_text,
         str(one.spec.map_size or ""),
-        "" if value is None else METRICS[found.target.metric].text(value, found.target.digits, row),
-        "~" * _is_rough(found, one) + cost_text(found, one),
-        relative_text(found, one),
+        "" if value is None else METRICS[advice.target.metric].text(value, advice.target.digits, row),
+        "~" * _is_rough(advice, one) + cost_text(advice, one),
+        relative_text(advice, one),
         f"{one.bytes / 2**20:.3g}",
         str(row["key"]),
     ]

@@ -39,7 +39,7 @@ def score(
         ),
     ] = None,
     *,
-    asked: ScoreOptions,
+    scoring: ScoreOptions,
     view: ViewOptions,
     printed: options.Printed,
 ) -> None:
@@ -48,26 +48,26 @@ def score(
     Compares them with the ray-traced shadows of the scene; needs no OpenGL, and with a file of `shadowbench truth` in
     place of the scene no Embree either. `shadowbench export` writes the scene to draw. A mask that is flipped, inverted
     or not square is refused; one that seems shifted, sRGB-encoded or lit by ambient light is scored unchanged, with a
-    warning. Below the metrics the errors are said in words, the leading one first. The column `shadows` says
-    whether a metric is for hard shadows, soft ones (of a light with a size) or both.
+    warning. Below the metrics the errors are said in words, the leading one first. The column `shadows` says whether a
+    metric is for hard shadows, soft ones (of a light with a size) or both.
     """
     from shadowbench.masks.accuracy import accuracy_of, append_row
     from shadowbench.masks.inputs import external_mask, stored_truth_of
     from shadowbench.scores.difference import write_difference
 
-    _check_outputs(asked, mask)
-    picture = external_mask(scene, mask, asked.lit, asked.shadowed, asked.ambient, linear=asked.linear)
+    _check_outputs(scoring, mask)
+    picture = external_mask(mask, scoring.lit, scoring.shadowed, scoring.ambient, scoring.linear)
     with console.Reporter(printed.quiet) as reporter:
         against = stored_truth_of(scene, view) or reporter.view(scene, picture.size, view)
         accuracy = accuracy_of(picture, against)
     notes = []
-    if asked.diff is not None:
-        write_difference(asked.diff, accuracy.difference())
-        notes.append(f"{asked.diff}: false shadow orange, false light blue")
-    if asked.output is not None and asked.name is not None:
-        added = append_row(accuracy, asked.name, asked.output)
-        row = f"score, mask and difference of {asked.name} added"
-        notes.append(f"{asked.output}: {row if added else f'already holds this score of {asked.name}'}")
+    if scoring.diff is not None:
+        write_difference(scoring.diff, accuracy.difference())
+        notes.append(f"{scoring.diff}: false shadow orange, false light blue")
+    if scoring.output is not None and scoring.name is not None:
+        added = append_row(accuracy, scoring.name, scoring.output)
+        row = f"score, mask and difference of {scoring.name} added"
+        notes.append(f"{scoring.output}: {row if added else f'already holds this score of {scoring.name}'}")
     if printed.json:
         console.print_json(accuracy.values())
         return
@@ -79,21 +79,21 @@ def score(
             console.print_line(line)
 
 
-def _check_outputs(asked: ScoreOptions, mask: Path | None) -> None:
-    """Raises InputError if what is asked for cannot be written."""
+def _check_outputs(scoring: ScoreOptions, mask: Path | None) -> None:
+    """Raises InputError if an output cannot be written."""
     from shadowbench.files import check_folder, check_outputs
     from shadowbench.masks.accuracy import check_name
 
-    if (asked.output is None) != (asked.name is None):
+    if (scoring.output is None) != (scoring.name is None):
         raise InputError("-o DIR and --name NAME: found one of them; allowed: both, for a row in a run folder, or none")
-    check_outputs(".png", asked.diff)
-    if asked.diff is not None and asked.diff.exists():
-        for picture in (mask, asked.lit, asked.shadowed, asked.ambient):
-            if picture is not None and picture.exists() and asked.diff.samefile(picture):
-                raise InputError(f"--diff {asked.diff}: is one of the pictures to score; name another file")
-    if asked.output is not None and asked.name is not None:
-        check_name(asked.name)
-        check_folder(asked.output)
+    check_outputs(".png", scoring.diff)
+    if scoring.diff is not None and scoring.diff.exists():
+        for picture in (mask, scoring.lit, scoring.shadowed, scoring.ambient):
+            if picture is not None and picture.exists() and scoring.diff.samefile(picture):
+                raise InputError(f"--diff {scoring.diff}: is one of the pictures to score; name another file")
+    if scoring.output is not None and scoring.name is not None:
+        check_name(scoring.name)
+        check_folder(scoring.output)
 
 
 def _print(accuracy: "Accuracy") -> None:

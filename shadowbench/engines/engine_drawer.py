@@ -5,20 +5,17 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from functools import cache
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Self, cast
 
 from shadowbench.engines.programs import HERE, browser_version, environment, what_lacks
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.geometry.topology import is_closed, surrounds
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.drawer import DeviceInfo
+from shadowbench.measure.campaign import Block, Cell
 from shadowbench.measure.gl_drawer import GLDrawer
-from shadowbench.measure.rendering import Rendering, Surface
-from shadowbench.measure.time_rows import Times
+from shadowbench.measure.session import Rendering
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.spec import Spec
-from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import View
 from shadowbench.versions import ENGINES
 
@@ -29,11 +26,14 @@ _MOST_OPEN = 2  # programs, of hundreds of MB each; a page of an engine that is 
 _MOST_BYTES = 1 << 30  # memory of an engine that is started anew: some keep what each picture took, and grow slow
 
 
-class EngineDrawer:
-    """Drawer of engines, beside that of techniques, `own`. A context manager, within which their programs run on."""
+class EngineDrawer(GLDrawer):
+    """Drawer of engines beside the techniques of `own`. A context manager, within which their programs run on.
+
+    Engines are not timed: a picture's time is that of their host.
+    """
 
     def __init__(self, own: GLDrawer) -> None:
-        self.own = own
+        super().__init__(own.worker)
         self._sessions: dict[type[Engine], EngineSession] = {}
 
     def __enter__(self) -> Self:
@@ -44,47 +44,24 @@ class EngineDrawer:
             for session in self._sessions.values():
                 stack.callback(session.close)
 
-    @property
-    def info(self) -> DeviceInfo:
-        """Facts about the device of techniques."""
-        return self.own.info
-
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """The computer."""
-        return self.own.machine
-
     def identity(self, cell: Cell) -> Mapping[str, str]:
         """See `Drawer`. Of an engine also what is installed, our files and declaration of it, and the browser."""
-        engine = engine_of(cell.spec)
-        own = self.own.device_identity
+        engine, own = engine_of(cell.spec), self.device_identity
         return own if engine is None else {**own, "engine": environment(engine).name, "adapter": _adapter(engine)}
 
     def unsupported(self, block: Block, cell: Cell) -> str | None:
         """See `Drawer`."""
         engine = engine_of(cell.spec)
-        return self.own.unsupported(block, cell) if engine is None else _unsupported(engine, block.view, cell)
+        return super().unsupported(block, cell) if engine is None else _unsupported(engine, block.view, cell)
 
     def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
         """See `Drawer`. Raises InputError for an engine that is not installed."""
         engine = engine_of(cell.spec)
         if engine is None:
-            yield from self.own.draw(block, cell, keep)
+            yield from super().draw(block, cell, keep)
             return
         for view in (block.view, *block.later):
             yield self._draw(engine, view, cell)
-
-    def surface(self, block: Block) -> Surface:
-        """See `Drawer`."""
-        return self.own.surface(block)
-
-    def shaders(self, block: Block, cell: Cell) -> list[ShaderText]:
-        """See `Drawer`."""
-        return self.own.shaders(block, cell)
-
-    def time(self, block: Block, sizes: Mapping[Cell, int]) -> Iterator[tuple[Cell, Times | str]]:
-        """See `Drawer`. Engines are not timed: a picture's time is that of their host."""
-        return self.own.time(block, sizes)
 
     def _draw(self, engine: type[Engine], view: View, cell: Cell) -> Rendering:
         if reason := _unsupported(engine, view, cell):

@@ -21,8 +21,8 @@ from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 from shadowbench.engines.programs import HostFailed, start_host
 from shadowbench.masks.export import describe, describe_light, glb_of, light_box
 from shadowbench.masks.inputs import DARKEST, decode_srgb
-from shadowbench.measure.drawer import CellFailed
-from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.session import Rendering
+from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Mesh, Scene, View

@@ -1,6 +1,6 @@
 """Programs in which engines draw, and the environments that they run in.
 
-An environment is a folder below the cache folder, installed from an engine's lock file when asked for. In it runs a
+An environment is a folder below the cache folder, installed from an engine's lock file by `install`. In it runs a
 page in headless Chromium, or a Python of the engine's own: a host. A host takes one call at a time, with a header in
 JSON and bytes behind it, and gives an answer of the same form. What the engine prints goes to a log. A program that
 dies, or does not answer in time, is ended with all its children.
@@ -246,7 +246,7 @@ class Host(ABC):
 
     @property
     def ended(self) -> bool:
-        """Whether the program has ended, even if nobody has been told yet."""
+        """Whether the program has ended, also before `_watch` has noticed."""
         with suppress(psutil.NoSuchProcess):
             return bool(psutil.Process(self.process.pid).status() == psutil.STATUS_ZOMBIE)
         return True
@@ -322,8 +322,7 @@ class WebHost(Host):
     """A page kept open in headless Chromium, which runs `web_host.js` with the engine's `draw.js`.
 
     It asks a server on the loopback interface for calls, and posts answers to it. Other users of the computer get
-    nothing there: the page's address, which only this user can read, is a secret, and gives the cookie that all else
-    needs.
+    nothing there: all addresses begin with a secret, which only this user can read.
     """
 
     def __init__(self, engine: type[Engine], log: Path, variables: Mapping[str, str]) -> None:
@@ -332,9 +331,9 @@ class WebHost(Host):
         self.secret = secrets.token_urlsafe()
         self._server = _server(self, engine)
         Thread(target=self._server.serve_forever, daemon=True).start()
-        self.address = f"http://127.0.0.1:{self._server.server_port}/"
+        self.address = f"http://127.0.0.1:{self._server.server_port}/{self.secret}/"
         start = Path(self._profile.name, "start.html")  # a command is for everybody to read
-        start.write_text(f'<meta http-equiv="refresh" content="0;url={self.address}{self.secret}">', encoding="utf-8")
+        start.write_text(f'<meta http-equiv="refresh" content="0;url={self.address}">', encoding="utf-8")
         profile = f"--user-data-dir={self._profile.name}"
         command = [*_WITH_PIPE, str(_browser()), *_CHROMIUM, profile, start.as_uri()]
         super().__init__(command, log, variables, subprocess.DEVNULL)
@@ -351,16 +350,15 @@ class WebHost(Host):
 
 
 def _page(engine: type[Engine]) -> bytes:
-    table = json.dumps({"imports": {name: f"/packages/{path}" for name, path in engine.imports.items()}})
-    classic = "".join(f'<script src="/packages/{path}"></script>' for path in engine.scripts)
-    module = '<script type="module" src="/web_host.js"></script>'
+    table = json.dumps({"imports": {name: f"./packages/{path}" for name, path in engine.imports.items()}})
+    classic = "".join(f'<script src="packages/{path}"></script>' for path in engine.scripts)
+    module = '<script type="module" src="web_host.js"></script>'
     return f'<!doctype html><meta charset="utf-8"><script type="importmap">{table}</script>{classic}{module}'.encode()
 
 
 def _server(host: WebHost, engine: type[Engine]) -> ThreadingHTTPServer:
     """A server of the page, its modules, the engine's packages, the next call, and for answers."""
-    cookie = f"secret={host.secret}"
-    files = {"/draw.js": engine.folder() / "draw.js", "/web_host.js": HERE / "web_host.js"}
+    files = {"draw.js": engine.folder() / "draw.js", "web_host.js": HERE / "web_host.js"}
     packages = (environment(engine) / "node_modules").resolve()
 
     class Handler(BaseHTTPRequestHandler):
@@ -373,32 +371,27 @@ def _server(host: WebHost, engine: type[Engine]) -> ThreadingHTTPServer:
             self.send_response(status)
             self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(body)))
-            if kind == "text/html":
-                self.send_header("Set-Cookie", f"{cookie}; HttpOnly; SameSite=Strict")
             self.end_headers()
             self.wfile.write(body)
 
         def do_GET(self) -> None:
-            if self.path == f"/{host.secret}":
+            secret, _, path = self.path[1:].partition("/")
+            file = files.get(path, (packages / path.removeprefix("packages/")).resolve())
+            if secret != host.secret:
+                self._reply(b"", status=404)
+            elif path == "":
                 self._reply(_page(engine), "text/html")
-            elif self.headers["Cookie"] != cookie:
-                self._reply(b"", status=403)
-            elif self.path == "/call":
+            elif path == "call":
                 self._reply(host._calls.get())
+            elif file.is_file() and (path in files or file.is_relative_to(packages)):
+                self._reply(file.read_bytes(), _TYPES.get(file.suffix, "application/octet-stream"))
             else:
-                inside = (packages / self.path.removeprefix("/packages/")).resolve()
-                file = files.get(self.path, inside if inside.is_relative_to(packages) else None)
-                if file is None or not file.is_file():
-                    self._reply(b"", status=404)
-                else:
-                    self._reply(file.read_bytes(), _TYPES.get(file.suffix, "application/octet-stream"))
+                self._reply(b"", status=404)
 
         def do_POST(self) -> None:
-            if self.headers["Cookie"] != cookie:
-                self.close_connection = True  # its body is not read
-                self._reply(b"", status=403)
-                return
-            host._answers.put(unpack(self.rfile.read(int(self.headers["Content-Length"]))))
+            body = self.rfile.read(int(self.headers["Content-Length"]))
+            if self.path == f"/{host.secret}/answer":
+                host._answers.put(unpack(body))
             self._reply(b"")
 
     class Server(ThreadingHTTPServer):

@@ -1,5 +1,5 @@
 // The page's half of the web host: passes each call to the engine's module, and posts what that returns.
-import * as engine from "/draw.js";
+import * as engine from "./draw.js";
 
 const canvas = document.createElement("canvas");
 document.body.append(canvas);
@@ -39,7 +39,7 @@ function pack(header, data) {
 }
 
 for (;;) {
-  const message = await (await fetch("/call")).arrayBuffer();
+  const message = await (await fetch("call")).arrayBuffer();
   const [length] = new Uint32Array(message, 0, 1);
   const { name, argument } = JSON.parse(new TextDecoder().decode(new Uint8Array(message, 4, length)));
   let answer;
@@ -48,5 +48,5 @@ for (;;) {
   } catch (error) {
     answer = [{ error: String(error.stack ?? error).split("\n").slice(0, 2).join(" ") }];
   }
-  await fetch("/answer", { method: "POST", body: pack(answer[0], answer[1] ?? "") });
+  await fetch("answer", { method: "POST", body: pack(answer[0], answer[1] ?? "") });
 }

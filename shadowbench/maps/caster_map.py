@@ -84,6 +84,7 @@ class MapContents:
         size: int,
         kind: Kind,
         layers: int,
+        defines: Mapping[str, int],
         includes: Mapping[str, str],
     ) -> None:
         self._contents, self.kind, self._layers = contents, kind, layers
@@ -91,7 +92,7 @@ class MapContents:
         stored = contents.components, contents.dtype, contents.mips
         self.texture = stage.map_texture((size, size), kind, layers, *stored)
         program = stage.program(
-            "fullscreen.vert", "contents-far.frag", params=params, defines={"LAYERS": layers}, includes=includes
+            "fullscreen.vert", "contents-far.frag", params=params, defines=defines, includes=includes
         )
         far = stage.texture((1, 1), contents.components)
         stage.fullscreen(program).draw(stage.target(far))
@@ -142,7 +143,7 @@ class MapContents:
             self.texture.build_mipmaps()
 
     def sampler(self, wrap: Wrap) -> dict[str, tuple[Texture, Sampling]]:
-        """The sampler `map_contents` of filter.glsl."""
+        """The sampler `map_contents` of shadow_map.glsl."""
         sampling = Sampling(
             linear=self._contents.linear,
             wrap="edge" if self.kind == "cube" else wrap,
@@ -294,8 +295,9 @@ class CasterMap:
 class FilteredMap(CasterMap):
     """A map that `shadow_map.glsl` looks up with the bias and the filter of a technique's parameters.
 
-    params: with size, bias and filter; vertex, geometry: shaders of the casters; defines: of all shaders. `last` are
-    the frame, textures and uniforms of the last lookup.
+    params: with size, bias and filter; parallel: whether all light rays are, known to the compiler; vertex, geometry:
+    shaders of the casters; more: defines of all shaders. `defines` and `includes` are what `shadow_map.glsl` is
+    composed of, besides the bias and the filter; `last` are the frame, textures and uniforms of the last lookup.
     """
 
     def __init__(
@@ -304,43 +306,44 @@ class FilteredMap(CasterMap):
         params: Any,
         layout: MapLayout,
         hull: SceneHull,
-        projection: Literal["orthographic", "perspective", "cube"],
+        parallel: bool = False,
         vertex: str = "casters.vert",
         geometry: str | None = None,
-        defines: Mapping[str, int] = {},
+        more: Mapping[str, int] = {},
     ) -> None:
-        self._stage, self._params, self.hull, self._defines = stage, params, hull, defines
+        self._stage, self._params, self.hull = stage, params, hull
         self.bias: Bias = params.bias
         self.filter: Filter = params.filter
-        self.includes = self._includes(layout, projection)
+        cube, on_plane = layout.kind == "cube", self.bias.on_plane or self.filter.on_plane
+        self.defines = {
+            "ARRAY": int(layout.kind == "array"),
+            "PARALLEL": int(parallel),
+            "REVERSED": int(layout.reversed_depth),
+            "LIT_BEYOND": int(layout.far_rule == "lit"),
+            "ON_PLANE": int(on_plane),
+            "GRADIENT_OF_RECEIVER": int(on_plane and not cube and not self.bias.on_plane),
+            **more,
+        }
         stored, contents = self.filter.contents, None
+        self.includes = {
+            "projection": "cube" if cube else "matrix",
+            "map": layout.kind,
+            "contents": "mipmapped" if stored is not None and stored.mips else "stored",
+        }
         if stored is not None:
-            contents = MapContents(stage, params, stored, layout.size, layout.kind, layout.layers, self.includes)
-        folder = "cube-map/" if layout.kind == "cube" else ""
+            defines = self.defines | {"LAYERS": layout.layers}
+            contents = MapContents(
+                stage, params, stored, layout.size, layout.kind, layout.layers, defines, self.includes
+            )
+        folder = "cube-map/" if cube else ""
         fragment = f"{folder}depth.frag" if contents is None else f"{folder}contents.frag"
-        program = stage.program(vertex, fragment, geometry, params=params, defines=defines, includes=self.includes)
+        program = stage.program(vertex, fragment, geometry, params=params, defines=self.defines, includes=self.includes)
         super().__init__(stage, program, layout, self.bias, contents)
         self._debug_passes: dict[str, ResolvePass] = {}
 
-    def _includes(self, layout: MapLayout, projection: str) -> dict[str, str]:
-        """The files that `shadow_map.glsl` is composed of, besides the bias and the filter."""
-        comparison, contents = "flat", self.filter.contents
-        if self.bias.on_plane or self.filter.on_plane:
-            comparison = "plane-cube" if layout.kind == "cube" else "plane"
-        return {
-            "projection": projection,
-            "map": layout.kind,
-            "depths": "reversed" if layout.reversed_depth else "standard",
-            "far_rule": layout.far_rule,
-            "radius": self.filter.radius_shader,
-            "comparison": comparison,
-            "gradient": "of-receiver" if comparison == "plane" and not self.bias.on_plane else "of-bias",
-            "contents": "depth" if contents is None else "mipmapped" if contents.mips else "stored",
-        }
-
-    def resolve_pass(self, fragment: str, components: int = 1, **includes: str) -> ResolvePass:
-        """A pass over the pixels by a shader that includes `shadow_map.glsl`. includes: in place of the map's."""
-        return ResolvePass(self._stage, fragment, self._params, self._defines, self.includes | includes, components)
+    def resolve_pass(self, fragment: str, components: int = 1, **defines: int) -> ResolvePass:
+        """A pass over the pixels by a shader that includes `shadow_map.glsl`. defines: in place of the map's."""
+        return ResolvePass(self._stage, fragment, self._params, self.defines | defines, self.includes, components)
 
     def light_radius(self, light: Light) -> float:
         """Of the light by which the filter widens; see `Filter.light_radius`."""
@@ -406,7 +409,7 @@ def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -
 
 
 def map_uniforms(light_views: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:
-    """Uniforms of `projection/matrix.glsl` for the light views of a map's layers, all of one light."""
+    """Uniforms of `map/matrix.glsl` for the light views of a map's layers, all of one light."""
     to_map = np.stack([view.to_map(reversed_depth) for view in light_views])
     return {
         "world_to_map": to_map,

@@ -36,12 +36,11 @@ class Filter(Component):
     """
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
-    radius_shader: ClassVar[str] = "filter/radius.glsl"  # defines `radius`, for the bias
     of_number = "pcf"
 
     @classmethod
     def missing(cls) -> list[str]:
-        return [] if cls.shader else ["shader, a file or text with the functions of filter.glsl"]
+        return [] if cls.shader else ["shader, a file or text with the functions that shadow_map.glsl lists"]
 
     @abstractmethod
     def radius(self, size: int) -> float:
@@ -163,7 +162,6 @@ class PCF20(Filter):
 
     name = "pcf-20"
     shader = "filter/pcf-20.glsl"
-    radius_shader = "filter/pcf-20-radius.glsl"
     maps = frozenset({"cube"})
     spread: float = param(
         0.04, "offset of the taps in metres at the camera, twice that at its far plane", gt=0, metres=True

@@ -18,7 +18,7 @@ from skimage.registration import phase_cross_correlation
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.masks.inputs import ExternalMask, TruthOfView, decode_srgb
-from shadowbench.measure.row_store import IMAGES, RowStore, identity
+from shadowbench.measure.rows import IMAGES, RowStore, identity
 from shadowbench.measure.scoring import mask_record
 from shadowbench.scenes.model import View, view_digest
 from shadowbench.scores.comparison import PENUMBRA, Comparison, PreparedTruth
@@ -30,11 +30,12 @@ from shadowbench.truths.trace import Truth
 from shadowbench.versions import of_scores
 
 _HARD_ERRORS = {
-    "edge_px": "edges lie {:.3g} px from the true ones on average",
-    "acne": "{:.2%} of the lit interior is dark",
-    "leak": "{:.2%} of the shadow's interior is lit",
-    "contact": "{:.2%} of the shadow next to its caster is lit (peter-panning)",
+    "edge_px": (1, "edges lie {:.3g} px from the true ones on average"),
+    "acne": (100, "{:.3g}% of the lit interior is dark"),
+    "leak": (100, "{:.3g}% of the shadow's interior is lit"),
+    "contact": (100, "{:.3g}% of the shadow next to its caster is lit (peter-panning)"),
 }
+"""By metric: the factor of its value, and the line that says it."""
 _IDENTITY = ("scene", "view", "light", "spec", "view_size", "renderer")
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]{0,79}")
 
@@ -250,8 +251,12 @@ class Accuracy:
         if self.comparison.truth.soft:
             return {fault.name: fault.line for fault in soft_faults(self.metrics, self.comparison.width_bias)}
         leading = leading_error(self.metrics)
-        values = {name: value for name in _HARD_ERRORS if (value := self.metrics[name])}
-        return {name: _HARD_ERRORS[name].format(values[name]) for name in sorted(values, key=lambda x: x != leading)}
+        lines = {
+            name: line.format(factor * value)
+            for name, (factor, line) in _HARD_ERRORS.items()
+            if (value := self.metrics[name])
+        }
+        return dict(sorted(lines.items(), key=lambda item: item[0] != leading))
 
     @property
     def wrong(self) -> tuple[int, int]:

@@ -80,22 +80,6 @@ def _lacking(mesh: Mesh) -> dict[str, bool]:
     return {name: False for name in ("casts", "receives") if not getattr(mesh, name)}
 
 
-def size_mismatch(given: Path, view: View) -> str | None:
-    """A warning if `export_view` wrote the scene into the file's folder at a size other than the view's; else None."""
-    exported = given.parent / DESCRIPTION
-    if not exported.is_file():
-        return None
-    try:
-        described = json.loads(exported.read_text(encoding="utf-8"))
-    except ValueError:  # somebody else's file of that name
-        return None
-    match described:
-        case {"scene": view.scene.name, "image": {"width": int(width)}} if width != view.size:
-            sizes = f"{view.size}², where {exported} says {width}²"
-            return f"{given}: {sizes}; a mask's size is the view's: scored as the view of {view.size}²"
-    return None
-
-
 def view_matrix(camera: Camera) -> Floats:
     """(4, 4) float64 world-to-camera matrix for column vectors; the camera looks along its −z."""
     matrix = np.eye(4)

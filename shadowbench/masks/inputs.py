@@ -1,7 +1,6 @@
 """What is scored: a mask file, an array, or screenshots; and a truth as a file, for scoring without its scene."""
 
 import json
-import shlex
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -67,10 +66,8 @@ def visibility_of(values: ArrayLike, name: str) -> NDArray[np.floating | np.bool
     full = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS}.get(array.dtype, 1)
     masked = np.ma.isMaskedArray(values)
     if masked or (array.dtype.kind not in "bf" and full == 1):
-        found = "a masked array" if masked else f"an array of {array.dtype}"
-        raise InputError(f"{name}: found {found}; allowed: float in [0, 1], bool, uint8, uint16")
-    if full > 1 and array.max(initial=0) == 1:
-        raise InputError(f"{name}: found {array.dtype} up to 1; allowed: up to {full}, which is lit")
+        kind = "a masked array" if masked else f"an array of {array.dtype}"
+        raise InputError(f"{name}: found {kind}; allowed: float in [0, 1], bool, uint8, uint16")
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.size == 0:
         across = " × ".join(map(str, (*array.shape[1::-1], *array.shape[2:])))
         raise InputError(f"{name}: found {across} pixels; allowed: a square, as the view is")
@@ -99,8 +96,8 @@ def from_screenshots(lit: Path, shadowed: Path, ambient: Path | None = None, *, 
     full, dimmed = read_luminance(lit, linear), read_luminance(shadowed, linear)
     floor = read_luminance(ambient, linear) if ambient else np.zeros_like(full)
     measurable = full - floor >= DARKEST
-    seen = np.divide(dimmed - floor, full - floor, out=np.ones_like(floor), where=measurable)
-    visibility = quantise(np.clip(seen, 0, 1))
+    share = np.divide(dimmed - floor, full - floor, out=np.ones_like(floor), where=measurable)
+    visibility = quantise(np.clip(share, 0, 1))
     return ExternalMask(str(shadowed), visibility, measurable, shadowed)
 
 
@@ -133,34 +130,21 @@ def _side_of(file: Path) -> int:
 
 
 def external_mask(
-    scene: str,
-    mask: Path | None,
-    lit: Path | None,
-    shadowed: Path | None,
-    ambient: Path | None,
-    *,
+    mask: str | Path | ArrayLike | None,
+    lit: str | Path | None = None,
+    shadowed: str | Path | None = None,
+    ambient: str | Path | None = None,
     linear: bool = False,
 ) -> ExternalMask:
-    """The mask of the options of `score`: a mask file, or screenshots; scene: the command's argument, for messages.
-
-    Raises InputError, with the right usage, for both, neither, an incomplete set of screenshots, or a mask said to be
-    linear.
-    """
-    options = {"MASK": mask, "--lit": lit, "--shadowed": shadowed, "--ambient": ambient}
-    given = " and ".join(name for name, file in options.items() if file is not None)
-    if mask is not None and given == "MASK":
-        if linear:
-            raise InputError("--linear: found MASK; allowed: with --lit and --shadowed, as a mask is always linear")
-        return mask_from_file(mask)
+    """A mask from a file or an array, or the visibility of screenshots. Raises InputError unless it is one of them."""
+    options = {"MASK": mask, "--lit": lit, "--shadowed": shadowed, "--ambient": ambient, "--linear": linear or None}
+    given = [name for name, value in options.items() if value is not None]
+    if mask is not None and given == ["MASK"]:
+        return mask_from_file(Path(mask)) if isinstance(mask, str | Path) else mask_from_array(mask)
     if mask is None and lit is not None and shadowed is not None:
-        return from_screenshots(lit, shadowed, ambient, linear=linear)
-    if given:
-        raise InputError(f"score: found {given}; allowed: MASK, or --lit and --shadowed, with or without --ambient")
-    command = f"shadowbench score {shlex.quote(scene)}"
-    raise InputError(
-        f"score: found neither a mask nor screenshots of {scene}; allowed: {command} MASK.png, or "
-        f"{command} --lit LIT.png --shadowed SHADOWED.png; `shadowbench export` writes the scene to draw"
-    )
+        return from_screenshots(Path(lit), Path(shadowed), Path(ambient) if ambient else None, linear=linear)
+    allowed = "MASK; or --lit and --shadowed, with or without --ambient and --linear"
+    raise InputError(f"score: found {' and '.join(given) or 'no picture'}; allowed: {allowed}")
 
 
 @dataclass(frozen=True, eq=False)

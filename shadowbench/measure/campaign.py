@@ -1,30 +1,139 @@
-"""The one way to make rows: blocks are drawn, scored against their truths and timed, into a folder."""
+"""The one way to make rows: blocks of cells are drawn, scored against their truths and timed, into a folder."""
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Self
 from weakref import WeakKeyDictionary
 
 from shadowbench.errors import InputError, MetricError, Unsupported, message, quoted
 from shadowbench.files import check_folder
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.drawer import CellFailed, Drawer, Failure, status_of
-from shadowbench.measure.flips import Stepped, flips
+from shadowbench.measure.flips import Step, Stepped, flips
 from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.machine import machine_key, write_run_file
 from shadowbench.measure.pictures import Pictures, Writer
-from shadowbench.measure.rendering import Rendering, Surface
-from shadowbench.measure.row_store import RowStore, identity
-from shadowbench.measure.rows import Record, Result, StudyFacts
+from shadowbench.measure.rows import Record, Result, RowStore, StudyFacts, identity
 from shadowbench.measure.scoring import mask_record, prepare_truth
+from shadowbench.measure.session import Rendering, Surface
 from shadowbench.measure.time_rows import time_row
-from shadowbench.scenes.model import View
+from shadowbench.measure.worker import CellFailed, DeviceInfo
+from shadowbench.plugin.spec import Spec
+from shadowbench.scenes.model import Coordinates, LightKind, View
+from shadowbench.techniques.cube_map import CubeMap
+from shadowbench.techniques.shadow_map import ShadowMap
+from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
+
+if TYPE_CHECKING:
+    from shadowbench.measure.time_rows import Times
+    from shadowbench.plugin.stage import ShaderText
+
+DEFAULT_REFERENCE = Spec(ShadowMap, ShadowMap.Params(size=1024))
+"""Reference of a study that names none."""
+
+UNSHADOWED = Spec(Unshadowed, Unshadowed.Params())
+_SUBSTITUTES: Mapping[LightKind, Spec] = {"point": Spec(CubeMap, CubeMap.Params(size=1024))}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One measurement: a spec at one phase.
+
+    home: on an axis of `stress`, the spec that the axis varies, which its row names; None elsewhere.
+    """
+
+    spec: Spec
+    phase: int = 0
+    home: Spec | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A view and the cells that are drawn in it.
+
+    later: frames after that view, which is scored and timed; flips are counted from frame to frame; step: what moved
+    between two frames, None for other frames; coordinates: in which the views are drawn; rounds: how often each cell
+    is timed, 0 for no timing; reference: spec that times are divided by; place: fields of the rows that tell where on
+    an axis the block lies, if it lies on one.
+    """
+
+    view: View
+    cells: tuple[Cell, ...]
+    coordinates: Coordinates = "relative"
+    rounds: int = 0
+    reference: Spec = DEFAULT_REFERENCE
+    later: tuple[View, ...] = ()
+    step: Step | None = None
+    place: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def reference_cell(self) -> Cell:
+        """The cell that times are divided by: if `reference` does not support the light, `cube-map` or `unshadowed`."""
+        kind = self.view.light.hard_kind
+        supported = kind in self.reference.technique.lights
+        return Cell(self.reference if supported else _SUBSTITUTES.get(kind, UNSHADOWED))
+
+    def times(self, cell: Cell) -> bool:
+        """Whether a cell is timed. Other phases than 0 have other errors but the same cost; engines have none here."""
+        return self.rounds > 0 and cell.phase == 0 and cell.spec.technique.own
+
+
+def reference_name(reference: Spec) -> str:
+    """Name of a reference in rows, with its map size even if that is the default: `shadow-map:size=1024`."""
+    name = reference.sizeless_text
+    return name if reference.map_size is None else f"{name}{',' if ':' in name else ':'}size={reference.map_size}"
+
+
+def status_of(reason: CellFailed | Unsupported) -> str:
+    """Row status of a cell that was unsupported or failed."""
+    return f"{'unsupported' if isinstance(reason, Unsupported) else 'failed'}: {reason}"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What failed as a whole and was left out; what: `scene`, `truth`, `cells` or `axis`; where: its name."""
+
+    what: str
+    where: str
+    reason: str
+
+
+class Drawer(Protocol):
+    """What draws cells: a process with limits, replaced after a failure."""
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Facts about the device. Raises ShadowbenchError if the process cannot start."""
+
+    def identity(self, cell: "Cell") -> Mapping[str, str]:
+        """What draws a cell and traces, by which keys of rows differ: the renderer, and how Embree rounds there."""
+
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """The computer, as by `measure.machine.machine`."""
+
+    def unsupported(self, block: "Block", cell: "Cell") -> str | None:
+        """Why a cell's technique does not support a block's view; None if it does."""
+
+    def draw(self, block: "Block", cell: "Cell", keep: bool = False) -> "Iterator[Rendering]":
+        """A cell drawn in each view of a block, in their order. Raises Unsupported and CellFailed.
+
+        keep: it will be timed, so that what was built for it stays if there is room.
+        """
+
+    def surface(self, block: "Block") -> "Surface":
+        """What masks of a block's view are drawn over. Raises CellFailed."""
+
+    def shaders(self, block: "Block", cell: "Cell") -> "list[ShaderText]":
+        """GLSL of a technique's cell as passed to the driver. Raises as `draw` does."""
+
+    def time(self, block: "Block", sizes: "Mapping[Cell, int]") -> "Iterator[tuple[Cell, Times | str]]":
+        """Times of cells of a block, or why one has none; sizes: their GPU bytes. Also why a reference failed."""
+
 
 Shadows = Literal["lit", "in shadow", "with edges"]
 """What a view shows: whether all that is decided is lit, or in shadow."""

@@ -14,15 +14,22 @@ from typing import Any, NamedTuple, cast
 
 from shadowbench.errors import InputError, ShadowbenchError, how_to_install, message, quoted
 from shadowbench.files import replace_file
-from shadowbench.measure.campaign import Campaign, LogReporter, Reporter, Shadows, called, trace_view
-from shadowbench.measure.cells import DEFAULT_REFERENCE, Block, Cell
-from shadowbench.measure.drawer import DeviceInfo, Limits
+from shadowbench.measure.campaign import (
+    DEFAULT_REFERENCE,
+    Block,
+    Campaign,
+    Cell,
+    LogReporter,
+    Reporter,
+    Shadows,
+    called,
+    trace_view,
+)
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.machine import machine, versions
 from shadowbench.measure.plugin_output import techniques_with
-from shadowbench.measure.row_store import stream_rows
-from shadowbench.measure.rows import Record, Result
-from shadowbench.measure.worker import Worker, sigint_blocked
+from shadowbench.measure.rows import Record, Result, stream_rows
+from shadowbench.measure.worker import DeviceInfo, Limits, Worker, sigint_blocked
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import View
 from shadowbench.versions import of_rows

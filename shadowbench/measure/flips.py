@@ -6,17 +6,19 @@ from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.measure.cells import Step
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.metrics import METRICS, Metric
 from shadowbench.truths.trace import Truth
+
+Step = Literal["camera", "light"]
+"""What moves in a small step."""
 
 EDGE = 2  # pixels around a true edge in which flips are counted
 FINER = 3

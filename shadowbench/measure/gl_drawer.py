@@ -6,12 +6,10 @@ from importlib.metadata import entry_points
 from typing import Any, Concatenate
 
 from shadowbench.errors import InputError, ShadowbenchError, Unsupported
-from shadowbench.measure.cells import UNSHADOWED, Block, Cell, reference_name
-from shadowbench.measure.drawer import CellFailed, DeviceInfo, Drawer, MemoryExceeded, status_of
-from shadowbench.measure.rendering import Rendering, Surface
-from shadowbench.measure.session import CellRequest, Session
+from shadowbench.measure.campaign import UNSHADOWED, Block, Cell, Drawer, reference_name, status_of
+from shadowbench.measure.session import CellRequest, Rendering, Session, Surface
 from shadowbench.measure.time_rows import Samples, Times
-from shadowbench.measure.worker import P, R, Worker
+from shadowbench.measure.worker import CellFailed, DeviceInfo, MemoryExceeded, P, R, Worker
 from shadowbench.plugin.spec import Spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import View

@@ -11,16 +11,19 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from shadowbench import versions
 from shadowbench.files import PACKAGE, data_folder
-from shadowbench.measure.cells import Cell
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import own_techniques, source_file
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import Coordinates, View, view_digest
 from shadowbench.scores.metrics import plugged_in
+
+if TYPE_CHECKING:
+    from shadowbench.measure.campaign import Cell
 
 SOURCES = {".py", ".glsl", ".vert", ".geom", ".frag"}
 _COMMENT = re.compile(r"//.*|/\*[\s\S]*?\*/")
@@ -33,7 +36,7 @@ def view_key(view: View) -> str:
     return repr((view.scene.name, view.camera.name, view.light.name, view_digest(view)))
 
 
-def cell_key(cell: Cell, view: str, coordinates: Coordinates, drawer: Mapping[str, str]) -> str:
+def cell_key(cell: "Cell", view: str, coordinates: Coordinates, drawer: Mapping[str, str]) -> str:
     """Hex key of a cell; `view` is a `view_key`, `drawer` the identity of an executor."""
     parts: dict[str, object] = {
         "spec": cell.spec.full_text,
@@ -90,7 +93,7 @@ def shader_names(
     folder, any_shared = data_folder("shaders"), plugged or any(one.catalogue.builds_on for one in techniques)
     names = [file.relative_to(folder) for file in files_in(folder) if any_shared or file.suffix != ".glsl"]
     parts = () if any_shared else components
-    own = filter(None, [getattr(one, name, "") for one in parts for name in ("shader", "radius_shader")])
+    own = [one.shader for one in parts if one.shader]
     return [*(name.as_posix() for name in names if name.parts[0] not in others), *own]
 
 

@@ -10,7 +10,7 @@ from PIL import Image
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.measure.rendering import Rendering, Surface
+from shadowbench.measure.session import Rendering, Surface
 from shadowbench.scenes.model import View
 from shadowbench.scores.masks import mask_sha256, read_mask, write_mask
 from shadowbench.truths.trace import Truth

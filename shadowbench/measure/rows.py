@@ -1,15 +1,16 @@
-"""Schemas of a run folder's files: the rows of `rows.jsonl` and the object in `run.json`.
+"""A run folder's files: schemas of `rows.jsonl` and `run.json`, and reading and appending to them."""
 
-A run folder is untrusted input. The models below check types, require finite numbers, and reject keys and names that
-would leave the folder when used in a path; anything else raises InputError. Unknown fields are kept.
-"""
-
-import math
-import re
-from collections.abc import Mapping
+import json
+import os
+import shlex
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NotRequired
+from pathlib import Path
+from typing import Annotated, Any, BinaryIO, Literal, NotRequired
 
+from filelock import FileLock, Timeout
 from pydantic import (
     AfterValidator,
     ConfigDict,
@@ -18,11 +19,15 @@ from pydantic import (
     FiniteFloat,
     StringConstraints,
     TypeAdapter,
+    ValidationError,
     with_config,
 )
 from typing_extensions import TypedDict
 
-from shadowbench.scenes.model import Coordinates, LightShape
+from shadowbench.errors import InputError
+from shadowbench.files import remove_temporaries
+from shadowbench.scenes.model import Coordinates, LightShape, View
+from shadowbench.strict import explain
 
 SCHEMA = 1
 
@@ -30,11 +35,7 @@ Record = Mapping[str, Any]
 """A ScoreRow or a TimeRow, unknown fields included."""
 
 Key = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{24}$")]
-_CONTROL = r"\x00-\x1f\x7f-\x9f"
-CONTROLS = re.compile(f"[{_CONTROL}]")
-Text = Annotated[str, StringConstraints(pattern=rf"^[^{_CONTROL}]*$")]
-"""Text without control characters, which would reach a terminal; `RowStore` writes them escaped."""
-Name = Annotated[str, StringConstraints(pattern=rf"^[^/\\{_CONTROL}]*$")]
+Name = Annotated[str, StringConstraints(pattern=r"^[^/\\]*$")]
 """Name of a scene, view or light; `truth/` has files named after them."""
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Size = Annotated[int, Field(ge=1, lt=2**31)]
@@ -53,9 +54,9 @@ class CellIdentity(TypedDict):
     view: Name
     light: Name
     phase: Count
-    technique: Text
-    spec: Text
-    full_spec: Text
+    technique: str
+    spec: str
+    full_spec: str
     map_size: Size | None
     view_size: Size
     coordinates: Coordinates
@@ -65,7 +66,7 @@ class CellIdentity(TypedDict):
 class InputRecord(TypedDict):
     """Warnings about a mask from another renderer."""
 
-    warnings: NotRequired[list[Text]]
+    warnings: NotRequired[list[str]]
 
 
 @with_config(_STRICT)
@@ -82,38 +83,38 @@ class ScoreRow(CellIdentity):
     schema: Literal[1]
     kind: Literal["score"]
     key: Key
-    renderer: Text
-    status: Annotated[str, StringConstraints(pattern=rf"^(ok|(unsupported|failed): [^{_CONTROL}]*)$")]
-    command: NotRequired[Text]
+    renderer: str
+    status: Annotated[str, StringConstraints(pattern=r"^(ok|(unsupported|failed): .*)$")]
+    command: NotRequired[str]
 
-    metrics: NotRequired[dict[Text, FiniteFloat | None]]
+    metrics: NotRequired[dict[str, FiniteFloat | None]]
     receivers: NotRequired[Count]
     undecided: NotRequired[Count]
     gpu_bytes: NotRequired[Count | None]
-    work: NotRequired[dict[Text, Integer]]
+    work: NotRequired[dict[str, Integer]]
     triangles: NotRequired[Count]
-    facts: NotRequired[dict[Text, FiniteFloat]]
-    mask_sha256: NotRequired[Text | None]
+    facts: NotRequired[dict[str, FiniteFloat]]
+    mask_sha256: NotRequired[str | None]
     truth_error: NotRequired[NonNegative]
     truth_error_pen: NotRequired[NonNegative]
     penumbra: NotRequired[Count]
     width_share: NotRequired[NonNegative | None]
     width_bias: NotRequired[FiniteFloat | None]
     surface_mismatch: NotRequired[Count]
-    assumptions: NotRequired[list[Text]]
+    assumptions: NotRequired[list[str]]
     flips: NotRequired[FiniteFloat | None]
-    step: NotRequired[Text]
+    step: NotRequired[str]
 
-    engine: NotRequired[dict[Text, Text]]
+    engine: NotRequired[dict[str, str]]
 
-    content: NotRequired[Text]
+    content: NotRequired[str]
     input: NotRequired[InputRecord]
 
-    axis: NotRequired[Text]
-    axis_value: NotRequired[Integer | FiniteFloat | Text]
-    axis_unit: NotRequired[Text]
+    axis: NotRequired[str]
+    axis_value: NotRequired[Integer | FiniteFloat | str]
+    axis_unit: NotRequired[str]
     light_kind: NotRequired[LightShape]
-    home_spec: NotRequired[Text]
+    home_spec: NotRequired[str]
 
 
 @with_config(_STRICT)
@@ -121,7 +122,7 @@ class PassTime(TypedDict):
     """Median time of a pass, in milliseconds, and which change makes it redraw."""
 
     ms: NonNegative
-    changes: NotRequired[Text]
+    changes: NotRequired[str]
 
 
 @with_config(_STRICT)
@@ -134,8 +135,8 @@ class TimeRow(TypedDict):
     schema: Literal[1]
     kind: Literal["time"]
     key: Key
-    status: NotRequired[Annotated[str, StringConstraints(pattern=rf"^failed: [^{_CONTROL}]*$")]]
-    clock: NotRequired[Text]
+    status: NotRequired[Annotated[str, StringConstraints(pattern=r"^failed: .*$")]]
+    clock: NotRequired[str]
     n: NotRequired[Annotated[Count, Field(ge=1)]]
     frame_ms: NotRequired[NonNegative]
     frame_iqr_ms: NotRequired[NonNegative]
@@ -145,32 +146,32 @@ class TimeRow(TypedDict):
     still_ms: NotRequired[NonNegative | None]
     camera_ms: NotRequired[NonNegative | None]
     light_ms: NotRequired[NonNegative | None]
-    passes: NotRequired[dict[Text, PassTime]]
-    machine: NotRequired[Text]
-    reference: NotRequired[Text]
-    reference_key: NotRequired[Text]
+    passes: NotRequired[dict[str, PassTime]]
+    machine: NotRequired[str]
+    reference: NotRequired[str]
+    reference_key: NotRequired[str]
     reference_ms: NotRequired[NonNegative | None]
     ratio: NotRequired[NonNegative | None]
     ratio_iqr: NotRequired[NonNegative | None]
     ratio_quartiles: NotRequired[Annotated[list[NonNegative], Field(min_length=2, max_length=2)] | None]
-    no_ratio: NotRequired[Text | None]
+    no_ratio: NotRequired[str | None]
 
 
 @with_config(_STRICT)
 class MachineFacts(TypedDict, total=False):
     """The computer, in `run.json`."""
 
-    processor: Text | None
+    processor: str | None
     cores: int | None
     memory_gib: FiniteFloat
-    system: Text
+    system: str
 
 
 @with_config(_STRICT)
 class DeviceFacts(TypedDict, total=False):
     """The OpenGL renderer, and whether it is a software renderer, in `run.json`."""
 
-    renderer: Text
+    renderer: str
     software: bool
     version: Count
     subpixel_bits: Count
@@ -180,37 +181,37 @@ class DeviceFacts(TypedDict, total=False):
 class StudyFacts(TypedDict, total=False):
     """The measured study, in `run.json`."""
 
-    scenes: list[Text]
-    specs: list[Text]
-    reference: Text
+    scenes: list[str]
+    specs: list[str]
+    reference: str
     view_size: Size
     rounds: Count
     phases: Count
     coordinates: Coordinates
     sun: bool
     no_ground: bool
-    up: Text
+    up: str
     time: float
-    clip: Text
-    camera: Text
-    target: Text
-    lamp: Text
-    sun_at: Text
+    clip: str
+    camera: str
+    target: str
+    lamp: str
+    sun_at: str
 
 
 @with_config(_STRICT)
 class RunFile(TypedDict, total=False):
-    """`run.json`: description of the last command. `keys` lists its cells; older folders lack it."""
+    """`run.json`: description of the last command. `keys` lists its cells."""
 
     schema: Literal[1]
-    command: Text
-    finished: Text
-    versions: dict[Text, Text]
+    command: str
+    finished: str
+    versions: dict[str, str]
     machine: MachineFacts
-    machine_key: Text
+    machine_key: str
     device: DeviceFacts
-    clock: Text
-    assumptions: list[Text]
+    clock: str
+    assumptions: list[str]
     study: StudyFacts
     keys: list[Key]
 
@@ -250,7 +251,6 @@ def _check_score_row(row: ScoreRow) -> ScoreRow:
         lacking += ["gpu_bytes"] if row["gpu_bytes"] is None and not {"content", "engine"} & row.keys() else []
     if lacking:
         raise ValueError(f"found no {lacking[0]}; it must be given")
-    _check_unknown(row, _SCORE_FIELDS)
     return row
 
 
@@ -263,34 +263,9 @@ def _check_time_row(row: TimeRow) -> TimeRow:
         lacking = [name for name in needed if row.get(name) is None]
         if lacking:
             raise ValueError(f"found no {lacking[0]} beside ratio; it must be given")
-    _check_unknown(row, _TIME_FIELDS)
     return row
 
 
-def _check_unknown(row: Record, typed: frozenset[str]) -> None:
-    """Raises ValueError for what typed fields may not have either, in unknown ones.
-
-    NaN and infinity are no JSON, so that they could not be written back.
-    """
-    for name in row.keys() - typed:
-        if not _is_plain(row[name]):
-            raise ValueError(
-                f"{name}: found NaN, infinity or a control character; allowed: finite numbers, printable text"
-            )
-
-
-def _is_plain(value: object) -> bool:
-    if type(value) is float:  # most values, so it comes first
-        return math.isfinite(value)
-    if isinstance(value, str):
-        return CONTROLS.search(value) is None
-    if isinstance(value, dict):
-        return all(map(_is_plain, [*value, *value.values()]))
-    return not isinstance(value, list) or all(map(_is_plain, value))
-
-
-_SCORE_FIELDS = frozenset({*CellIdentity.__annotations__, *ScoreRow.__annotations__} - {"input"})
-_TIME_FIELDS = frozenset(TimeRow.__annotations__.keys() - {"passes"})
 ROW: TypeAdapter[ScoreRow | TimeRow] = TypeAdapter(
     Annotated[
         Annotated[ScoreRow, AfterValidator(_check_score_row)] | Annotated[TimeRow, AfterValidator(_check_time_row)],
@@ -298,15 +273,6 @@ ROW: TypeAdapter[ScoreRow | TimeRow] = TypeAdapter(
     ]
 )
 RUN_FILE: TypeAdapter[RunFile] = TypeAdapter(RunFile)
-
-
-def escaped(value: Any) -> Any:
-    """A JSON value whose texts have control characters escaped, as rows are written."""
-    if isinstance(value, str):
-        return CONTROLS.sub(lambda found: ascii(found[0])[1:-1], value)
-    if isinstance(value, Mapping):
-        return {escaped(name): escaped(part) for name, part in value.items()}
-    return [escaped(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 def renderer_of(driver: str, arithmetic: str | None) -> str:
@@ -321,3 +287,178 @@ def renderer_of(driver: str, arithmetic: str | None) -> str:
 def driver_of(renderer: str) -> str:
     """The driver's names in a column `renderer`."""
     return renderer.partition(_ARITHMETIC)[0]
+
+
+IMAGES = ("masks", "pictures", "truth", "differences")
+"""Folders of images in a run folder, written by the program that has locked it."""
+
+
+_HEAD = b'{"schema": 1'  # prefix of every line, a truncated one included
+
+
+def stream_rows(file: Path) -> Iterator[tuple[Record, int]]:
+    """Each row of a `rows.jsonl`, and the position in bytes where it ends; after the last, a truncated one may follow.
+
+    Raises InputError, with the line number, for a line that is no row, and for a file that cannot be read.
+    """
+    end = 0
+    with _opened(file) as stream:
+        for number, line in enumerate(stream, start=1):
+            if line.endswith(b"\n"):
+                end += len(line)
+                yield _valid(ROW, line[:-1], f"{file} line {number}"), end
+            elif not (line.startswith(_HEAD) or _HEAD.startswith(line)):
+                raise InputError(f"{file} line {number}: found no valid row; allowed: a row of schema {SCHEMA}")
+
+
+def read_run_file(file: Path) -> RunFile:
+    """Contents of a `run.json`; empty if there is no file. Raises InputError for any other content."""
+    if not file.exists():
+        return {}
+    with _opened(file) as stream:
+        found: RunFile = _valid(RUN_FILE, stream.read(), str(file))
+    return found
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[BinaryIO]:
+    if not file.is_file():  # reading a named pipe would block
+        raise InputError(f"{file}: is not a file")
+    try:
+        with file.open("rb") as stream:
+            yield stream
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from None
+
+
+def _valid(schema: Any, text: bytes, where: str) -> Any:
+    try:
+        return schema.validate_json(text)
+    except ValidationError as error:
+        raise explain(where, error) from None
+
+
+def lock(file: Path, folder: Path, command: str) -> FileLock:
+    """The lock of a folder, by a file in it or beside it, until `unlock`.
+
+    Raises InputError if another process has it, `command` in words, and if the file cannot be written.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        found = FileLock(file, timeout=0, thread_local=False, fallback_to_soft=False)
+        found.acquire()
+    except Timeout:
+        told = f"another {command} writes into it; wait for it, or choose another with -o"
+        raise InputError(f"{folder}: {told}") from None
+    except OSError as error:
+        raise _cannot_write(folder, error, "; choose another with -o") from None
+    return found
+
+
+def unlock(held: FileLock) -> None:
+    """Release a lock and remove its file."""
+    # Removed while still locked: a process that has it open finds that it is gone, and opens a new one.
+    Path(held.lock_file).unlink(missing_ok=True)
+    held.release()
+
+
+class RowStore:
+    """The `rows.jsonl` of a run folder, locked for writing.
+
+    The last score of each key, and the last time of it on each machine, count. sweep: whether the rows are of `stress`
+    (on axes) or of `run`. Raises InputError for a folder with rows of the other command, one that cannot be written,
+    and one that another process writes into.
+    """
+
+    def __init__(self, folder: Path, sweep: bool = False) -> None:
+        self.file = folder / "rows.jsonl"
+        self.scores: dict[str, Record] = {}
+        self._times: dict[tuple[str, str | None], Record] = {}
+        self._lock = lock(folder / "writing.lock", folder, "run")
+        try:
+            self._open(sweep)
+        except BaseException as error:
+            unlock(self._lock)
+            if isinstance(error, OSError):
+                raise _cannot_write(self.file, error) from None
+            raise
+
+    def time_on(self, machine: str, key: str) -> Record | None:
+        """Time record of a key on a machine, given by its `machine_key`."""
+        return self._times.get((key, machine))
+
+    def finished_score(self, key: str) -> Record | None:
+        """Score record of a key; None if missing or failed, since a failure may be the machine's and is tried again."""
+        row = self.scores.get(key)
+        return None if row is None or row["status"].startswith("failed") else row
+
+    def _keep(self, record: Record) -> None:
+        if record["kind"] == "score":
+            self.scores[record["key"]] = record
+        else:
+            self._times[record["key"], record.get("machine")] = record
+
+    def _open(self, sweep: bool) -> None:
+        for images in IMAGES:  # written under the lock, so that whoever left one there is dead
+            remove_temporaries(self.file.parent / images)
+        complete = 0
+        for row, end in stream_rows(self.file) if self.file.exists() else ():
+            if row["kind"] == "score" and ("axis" in row) != sweep:
+                found, allowed = ("run", "stress") if sweep else ("stress", "run")
+                line = f"{self.file}: found cells of `{found}`; allowed: a folder of `{allowed}`, or a new one"
+                raise InputError(line)
+            self._keep(row)
+            complete = end
+        self._stream = self.file.open("ab", buffering=0)  # after a failed write, a buffer would be written on close
+        self._stream.truncate(complete)  # drops a partial line of a killed run
+
+    def append(self, *records: Record) -> None:
+        """Write records to disk before returning; a score record gets the current command line.
+
+        Raises InputError, with nothing written, if the disk is full.
+        """
+        signed = {"command": command_line()}
+        made = [{"schema": SCHEMA, **record, **(signed if record["kind"] == "score" else {})} for record in records]
+        # A lone surrogate, from a file name that is not UTF-8, cannot be encoded.
+        lines = "".join(json.dumps(record, allow_nan=False, ensure_ascii=False) + "\n" for record in made)
+        left = lines.encode(errors="replace")
+        end = self._stream.seek(0, os.SEEK_END)
+        try:
+            while left:
+                left = left[self._stream.write(left) :]
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            self._stream.truncate(end)
+            raise _cannot_write(self.file, error) from None
+        for record in made:
+            self._keep(record)
+
+    def close(self) -> None:
+        """Close the file and unlock the folder."""
+        self._stream.close()
+        unlock(self._lock)
+
+
+def identity(view: View, technique: str, spec: str, full_spec: str) -> CellIdentity:
+    """Identity of a cell for people and for `check`, independent of versions: without a map, at phase 0."""
+    return {
+        "scene": view.scene.name,
+        "view": view.camera.name,
+        "light": view.light.name,
+        "phase": 0,
+        "technique": technique,
+        "spec": spec,
+        "full_spec": full_spec,
+        "map_size": None,
+        "view_size": view.size,
+        "coordinates": "relative",
+    }
+
+
+def command_line() -> str:
+    """The current command line."""
+    return shlex.join(["shadowbench", *sys.argv[1:]])
+
+
+def _cannot_write(path: Path, error: OSError, instead: str = "") -> InputError:
+    return InputError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()}){instead}")

@@ -25,8 +25,8 @@ geometry shader includes `cutout/geometry.glsl` and calls `pass_cutout(corner)`.
 `cutout.glsl`, with the textures `stage.cutouts` and CUTOUTS among its defines.
 
 A plug-in may also define a filter or a bias, which every technique whose kind of map it supports then has: a subclass
-of `filters.Filter` or `biases.Bias`, whose `shader` is the text of the functions that `filter.glsl` or `bias.glsl`
-lists, or a file beside it.
+of `filters.Filter` or `biases.Bias`, whose `shader` is the text of the functions that `shadow_map.glsl` lists, or a
+file beside it.
 """
 
 from abc import ABC, abstractmethod

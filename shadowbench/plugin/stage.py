@@ -22,6 +22,8 @@ from shadowbench.scenes.model import Scene
 from shadowbench.scenes.placement import Placement
 
 Resource = TypeVar("Resource", bound=Releasable)
+MAP_DEFINES = {"LAYERS": "1", "ARRAY": "0", "PARALLEL": "0", "REVERSED": "0", "ON_PLANE": "0"}
+"""Defines of `map.glsl`: of one map of a sun or a spot."""
 _COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4, "nu2": 2}
 
 
@@ -77,14 +79,14 @@ class Stage:
         (`#include "select/<select>.glsl"`). The shader file of the chosen bias, filter, fit or split replaces `#include
         <parameter>` (`#include <bias>`), and its own parameters follow the same rules (FILTER_TAPS 3). Uniforms:
         `metre`, the length of one metre in local coordinates; `subpixel`, a step of the rasteriser's grid in pixels.
-        defines: further #defines, besides LAYERS 1; includes: further files, by name (`projection`: perspective).
+        defines: further #defines, besides MAP_DEFINES; includes: further files, by name (`projection`: matrix).
         """
         names, slots, uniforms = _shader_values(params, self.placement)
         plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
         roots = [*self._roots[:-1], *plugins, self._roots[-1]]
         own = {name: str(value) for name, value in defines.items()}
-        names = {"LAYERS": "1", **TRIANGLE_DEFINES, **self._geometry.smooth_defines, **names, **own}
-        slots = {"projection": "perspective", **slots, **includes}
+        names = {**MAP_DEFINES, **TRIANGLE_DEFINES, **self._geometry.smooth_defines, **names, **own}
+        slots = {"projection": "matrix", **slots, **includes}
         uniforms |= {"metre": self.placement.length(1.0), "subpixel": 2.0**-self.device.subpixel_bits}
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
         texts = {stage: compose(source, roots, names, slots) for stage, source in stages.items()}

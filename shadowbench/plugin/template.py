@@ -25,7 +25,6 @@ from shadowbench.plugin.base import Technique, param
 
 RESOLVE = """
 #include "map.glsl"
-uniform sampler2D map_depths;
 uniform float bias;  // the parameter; an int or a choice would be a #define, such as SIZE
 out float visibility;
 

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from statistics import fmean
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -407,7 +408,7 @@ def over_scenes(parts: Sequence[Summary], title: str) -> Summary:
     for _, every in lines.groupby(["spec", "map_size"], sort=False, dropna=False):
         own = every[every["scored"] > 0]
         if len(own):
-            mean = own.iloc[0].to_dict() | own[numbers].mean(skipna=False).to_dict()
+            mean = own.iloc[0].to_dict() | own[numbers].apply(fmean).to_dict()  # NaN if one is
             mean |= {"cells": own["cells"].sum(), "phases": own["phases"].min(), "scored": len(own)}
             mean |= {"refused": (), "unsupported": every["unsupported"].sum()}
             means.append(mean if len(own) == 1 else mean | dict.fromkeys(spreads, math.nan))

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.measure.campaign import Campaign, Reporter
-from shadowbench.measure.cells import UNSHADOWED, Block, Cell
-from shadowbench.measure.drawer import DeviceInfo, Failure
+from shadowbench.measure.campaign import UNSHADOWED, Block, Campaign, Cell, Failure, Reporter
 from shadowbench.measure.flips import SIZE_AFTER
 from shadowbench.measure.rows import Result
+from shadowbench.measure.worker import DeviceInfo
 from shadowbench.scenes.opening import first_of
 from shadowbench.studies.study import Study, scenes_of
 

@@ -7,10 +7,9 @@ from typing import Any
 from shadowbench.errors import InputError, ShadowbenchError, alternatives
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import VIEW_SIZE, Axis, Setting, Value
-from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.drawer import Failure, Limits
+from shadowbench.measure.campaign import Block, Campaign, Cell, Failure
 from shadowbench.measure.rows import Record
+from shadowbench.measure.worker import Limits
 from shadowbench.plugin.base import Subject, Technique
 from shadowbench.plugin.spec import Spec
 from shadowbench.results.frame import read_folders, write_table

@@ -10,10 +10,10 @@ from pydantic import BeforeValidator, Field, InstanceOf, ValidationError, Valida
 
 from shadowbench.errors import InputError, NotInFile, alternatives
 from shadowbench.files import data_folder
-from shadowbench.measure.cells import DEFAULT_REFERENCE, Block, Cell, Step, reference_name
-from shadowbench.measure.drawer import Limits
-from shadowbench.measure.flips import Stepped
+from shadowbench.measure.campaign import DEFAULT_REFERENCE, Block, Cell, reference_name
+from shadowbench.measure.flips import Step, Stepped
 from shadowbench.measure.rows import StudyFacts
+from shadowbench.measure.worker import Limits
 from shadowbench.options import (
     AS_STUDIED,
     FIRST,

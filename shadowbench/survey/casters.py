@@ -1,24 +1,13 @@
-"""Casters: closed parts, silhouette edges, and those that cannot shadow any visible receiver.
+"""Casters: closed parts, silhouette edges, and cut-outs, as shadow volumes and maps have them."""
 
-The last conservatively: a grid in light space has the depth of the farthest visible receiver in each cell. A triangle
-matters if any cell that its bounds overlap has a receiver behind the triangle's nearest corner.
-"""
-
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from shadowbench.compiled import compiled
 from shadowbench.geometry.topology import topology_of
 from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.model import View
-from shadowbench.scenes.vectors import Floats
-from shadowbench.survey.samples import FittedMap
-from shadowbench.truths.rays import Indices, Mask
 
-CELLS = 512  # along a side of the grid
-ROUNDING = 1e-6  # tolerance of depths and bounds
-IN_FRONT = 1e-6  # distance from the plane of a spot or point light within which triangles always matter, local length
 _POINTS = 1 << 16  # on cut-out casters
 
 
@@ -79,75 +68,3 @@ def _opaque_share(geometry: Geometry) -> float:
     ends = np.cumsum(areas[geometry.casts & geometry.is_cut_out])
     chosen = np.searchsorted(ends, random.random(_POINTS) * ends[-1], side="right")
     return float(cut.opaque(np.minimum(chosen, len(ends) - 1), random.dirichlet(np.ones(3), _POINTS)).mean())
-
-
-@dataclass(frozen=True, eq=False)
-class RelevantCasters:
-    """The casters that can shadow visible receivers.
-
-    triangles: number of caster triangles; useless: number of those that cannot shadow any visible receiver; matters:
-    (C,) bool over `geometry.caster_faces`, the others. sure: False if not every pixel was sampled, so that receivers
-    between the samples may be missed, or if the light has a size, as only its centre is considered.
-    """
-
-    triangles: int
-    useless: int
-    matters: Mask = field(repr=False)
-    sure: bool
-
-
-def relevant_casters(fitted: FittedMap, sure: bool) -> RelevantCasters:
-    """The casters that can be between the light and a visible receiver."""
-    geometry = fitted.samples.view.scene.geometry
-    faces = geometry.caster_faces
-    matters = np.zeros(len(faces), dtype=bool)
-    for chosen, space in fitted.parts():
-        at = fitted.footprint.select(chosen)
-        # Each sample is enlarged to its whole pixel and half the distance to the next sample.
-        half = np.abs(at.jacobian).sum(axis=1) * ((fitted.samples.step + 1) / 2)
-        farthest = at.coords[2] + (np.abs(at.slope) * half).sum(axis=0)
-        start, end = (at.coords[:2] - half).min(axis=1), (at.coords[:2] + half).max(axis=1)
-        cell = np.maximum(end - start, ROUNDING) / CELLS
-
-        def cells(corner: Floats, start: Floats = start[:, None], cell: Floats = cell[:, None]) -> Indices:
-            inside: Indices = np.clip((corner - start) / cell, 0, CELLS - 1).astype(np.intp)
-            return inside
-
-        grid = np.full((CELLS, CELLS), -np.inf)
-        _deepen(grid, cells(at.coords[:2] - half), cells(at.coords[:2] + half), farthest)
-        x, y, back = space.basis @ geometry.vertices.T - (space.basis @ space.origin)[:, None]
-        in_front = np.maximum(-back, IN_FRONT) if space.perspective else 1.0
-        corners = np.stack([x / in_front, y / in_front, -back])[:, faces]  # (3, C, 3)
-        low, high = corners.min(axis=2), corners.max(axis=2)
-        through = space.perspective & (low[2] <= IN_FRONT) & (high[2] > IN_FRONT)  # the light's plane: no bounds
-        before = (high[2] > IN_FRONT) | (not space.perspective)
-        outside = (high[:2] < (start - ROUNDING)[:, None]).any(axis=0) | (low[:2] > (end + ROUNDING)[:, None]).any(
-            axis=0
-        )
-        nearest = low[2] - ROUNDING * (1 + np.abs(low[2]))
-        hides = np.zeros(len(faces), dtype=bool)
-        _find_hiding(grid, cells(low[:2] - ROUNDING), cells(high[:2] + ROUNDING), nearest, hides)
-        matters |= through | (before & hides & ~outside)
-    return RelevantCasters(len(faces), int((~matters).sum()), matters, sure)
-
-
-@compiled()
-def _deepen(grid, first, last, depth):  # type: ignore[no-untyped-def]
-    """Raise the cells from first to last, (2, N), of each sample to its depth."""
-    for i in range(len(depth)):
-        for x in range(first[0, i], last[0, i] + 1):
-            for y in range(first[1, i], last[1, i] + 1):
-                grid[x, y] = max(grid[x, y], depth[i])
-
-
-@compiled()
-def _find_hiding(grid, first, last, depth, hides):  # type: ignore[no-untyped-def]
-    """Mark the triangles in front of a receiver in any of the cells from first to last, (2, C)."""
-    for i in range(len(depth)):
-        for x in range(first[0, i], last[0, i] + 1):
-            for y in range(first[1, i], last[1, i] + 1):
-                if grid[x, y] >= depth[i]:
-                    hides[i] = True
-                    break
-            if hides[i]:
-                break

@@ -4,7 +4,6 @@ In local coordinates. `needs` traces nothing itself: a truth has a pixel's trian
 to its blocker; the geometry has the rest.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -225,13 +224,6 @@ class FittedMap:
         """(N,) what the map stores at (3, N) coordinates, a local length: a cube the distance to the light."""
         u, v, ahead = coords
         return np.asarray(ahead * np.sqrt(u**2 + v**2 + 1) if self.cube else ahead)
-
-    def parts(self) -> Iterator[tuple[Indices, LightSpace]]:
-        """The light spaces with samples, each with these samples' indices."""
-        for index, space in enumerate(self.spaces):
-            chosen = np.flatnonzero(self.face == index)
-            if len(chosen):
-                yield chosen, space
 
 
 def fitted_map(samples: Samples) -> FittedMap:

@@ -30,10 +30,9 @@ class Cascades(Technique):
     A receiver is looked up in the first cascade whose box contains it, or in the cascade of its view depth. Worse than
     one map fitted to the visible receivers if all of them are at about the same distance, since empty slices take their
     share of the texels. The change of resolution between two cascades is visible; a blend only softens it. Without
-    depth_clamp, casters in front of the map's depth range, which z_mult stretches, cast no shadow, and a bias in units
-    of depth grows with the range. With stable, shadows do not shimmer while the camera moves or turns, except on pixels
-    that change cascades; they do when its near and far planes or its field of view change. A bias from screen
-    derivatives fails where two cascades meet. Casters are drawn once per cascade.
+    depth_clamp, casters in front of the map's depth range, which z_mult stretches, cast no shadow. With stable, shadows
+    do not shimmer while the camera moves or turns, except on pixels that change cascades. Casters are drawn once per
+    cascade.
     """
 
     name = "cascades"
@@ -116,7 +115,7 @@ class Cascades(Technique):
         if params.layers == "geometry":
             vertex, geometry = "cascades/layers.vert", "cascades/layers.geom"
         defines = {"LAYERS": params.count, "BLENDED": int(params.blend > 0)}
-        self.map = FilteredMap(stage, params, params.layout, self.hull, "orthographic", vertex, geometry, defines)
+        self.map = FilteredMap(stage, params, params.layout, self.hull, True, vertex, geometry, defines)
         self.resolve = self.map.resolve_pass("cascades/resolve.frag")
 
     def draw(self, frame: Frame) -> moderngl.Texture:

@@ -78,7 +78,7 @@ class CubeMap(Technique):
         self.stage, self.hull = stage, SceneHull(stage.scene)
         geometry = "cube-map/faces.geom" if params.layers == "geometry" else None
         vertex = f"cube-map/{params.layers}.vert"
-        self.map = FilteredMap(stage, params, params.layout, self.hull, "cube", vertex, geometry)
+        self.map = FilteredMap(stage, params, params.layout, self.hull, vertex=vertex, geometry=geometry)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         inputs = self.draw_map(frame)

@@ -155,7 +155,11 @@ class Classification:
         self._edges_of_cutouts = np.unique(pairs, axis=0)
         self._edge_map = stage.depth_target(map.params.size, "d32f", kind)
         self._program = stage.program(
-            "fullscreen.vert", "hybrid/classify.frag", params=map.params, includes=map.map.includes
+            "fullscreen.vert",
+            "hybrid/classify.frag",
+            params=map.params,
+            defines=map.map.defines,
+            includes=map.map.includes,
         )
         self._triangle = stage.fullscreen(self._program)
 

@@ -25,15 +25,12 @@ class PlanarProjection(Technique):
 
     One pass over all casters per plane, restricted to the plane's pixels by the G-buffer's triangle indices, so that no
     depth comparison, bias or blending is needed. Casters are clipped at the plane, which also removes its own
-    triangles, and at the light's height. A plane is a set of coplanar triangles, connected or not. Exact on planes. All
-    other receivers stay lit: curved surfaces, planes smaller than `share`, and all but the `count` largest planes. The
-    time grows with the number of casters times visible planes.
+    triangles, and at the light's height. Exact on planes. All other receivers stay lit: curved surfaces, planes smaller
+    than `share`, and all but the `count` largest. The time grows with the number of casters times visible planes.
 
-    Triangles are coplanar if their corners are within `tolerance` of the plane. The default suits meshes written with 4
-    decimals over 10 m, or with 6 digits; with 3 decimals a tessellated slope splits into many planes or none, unless
-    the tolerance is raised. Casters closer to a plane than its own corners, or than a millionth of the scene's
-    diagonal, cast no shadow on it: a decal within the tolerance is part of the surface below. Where an edge is a
-    silhouette for both camera and light, a pixel whose centre is within about 0.001 px of it may be dark.
+    Triangles are coplanar, connected or not, if their corners are within `tolerance` of the plane. The default suits
+    meshes written with 4 decimals over 10 m. Casters closer to a plane than its own corners cast no shadow on it: a
+    decal within the tolerance is part of the surface below.
     """
 
     name = "planar-projection"

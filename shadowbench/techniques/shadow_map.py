@@ -145,15 +145,14 @@ class ShadowMap(Technique):
 
     def _resolve_pass(self, parallel: bool) -> ResolvePass:
         """For light rays that are parallel, or not."""
-        projection = "orthographic" if parallel else "perspective"
-        return self.map.resolve_pass("shadow-map/resolve.frag", projection=projection)
+        return self.map.resolve_pass("shadow-map/resolve.frag", PARALLEL=int(parallel))
 
     def build_map(self, stage: Stage) -> None:
         """What `draw_map` needs."""
         params = self.params
         self.stage = stage
         self.fitted = FittedView(stage, params.fit, params.size, params.filter.reach(params.size))
-        self.map = FilteredMap(stage, params, params.layout, self.fitted.hull, "perspective")
+        self.map = FilteredMap(stage, params, params.layout, self.fitted.hull)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         inputs = self.draw_map(frame)

@@ -295,13 +295,10 @@ class ShadowVolume(Technique):
     Volumes are counted in front of the receiver, without caps, and end beyond the visible region (Lloyd et al. 2004).
     With `z-fail`, parts whose volume the eye may be in are counted behind it (Bilodeau and Songy 1999, Carmack 2000),
     to infinity (Everitt and Kilgard 2002); `z-pass` does not, which is wrong if the eye is inside a volume, or a
-    caster between the eye and the near plane. Cut-outs that are drawn whole are counted behind it in both.
-    Silhouettes are found on the CPU, by compiled code.
-    Closed parts extrude the triangles that face the light. Open parts extrude all triangles, oriented towards the
-    light, with signed edge weights, and are as exact. With the stencil counter, a view whose light rays may cross 255
-    layers or more is counted in a colour target instead; the row's facts say so. Exact except for single pixels;
-    `compare=depth` has more of them and is faster. Its 24 bits suffice because the near plane is moved to the nearest
-    visible surface. The time grows with the screen area of the walls.
+    caster between the eye and the near plane. Silhouettes are found on the CPU, by compiled code: closed parts extrude
+    the triangles that face the light, open parts all, with signed edge weights. With the stencil counter, a view whose
+    light rays may cross 255 layers or more is counted in a colour target instead; the row's facts say so. Exact except
+    for single pixels; `compare=depth` has more of them and is faster. The time grows with the screen area of the walls.
     """
 
     name = "shadow-volume"

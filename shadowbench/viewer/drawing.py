@@ -15,7 +15,7 @@ from shadowbench.errors import ShadowbenchError, message
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
-from shadowbench.measure.rendering import LoadedScene, checked_texture, visibility_of
+from shadowbench.measure.session import LoadedScene, checked_texture, visibility_of
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from shadowbench.errors import message
 from shadowbench.measure.plugin_output import forward_output
 from shadowbench.measure.scoring import prepare_truth, truth_record
-from shadowbench.measure.serve import connected, die_with
-from shadowbench.measure.worker import Pipe, sigint_blocked, spawn
+from shadowbench.measure.worker import Pipe, connected, die_with, sigint_blocked, spawn
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.comparison import PreparedTruth
@@ -142,7 +141,7 @@ def _send(pipe: Pipe, questions: "queue.SimpleQueue[object]") -> None:
 
 
 def serve(handle: str, parent: str) -> None:
-    """Answer questions until the pipe is closed; arguments: as of `measure.serve`. Only the latest one is answered."""
+    """Answer questions until the pipe is closed; arguments: as of `worker.serve`. Only the latest one is answered."""
     pipe = connected(handle)
     die_with(int(parent))
     os.nice(_NICE)  # drawing goes first

@@ -15,7 +15,7 @@ from pydantic import Field
 from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
 from shadowbench.files import check_outputs, data_folder, replace_file
-from shadowbench.measure.row_store import read_run_file, stream_rows
+from shadowbench.measure.rows import read_run_file, stream_rows
 from shadowbench.options import FIRST, VIEW_SIZE, SceneOptions
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.assumed import GROUND_SIDE, content_of

@@ -21,7 +21,7 @@ from shadowbench.commands import console
 from shadowbench.errors import number
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import value_label
-from shadowbench.measure import doctor as measure_doctor
+from shadowbench.measure import machine as measure_machine
 from shadowbench.reports.texts import digits
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
@@ -303,7 +303,7 @@ def test_list_tells_parameters_presets_values_and_plug_ins(shadowbench: Shadowbe
 def test_doctor_names_the_device_and_the_clock(
     shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(measure_doctor, "SERIES", 1)
+    monkeypatch.setattr(measure_machine, "SERIES", 1)
     monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path))  # Doctor counts truths, and other tests trace meanwhile.
     found = json.loads(shadowbench("doctor", "--json").out)
     assert {"machine", "versions", "opengl", "embree", "truth_cache"} == set(found)

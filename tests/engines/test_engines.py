@@ -24,9 +24,9 @@ from shadowbench.engines.programs import (
 )
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.masks.export import describe
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.drawer import CellFailed
-from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.campaign import Block, Cell
+from shadowbench.measure.session import Rendering
+from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.registry import engines
 from shadowbench.plugin.spec import Spec, parse_spec

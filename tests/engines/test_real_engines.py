@@ -1,7 +1,5 @@
 """Engines themselves, installed from their lock files: an independent truth, and the presets named after them."""
 
-import os
-import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -55,23 +53,6 @@ def test_a_preset_named_after_an_engine_draws_as_it_does(
     theirs, ours = engine.partition(":")[0], "shadow-map"
     assert (medians["iou"][theirs] - medians["iou"][ours]).abs().max() <= 0.01
     assert (medians["acne"][theirs] - medians["acne"][ours]).abs().max() <= 0.005
-
-
-def test_a_browser_that_is_killed_fails_a_cell_and_the_rest_goes_on(
-    tmp_path: Path, start: Any, records: Callable[..., list[dict[str, Any]]]
-) -> None:
-    out = tmp_path / "out"
-    specs = [part for bias in range(1, 9) for part in ("-t", f"three:bias=-0.000{bias}")]
-    run = start("run", "cube-on-plane", *specs, *SIZE, "--phases", "4", "-o", out)
-    run.until(lambda: out.joinpath("rows.jsonl").exists() and len(records(out)) > 2)
-    browsers = [one for one in psutil.Process(run.process.pid).children(recursive=True) if "chrom" in one.name()]
-    os.kill(max(browsers, key=lambda one: len(one.children(recursive=True))).pid, signal.SIGKILL)
-    code, _, err = run.end()
-    rows = records(out)
-    failed = [row for row in rows if row["status"] != "ok"]
-    assert len(rows) == 32 and len(failed) == 1, err
-    assert "it ended with exit code" in failed[0]["status"]
-    assert code == 3
 
 
 def test_a_run_that_is_killed_leaves_no_program(

@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation
 
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import Axis
-from shadowbench.measure.drawer import Limits
+from shadowbench.measure.worker import Limits
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.ranges import Failure, failure, operating_range
 from shadowbench.scores.masks import mask_sha256, read_mask

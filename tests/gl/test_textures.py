@@ -2,7 +2,6 @@
 
 import io
 import logging
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -91,8 +90,8 @@ def test_what_is_cut_away_leaves_no_dark_rim(painted) -> None:
     texels[4:12, 4:12] = 40, 200, 40, 255
     image = encoded(texels)
     cutout = cut_out(texels[..., 3])
-    leaf = wall(Texture(image, "a", opaque=False), cutout=cutout)
-    leaf = replace(leaf, places=cutout.places(leaf.coordinates))
+    places = cutout.places(wall(None).coordinates)
+    leaf = wall(Texture(image, "a", opaque=False), cutout=cutout, places=places)
     picture = painted(leaf)
     shown = picture[..., 1] > picture[..., 2] + 20
     assert 0.2 < shown.mean() < 0.3, "half as wide and as high as the wall"

@@ -240,10 +240,10 @@ def test_bad_input_is_one_line_that_says_what_is_allowed(
         ((SCENE, tmp_path / "mirrored.png", *run), "is flipped horizontally,"),
         ((SCENE, tmp_path / "inverted.png", *run), "is inverted,"),
         ((SCENE, tmp_path / "wide.png", *run), "found 256 × 200 pixels; allowed: a square"),
-        ((SCENE,), "found neither a mask nor screenshots of stairs; allowed: shadowbench score stairs MASK.png, or"),
-        ((SCENE, mask, "--lit", mask), "found MASK and --lit; allowed: MASK, or"),
+        ((SCENE,), "found no picture; allowed: MASK; or --lit and --shadowed, with or without --ambient and --linear"),
+        ((SCENE, mask, "--lit", mask), "found MASK and --lit; allowed: MASK; or"),
         ((SCENE, "--lit", mask), "found --lit; allowed"),
-        ((SCENE, mask, "--linear"), "--linear: found MASK; allowed: with --lit and --shadowed"),
+        ((SCENE, mask, "--linear"), "found MASK and --linear; allowed"),
         ((SCENE, "--lit", black, "--shadowed", black), "lit − ambient is below 1/64 in every pixel"),
         ((SCENE, mask, "--name", "x"), "found one of them; allowed: both"),
         ((SCENE, mask, "-o", tmp_path / "rows", "--name", "a/b"), "--name: found 'a/b'; allowed: letters, digits"),
@@ -297,18 +297,3 @@ def test_a_stored_truth_is_scored_without_embree_and_gl(shadowbench: Callable, m
     command = [sys.executable, "-c", code, "score", stored, mask, "-o", tmp_path / "rows", "--name", "mine"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "score, mask and difference of mine added" in done.stdout
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="only Linux tells which libraries are loaded")
-def test_export_and_score_load_no_library_of_gl(mask: Path, tmp_path: Path) -> None:
-    code = (
-        "import sys; from shadowbench.commands import app; app(sys.argv[1:], standalone_mode=False); "
-        "import shadowbench.pytest_plugin; assert not {'moderngl', 'glcontext', 'glm', 'pyglm'} & set(sys.modules); "
-        "print(*{line.split('/')[-1].strip() for line in open('/proc/self/maps')})"
-    )
-    for arguments in (["export", SCENE, tmp_path / "out"], ["score", SCENE, mask, "-o", tmp_path / "o", "--name", "x"]):
-        done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
-        libraries = done.stdout.splitlines()[-1].split()
-        assert any(name.startswith("libembree") for name in libraries) or "embree" in done.stdout
-        assert [name for name in libraries if name.startswith(("libEGL", "libGL", "libOSMesa", "libgallium"))] == []

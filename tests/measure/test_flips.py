@@ -53,16 +53,6 @@ def test_only_a_window_that_follows_the_camera_shimmers_when_it_turns_unless_it_
     assert snapped < loose / 20  # found: one pixel, where a texel's corner lies between the four around it
 
 
-def test_what_is_exact_does_not_shimmer_when_the_light_moves_and_a_map_does(
-    shadowbench: Any, records: Any, tmp_path: Path
-) -> None:
-    rows = rows_of(shadowbench, records, tmp_path, STUDY.format(step="light"))
-    assert rows["ray-traced"]["flips"] == rows["shadow-volume"]["flips"] == 0
-    for spec, row in rows.items():
-        if row["map_size"]:
-            assert row["flips"] > 0, f"the texels of {spec} turn with the light"
-
-
 def directions(view: View) -> np.ndarray:
     return ViewRays(view).directions(slice(0, view.size)).reshape(3, view.size, view.size)
 
@@ -91,7 +81,7 @@ def turned(builtin: Callable[..., View]) -> Callable[..., Frames]:
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("at", np.linspace(-3.0, 3.0, 13))
+@pytest.mark.parametrize("at", [-3.0, -0.5, 0.0, 1.5])
 def test_an_edge_that_stays_on_its_surface_does_not_flip_wherever_the_pixels_are(turned, at: float, axis: int) -> None:
     stepped, before, after, was, now = turned(at, 0.0, 0.0, axis)
     assert stepped.count([before, after], [was, now]) == 0
@@ -108,12 +98,6 @@ def test_an_edge_that_moves_by_a_pixel_flips_one_line_of_the_four_beside_the_tru
 def test_flips_are_counted_near_true_edges_alone(turned, at: float, true_at: float, found: float | None) -> None:
     stepped, before, after, was, now = turned(at, 1.0, true_at)
     assert stepped.count([before, after], [was, now]) == found
-
-
-def test_a_pixel_that_changes_in_the_truth_too_is_not_counted(turned) -> None:
-    stepped, before, after, was, _ = turned(0.0, 1.0, 0.0)
-    *_, now = turned(0.0, 0.0, 1.0)
-    assert stepped.count([before, after], [was, now]) == 0
 
 
 def test_under_a_light_with_a_size_flips_are_undefined(turned) -> None:
@@ -150,19 +134,6 @@ def test_a_step_of_the_light_is_as_wide_as_seen_from_what_is_looked_at(builtin, 
     assert 0 < angle <= np.hypot(RIGHT, UP) * pixel * (1 + 1e-3)
     if before.light.kind == "directional":
         assert angle == pytest.approx(np.hypot(RIGHT, UP) * pixel, rel=1e-3)
-
-
-def test_rows_without_a_step_are_what_they_were_and_a_step_measures_them_anew(
-    shadowbench: Any, records: Any, tmp_path: Path
-) -> None:
-    text = STUDY.replace('"street"', '"cube-on-plane"').format(step="camera")
-    plain = rows_of(shadowbench, records, tmp_path, text.replace('step = "camera"\n', ""))
-    again = rows_of(shadowbench, records, tmp_path, text)
-    for spec, row in plain.items():
-        assert not {"flips", "step"} & row.keys()
-        assert row["key"] != again[spec]["key"] and again[spec]["step"] == "camera"
-        same = row.keys() - {"key", "command"}
-        assert {name: row[name] for name in same} == {name: again[spec][name] for name in same}
 
 
 STILL, FAR = (1, 1, 0, 0), (1, 1, 1, 1, 1, 1, 1, 0, 0, 0)

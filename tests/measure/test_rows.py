@@ -1,44 +1,58 @@
-"""The lock of a run folder, in the moment when its file is removed."""
+"""Run folders with a row that no command writes: one line that names the file and the line, never a traceback."""
 
-import sys
+import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.measure.row_store import RowStore
-from shadowbench.scores.metrics import METRICS
-from tests.conftest import key_of
+from shadowbench.measure.rows import read_run_file, stream_rows
+from tests.results.cells import cell, rows, timed
 
-SCORE = {
-    "kind": "score", "key": key_of("a"), "scene": "s", "view": "camera", "light": "sun", "phase": 0,
-    "technique": "unshadowed", "spec": "unshadowed", "full_spec": "unshadowed", "map_size": None, "view_size": 16,
-    "coordinates": "relative", "renderer": "r", "status": "ok", "metrics": dict.fromkeys(METRICS, 0.5), "receivers": 9,
-    "undecided": 1, "gpu_bytes": 100, "work": {"draws": 1}, "facts": {}, "assumptions": [],
-}  # fmt: skip
+NAN = float("nan")
+BAD: dict[str, tuple[str, Any]] = {
+    "NaN in a metric": ("metrics.iou", NAN),
+    "a key that leads out of the folder": ("key", "../../secret"),
+    "a scene that leads out of the folder": ("scene", "../../secret"),
+    "a map size of half a texel": ("map_size", 0.5),
+    "another status": ("status", "fine"),
+    "bytes that are null": ("gpu_bytes", None),
+    "another schema": ("schema", 2),
+    "no kind": ("kind", None),
+    "half a place on an axis": ("axis", "elevation"),
+}
+BAD_TIMES = {
+    "a time below 0": ("frame_ms", -1.0),
+    "0 rounds": ("n", 0),
+    "no ratio and no reason": ("ratio", None),
+}
+BAD_RUN = {"device as text": {"device": "a GPU"}, "a key that leads out": {"keys": ["../../secret"]}, "a list": []}
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be removed there")
-def test_a_process_that_opened_a_lock_before_its_release_does_not_write_with_the_next_owner(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    first, holders = RowStore(tmp_path), []
-    import fcntl
+def test_a_row_that_no_command_writes_is_one_line(tmp_path: Path) -> None:
+    good = cell()
+    for what, (place, value) in (BAD | BAD_TIMES).items():
+        record = json.loads(json.dumps(timed(good) if what in BAD_TIMES else good))
+        *parents, last = place.split(".")
+        holder = record
+        for name in parents:
+            holder = holder[name]
+        holder[last] = value
+        file = rows(tmp_path / what, good, record) / "rows.jsonl"
+        with pytest.raises(InputError) as error:
+            list(stream_rows(file))
+        assert str(error.value).startswith(f"{file} line 2: ") and "\n" not in str(error.value), what
+    for text in ("", "notes of mine", "[]", "[" * 10_000):
+        file.write_text(f"{json.dumps(good)}\n{text}\n")
+        with pytest.raises(InputError, match="line 2: "):
+            list(stream_rows(file))
 
-    lock = fcntl.flock
 
-    def late(file: Any, operation: int) -> None:
-        """Delays the second process's lock until the first has released the file and a third has locked a new one."""
-        monkeypatch.setattr(fcntl, "flock", lock)
-        first.close()
-        holders.append(RowStore(tmp_path))
-        lock(file, operation)
-
-    monkeypatch.setattr(fcntl, "flock", late)
-    with pytest.raises(InputError, match="another run writes into it"):
-        RowStore(tmp_path)
-    (third,) = holders
-    third.append(SCORE)
-    third.close()
-    RowStore(tmp_path).close()
+def test_a_run_json_that_no_command_writes_is_one_line(tmp_path: Path) -> None:
+    file = tmp_path / "run.json"
+    for what, content in BAD_RUN.items():
+        file.write_text(json.dumps(content))
+        with pytest.raises(InputError) as error:
+            read_run_file(file)
+        assert str(error.value).startswith(f"{file}: ") and "\n" not in str(error.value), what

@@ -8,11 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 
-from tests.promises.conftest import Record, gone, marked, study_text, unsigned
-from tests.samples import sampled
+from tests.promises.conftest import Record, gone, study_text, unsigned
 
 Records = Callable[..., list[Record]]
 
@@ -52,10 +50,7 @@ def undisturbed(shadowbench: Any, arguments: Any, tmp_path: Path, records: Recor
 
 @pytest.mark.parametrize(
     ("place", "gate", "rows"),
-    sampled(
-        [(0, GATE, 0), (1, GATE, 1), (3, GATE, 3), (1, LATE_GATE, 4), (3, LATE_GATE, 4)],
-        [(0, GATE, 0), (3, GATE, 3), (1, LATE_GATE, 4)],
-    ),
+    [(0, GATE, 0), (3, GATE, 3), (1, LATE_GATE, 4)],
 )
 @pytest.mark.slow
 def test_a_killed_run_resumes_with_the_same_results(
@@ -162,128 +157,6 @@ def test_a_run_stops_without_a_word_too_many(
     monkeypatch.setenv("GATE", str(tmp_path))
     assert shadowbench(*arguments(1, gate), "--json").code == 0
     assert len(records(out)) == 8
-
-
-@pytest.mark.slow
-def test_ctrl_c_while_the_worker_starts_is_silent_and_leaves_no_process(start: Any, arguments: Any) -> None:
-    stopped = start(*arguments(1), GATE="shut")
-    stopped.until(stopped.family)
-    family = stopped.family()
-    os.killpg(stopped.process.pid, signal.SIGINT)
-    code, _, err = stopped.end()
-    assert err == f"{STOPPED}\n"
-    assert code in (130, -signal.SIGINT), "the same to a shell: Python ends by the signal that came within an exec"
-    assert gone(family)
-
-
-# Ctrl-C at the moment when the first process has been started and nobody knows of it yet. A second thread, as of a
-# progress bar, receives a signal that the main one blocks.
-BETWEEN = """
-import _posixsubprocess, os, signal, threading, time
-
-start = _posixsubprocess.fork_exec
-
-def interrupted(*arguments):
-    _posixsubprocess.fork_exec = start
-    process = start(*arguments)
-    os.kill(os.getpid(), signal.SIGINT)
-    time.sleep(0.1)  # Python interrupts here, if anywhere
-    return process
-
-if os.environ.pop("FIRST", None):  # the command's process, not those that it starts
-    _posixsubprocess.fork_exec = interrupted
-    threading.Thread(target=threading.Event().wait, daemon=True).start()
-"""
-
-
-def test_ctrl_c_waits_until_the_worker_is_known(start: Any, arguments: Any, tmp_path: Path) -> None:
-    (tmp_path / "sitecustomize.py").write_text(BETWEEN)
-    path = os.pathsep.join([str(tmp_path), *sys.path])
-    stopped = start(*arguments(1), GATE=tmp_path / "shut", FIRST="yes", PYTHONPATH=path)
-    code, printed, err = stopped.end()
-    assert (code in (130, -signal.SIGINT), printed, err) == (True, "", f"{STOPPED}\n")
-    assert gone(marked("GATE", tmp_path / "shut"))
-
-
-# Ctrl-C at the moment when a module is looked for, by somebody who takes any exception for its absence.
-IMPORTED = """
-import os, signal, sys
-
-class Interrupted:
-    def find_spec(self, name, *_):
-        if name == {name!r} and os.environ.pop("FIRST", None):
-            os.kill(os.getpid(), signal.SIGINT)
-
-sys.meta_path.insert(0, Interrupted())
-"""
-SWALLOWING = """
-try:
-    import optional
-except BaseException:
-    pass
-"""
-# Python prints and ignores what is raised here.
-DELETED = """
-import os, signal
-
-class Deleted:
-    def __del__(self):
-        if os.environ.pop("FIRST", None):
-            os.kill(os.getpid(), signal.SIGINT)
-
-Deleted()
-"""
-
-
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [("typer", ""), ("optional", SWALLOWING), ("", DELETED)],
-    ids=["the command line", "a package that another can do without", "a finaliser"],
-)
-def test_ctrl_c_is_not_lost_where_exceptions_are(start: Any, tmp_path: Path, half: Path, name: str, text: str) -> None:
-    (tmp_path / "sitecustomize.py").write_text(IMPORTED.format(name=name))
-    plugin = tmp_path / "slow.py"
-    plugin.write_text(f"{half.read_text()}{text}\nimport time\ntime.sleep(5)\n")
-    path = os.pathsep.join([str(tmp_path), *sys.path])
-    stopped = start("list", "techniques", "--plugin", plugin, FIRST="yes", PYTHONPATH=path)
-    assert stopped.end() == (130, "", f"{STOPPED}\n")
-
-
-THREADED = """
-import sys, threading, time, psutil
-import shadowbench as sb
-
-def call(spec):
-    def draw():
-        print(sb.render("cube-on-plane", spec, view_size=16).visibility.mean(), flush=True)
-    thread = threading.Thread(target=draw)
-    thread.start()
-    thread.join()
-    while thread.native_id in {one.id for one in psutil.Process().threads()}:
-        pass
-    return psutil.Process().children()
-
-assert call("unshadowed") == call("unshadowed"), "the worker outlives the thread that started it"
-print("ready", flush=True)
-time.sleep(600)
-"""
-
-
-@pytest.mark.slow
-def test_a_script_on_standard_input_draws_in_threads_and_its_worker_ends_with_it(tmp_path: Path) -> None:
-    """Without a guard for the main module, and beside a file that has the name of a library."""
-    (tmp_path / "numpy.py").write_text("raise ImportError('somebody else's, beside which one happens to stand')\n")
-    with subprocess.Popen(
-        [sys.executable, "-P"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=tmp_path
-    ) as script:
-        assert script.stdin is not None and script.stdout is not None
-        script.stdin.write(THREADED)
-        script.stdin.close()
-        assert [script.stdout.readline() for _ in range(3)] == ["1.0\n", "1.0\n", "ready\n"]
-        family = psutil.Process(script.pid).children(recursive=True)
-        assert family
-        script.kill()
-        assert gone(family)
 
 
 @pytest.mark.slow

@@ -1,15 +1,20 @@
 """`merge`: folders of machines and parts become one, unless their scores differ."""
 
 import json
-import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from shadowbench.scores.masks import mask_sha256, write_mask
+from shadowbench.errors import InputError
+from shadowbench.measure.campaign import Block
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import view_of
+from shadowbench.scores.masks import write_mask
+from shadowbench.studies.run import Part, names_of
 from tests.reports.conftest import POINTS
 from tests.results.cells import GOOD, SIDE, WORSE, cell, read, rows, timed
 
@@ -49,7 +54,7 @@ def test_cells_times_images_and_facts_of_all_folders_are_in_the_result(merge: Me
             write(folder, name, 1.0)
     answer, merged = merge(one, two), tmp_path / "all"
     assert (answer.code, answer.err) == (0, "")
-    assert answer.out.endswith("all: 2 cells, 1 time of 1 machine, from 2 folders\n")
+    assert answer.out.endswith("all: 2 cells, 1 time, from 2 folders\n")
     assert read(merged) == [mine, yours] and read(merged, "time") == [timed(mine)]
     about = json.loads((merged / "run.json").read_text())
     assert about["keys"] == [mine["key"], yours["key"]] and about["assumptions"] == ["of one", "of two"]
@@ -66,7 +71,6 @@ def test_cells_times_images_and_facts_of_all_folders_are_in_the_result(merge: Me
         ({"metrics": WORSE}, ["iou", "ssim"]),
         ({"mask_sha256": "f" * 64}, ["mask"]),
         ({"metrics": GOOD | {"iou": GOOD["iou"] * (1 + 1e-6)}}, ["iou"]),
-        ({"metrics": GOOD | {"contact": None}}, ["contact"]),
         ({"status": "unsupported: too large"}, ["status"]),
     ],
 )
@@ -91,48 +95,12 @@ def test_scores_that_differ_by_rounding_are_equal(merge: Merge, tmp_path: Path) 
     assert read(tmp_path / "all") == [cell(metrics=exact)]
 
 
-def test_cells_of_other_code_are_kept_and_noted(merge: Merge, tmp_path: Path) -> None:
-    old, new = cell(key="0" * 24), cell(key="1" * 24)
-    answer = merge(described(tmp_path / "old", old), described(tmp_path / "new", new))
-    assert answer.code == 0 and answer.err.startswith("note: 1 cell in rows.jsonl but not in the table: ")
-    assert read(tmp_path / "all") == [old, new]
-    assert len((tmp_path / "all" / "table.csv").read_text().splitlines()) == 2
-
-
 @pytest.mark.parametrize("order", [1, -1])
 def test_scores_of_engines_are_merged_with_those_of_one_renderer(merge: Merge, tmp_path: Path, order: int) -> None:
     engine = cell("my-engine", size=None, renderer="my-engine", content="c")
     folders = [rows(tmp_path / "engine", engine), rows(tmp_path / "run", cell())]
     assert merge(*folders, rows(tmp_path / "gpu", cell(renderer="a GPU"))).code == 2
     assert merge(*folders[::order]).code == 0
-
-
-def test_facts_are_those_of_a_folder_that_has_them(merge: Merge, tmp_path: Path) -> None:
-    stopped, complete = rows(tmp_path / "stopped", cell("cube-map")), described(tmp_path / "complete", cell())
-    assert merge(stopped, complete).code == 0
-    assert json.loads((tmp_path / "all" / "run.json").read_text())["machine_key"] == "m"
-
-
-@pytest.mark.parametrize("damaged", [0.5, None])
-def test_a_good_mask_is_taken_and_a_damaged_one_named(
-    merge: Merge, shadowbench: Callable[..., Any], tmp_path: Path, damaged: float | None
-) -> None:
-    """One of another level, or half a PNG."""
-    record = cell(mask_sha256=mask_sha256(LIT))
-    bad, good = (
-        write(described(tmp_path / name, record), f"masks/{record['key']}", 1.0 if level is None else level)
-        for name, level in (("bad", damaged), ("good", 1.0))
-    )
-    if damaged is None:
-        bad.write_bytes(bad.read_bytes()[:45])
-    answer = merge(tmp_path / "bad", tmp_path / "good")
-    told = f"note: {bad}: is not what was scored: that of another folder is taken\n"
-    assert (answer.code, answer.err) == (0, told)
-    assert (tmp_path / "all" / "masks" / bad.name).read_bytes() == good.read_bytes()
-    answer = shadowbench("merge", tmp_path / "bad", "-o", tmp_path / "alone")
-    left_out = "left out, as no folder has a good one; the row stays"
-    assert (answer.code, answer.err) == (0, f"note: {bad}: is not what was scored: {left_out}\n")
-    assert read(tmp_path / "alone") == [record] and not (tmp_path / "alone" / "masks").exists()
 
 
 def test_of_two_truths_the_later_folder_s_is_shown(merge: Merge, tmp_path: Path) -> None:
@@ -143,28 +111,6 @@ def test_of_two_truths_the_later_folder_s_is_shown(merge: Merge, tmp_path: Path)
     )
     assert merge(*folders).code == 0
     assert (tmp_path / "all" / "truth" / later.name).read_bytes() == later.read_bytes()
-
-
-def test_only_images_are_merged(merge: Merge, shadowbench: Callable[..., Any], tmp_path: Path) -> None:
-    """Of a link, the file; a pipe is not waited for."""
-    record = cell(mask_sha256=mask_sha256(LIT))
-    part = described(tmp_path / "part", record)
-    mask = write(part, f"masks/{record['key']}", 1.0)
-    mask.rename(tmp_path / "elsewhere.png")
-    mask.symlink_to(tmp_path / "elsewhere.png")
-    (tmp_path / "private").write_text("not for others")
-    for kind in ("pictures", "truth"):
-        (part / kind).mkdir()
-    os.mkfifo(part / "pictures" / f"{record['key']}.png")
-    (part / "truth" / "s.camera.sun.16.png").symlink_to(tmp_path / "private")
-    answer, merged = merge(part), tmp_path / "all"
-    assert answer.code == 0 and answer.err.count("is no PNG: left out\n") == answer.err.count("\n") == 2
-    assert [str(file.relative_to(merged)) for file in merged.glob("*/*")] == [f"masks/{mask.name}"]
-    assert not (merged / "masks" / mask.name).is_symlink()
-    mask.unlink()
-    os.mkfifo(mask)
-    answer = shadowbench("merge", part, "-o", tmp_path / "none", "-q")
-    assert answer.code == 0 and not (tmp_path / "none" / "masks").exists()
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -182,7 +128,7 @@ def test_times_are_kept_by_machine_and_the_table_has_those_of_one(merge: Merge, 
         described(tmp_path / "quick", one, timed(one)),
         described(tmp_path / "slow", one, two, *slow, machine="slow"),
     ]
-    assert "3 times of 2 machines" in merge(*parts, tmp_path / "slow").out
+    assert "3 times" in merge(*parts, tmp_path / "slow").out
     assert read(tmp_path / "all", "time") == [timed(one), *slow]
     assert (tmp_path / "all" / "table.csv").read_text().count(",slow,") == 2
 
@@ -196,27 +142,6 @@ def test_sweeps_are_merged_with_their_ranges(merge: Merge, shadowbench: Callable
     ranges = (tmp_path / "all" / "ranges.csv").read_text()
     assert "breaks at 0.2°" in ranges and "cube-map,cube-map" in ranges
     assert shadowbench("report", tmp_path / "all", "-o", tmp_path / "report.md", "--format", "md").code == 0
-
-
-def test_a_folder_whose_command_was_stopped_is_merged_and_named(merge: Merge, tmp_path: Path) -> None:
-    part = rows(tmp_path / "part", cell())
-    with (part / "rows.jsonl").open("a") as stream:
-        stream.write('{"schema": 1, "kin')
-    answer = merge(part)
-    told = f"note: {part}: the last row is cut off: its command was stopped; repeat it, then merge again\n"
-    assert (answer.code, answer.err) == (0, told)
-    assert read(tmp_path / "all") == [cell()]
-
-
-def test_what_a_killed_merge_left_is_replaced(merge: Merge, start: Any, tmp_path: Path) -> None:
-    part = rows(tmp_path / "part", *(cell(size=size) for size in range(1, 4001)))
-    started = start("merge", part, "-o", tmp_path / "all")
-    started.until((tmp_path / ".all.merging").exists)
-    started.process.kill()
-    started.end()
-    assert not (tmp_path / "all").exists() and (tmp_path / ".all.merging").exists()
-    assert merge(part).code == 0
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["all", "part"]
 
 
 @pytest.mark.parametrize(
@@ -244,7 +169,7 @@ def test_folders_that_do_not_belong_together_are_one_line(
 
 def test_an_output_with_other_files_is_one_line(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     part = rows(tmp_path / "part", cell())
-    for output, words in ((part, "is one of the folders to merge"), (tmp_path, "found other files, such as part")):
+    for output, words in ((part, "is not empty"), (tmp_path, "is not empty")):
         answer = shadowbench("merge", part, "-o", output)
         assert (answer.code, words in answer.err) == (2, True) and answer.err.count("\n") == 1
     (tmp_path / "empty").mkdir()
@@ -252,3 +177,16 @@ def test_an_output_with_other_files_is_one_line(shadowbench: Callable[..., Any],
     assert shadowbench("merge", part, "-o", tmp_path / "link").code == 0
     assert len(read(tmp_path / "empty")) == 1
     assert shadowbench("merge", part, "-o", part / "rows.jsonl").code == 2
+
+
+def test_parts_share_all_blocks_and_deal_those_of_two_lights_alike_in_any_order() -> None:
+    scene = load_scene("stairs")
+    lights = [replace(scene.lights[0], name=f"sun-{number}") for number in range(12)]
+    blocks = [Block(view_of(scene, scene.cameras[0], light, 16), ()) for light in lights]
+    parts = [Part(number, 5).of(blocks, names_of) for number in range(1, 6)]
+    assert {block for part in parts for block in part} == set(blocks)
+    assert sorted(map(len, parts)) == [2, 2, 2, 3, 3]
+    assert set(Part(1, 5).of(blocks[::-1], names_of)) == set(parts[0])
+    for text in ("0/0", "4/3", "1/0", "-1/2", "1.5/2", "one", "1", ""):
+        with pytest.raises(InputError, match=r"^--part: found '.*'; allowed: K/N, as in 3/16, "):
+            Part.named(text)

@@ -88,21 +88,6 @@ def test_a_time_with_another_reference_or_none_is_not_compared() -> None:
     assert "times of 2 cells left out: they have no ratio to shadow-map:size=1024" in time_notes(reference)
 
 
-def test_without_any_ratio_there_is_no_time() -> None:
-    frame, reference = normalise_times(cells_frame([timed("none", 5.0, ratio=None, ratio_iqr=None)]))
-    assert reference is None and frame["frame_ms"].isna().all()
-    assert time_notes(reference) == []
-
-
-def test_each_table_has_a_reference_of_its_own() -> None:
-    cells = [*MIXED, timed("lamp", 8.0, 4.0, scene="lamp", reference="cube-map:size=1024")]
-    found = {scene: summary.reference for scene, summary in summaries_of(*cells).items()}
-    assert {scene: one and (one.name, one.ms) for scene, one in found.items()} == {
-        "cube": ("shadow-map:size=1024", 15),
-        "lamp": ("cube-map:size=1024", 4),
-    }
-
-
 @pytest.mark.parametrize(("longest", "drifted"), [(10 * DRIFT, False), (10 * DRIFT + 0.1, True)])
 def test_a_table_says_where_the_reference_took_longer_by_more_than_a_quarter(longest: float, drifted: bool) -> None:
     assert DRIFT == 1.25
@@ -118,28 +103,6 @@ def test_a_reference_that_costs_more_in_another_view_is_no_drift_of_the_machine(
     reference = reference_of(*cells, timed("b", 1.0, 40.0, view="b"))
     assert reference.drifted
     assert (reference.shortest_ms, reference.longest_ms) == (30, 40), "of the view whose blocks differ"
-
-
-def test_notes_name_the_reference_and_the_mark() -> None:
-    first, *others = time_notes(reference_of(*MIXED), [True, False])
-    told = "ms: time relative to shadow-map:size=1024, in interleaved rounds, × 15 ms, its median over 2 measurements"
-    assert first == told
-    assert any(note.startswith("~: 1 of 2 times have an interquartile range") for note in others)
-
-
-@pytest.mark.parametrize(("rounds", "known"), [(1, False), (2, True)])
-def test_a_single_round_does_not_tell_how_far_times_vary(rounds: int, known: bool) -> None:
-    reference = normalise_times(cells_frame(MIXED).assign(n=rounds))[1]
-    assert any("one round: how far times vary is unknown" in note for note in time_notes(reference)) != known
-
-
-@pytest.mark.parametrize(
-    ("count", "ending", "whose"), [(1, "", "its own time"), (2, "s", "its median over 2 measurements")]
-)
-def test_notes_count_blocks_and_cells_left_out(count: int, ending: str, whose: str) -> None:
-    blocks, left_out = time_notes(ReferenceTime("r", 10.0, 10.0, 10.0, count, count, False))
-    assert blocks.endswith(f"× 10 ms, {whose}")
-    assert left_out.startswith(f"times of {count} cell{ending} left out")
 
 
 SMALL = st.integers(0, 5).map(float)  # few values, so that ties are met

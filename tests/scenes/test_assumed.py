@@ -20,8 +20,7 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_digest
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.studies.study import Study
-from shadowbench.survey.explanations import explanations_of
-from shadowbench.survey.survey import needs
+from shadowbench.survey.survey import explanations_of, needs
 from tests.scenes.conftest import refused
 
 

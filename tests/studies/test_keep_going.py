@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from shadowbench.measure.campaign import Campaign
-from shadowbench.measure.cells import Block
-from shadowbench.measure.drawer import CellFailed
+from shadowbench.measure.campaign import Block, Campaign
+from shadowbench.measure.worker import CellFailed
 from tests.runs import CHANGING
 
 Shadowbench = Callable[..., Any]

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.measure.cells import Block
+from shadowbench.measure.campaign import Block
 from shadowbench.options import Measuring, ViewOptions
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec

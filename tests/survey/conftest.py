@@ -8,8 +8,7 @@ import pytest
 import trimesh
 
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
-from shadowbench.survey.explanations import explanations_of
-from shadowbench.survey.survey import needs
+from shadowbench.survey.survey import explanations_of, needs
 
 Position = tuple[float, float, float]
 

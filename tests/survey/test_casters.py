@@ -1,25 +1,17 @@
-"""Casters: silhouettes and closed parts, as trimesh and shadow volumes have them; those without a visible shadow."""
+"""Silhouettes and closed parts of casters, as trimesh and shadow volumes have them."""
 
-from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 import shadowbench
 from shadowbench.geometry import topology
-from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.survey.casters import RelevantCasters, casters_of, relevant_casters
-from shadowbench.survey.samples import fitted_map, sample_view
-from shadowbench.truths.trace import trace
-from tests.survey.conftest import DOWN, LIGHTS, SUN, Position, ball, box, from_above, looking, plate, reasons
-
-ALONG = Light("sun", "directional", (0.5, -1.0, 0.0))
+from shadowbench.survey.casters import casters_of
+from tests.survey.conftest import DOWN, SUN, ball, box, looking, plate, reasons
 
 
 def turned(mesh: Mesh) -> Mesh:
@@ -94,57 +86,3 @@ def test_shadow_volumes_draw_two_triangles_for_each_wall_of_closed_and_of_open_p
     assert casters.open == 12 and casters.closed == 12 and casters.walls > casters.silhouette
     (cell,) = shadowbench.run(str(scene), "shadow-volume", view_size=32, rounds=0).to_dict("records")
     assert cell["work_primitives"] == 2 * casters.walls + 1
-
-
-def relevant(view: View) -> RelevantCasters:
-    return relevant_casters(fitted_map(sample_view(view)), sure=True)
-
-
-def assert_same_shadows(view: View) -> None:
-    """Assert that the truth's decided pixels stay as they are without the casters that are left out."""
-    geometry, useless = view.scene.geometry, ~relevant(view).matters
-    casts = geometry.casts.copy()
-    casts[np.flatnonzero(casts)[useless]] = False
-    meshes = [
-        Mesh("part", geometry.vertices, geometry.faces[chosen], casts=casting, receives=receiving)
-        for casting, receiving in product((True, False), repeat=2)
-        if (chosen := (casts == casting) & (geometry.receives == receiving)).any()
-    ]
-    whole, rest = trace(view, 1), trace(replace(view, scene=replace(view.scene, meshes=tuple(meshes))), 1)
-    decided = ~(whole.undecided | rest.undecided)
-    np.testing.assert_array_equal(whole.visibility[decided], rest.visibility[decided])
-
-
-@pytest.mark.parametrize(
-    ("center", "light", "useless"),
-    [
-        ((3.0, 0.15, 0.0), ALONG, 12),
-        ((-2.0, 4.0, 0.0), ALONG, 0),
-        ((0.0, -1.0, 0.0), ALONG, 12),
-        ((0.0, 4.0, 0.0), Light("spot", "spot", (0.0, -1.0, 0.0), (0.0, 3.0, 0.0), 1.0), 12),
-    ],
-    ids=["shadow outside the picture", "box outside, shadow inside", "below all that is seen", "behind a spot"],
-)
-def test_a_box_whose_shadow_is_not_seen_is_left_out(center: Position, light: Light, useless: int) -> None:
-    view = from_above([plate(50.0), box(0.3, center)], light)
-    casters = relevant(view)
-    assert casters.useless == useless and casters.matters[:2].all()
-    assert_same_shadows(view)
-
-
-@pytest.mark.parametrize("name", ["lamp-by-wall", "sphere-and-torus", "spot-lamp", "terrain"])
-def test_no_shadow_changes_without_the_casters_that_are_left_out(name: str) -> None:
-    assert_same_shadows(chosen_view(name, 128))
-
-
-places = st.tuples(st.floats(-3, 3), st.floats(-1, 3), st.floats(-3, 3))
-
-
-@pytest.mark.slow
-@settings(max_examples=40, deadline=None)
-@given(st.lists(st.tuples(st.floats(0.05, 1.0), places), min_size=1, max_size=6), st.sampled_from(LIGHTS))
-def test_no_shadow_changes_wherever_boxes_stand(boxes: list, light: Light) -> None:
-    view = looking([plate(8.0), *(box(side, center) for side, center in boxes)], light, size=32, eye=(0.9, 2.0, 1.5))
-    truth = trace(view)
-    assume((truth.receivers & ~truth.undecided).any())  # not from within a box
-    assert_same_shadows(view)

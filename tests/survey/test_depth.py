@@ -11,7 +11,7 @@ from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape, View
 from shadowbench.scores.metrics import ranking, score
-from shadowbench.survey.depth import (
+from shadowbench.survey.maps import (
     BULB,
     HARD_RMSE,
     BiasNeed,

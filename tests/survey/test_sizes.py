@@ -9,7 +9,19 @@ from hypothesis.extra.numpy import arrays
 from shadowbench.maps.biases import Texel
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.survey.depth import BIAS_STEPS, depths_of
+from shadowbench.survey.maps import (
+    BIAS_STEPS,
+    GRAZING_SLOPE,
+    LIMIT,
+    STEP,
+    WRONG,
+    CascadeSizes,
+    Texels,
+    cascades_of,
+    depths_of,
+    texels_for,
+    texels_of,
+)
 from shadowbench.survey.samples import (
     ANGLES,
     DISPLACEMENTS,
@@ -19,17 +31,6 @@ from shadowbench.survey.samples import (
     fitted_map,
     longest,
     sample_view,
-)
-from shadowbench.survey.sizes import (
-    GRAZING_SLOPE,
-    LIMIT,
-    STEP,
-    WRONG,
-    CascadeSizes,
-    Texels,
-    cascades_of,
-    texels_for,
-    texels_of,
 )
 from shadowbench.techniques.shadow_map import ShadowMap
 from tests.survey.conftest import SUN, from_above, looking, plate, tilted

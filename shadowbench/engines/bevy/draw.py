@@ -69,8 +69,8 @@ def change(world, light, box, params, shadows, exposure):
     world.entity(camera).insert(getattr(pybevy.light.ShadowFilteringMethod, params["filter"]))
 
 
-def draw(**asked):
-    app.world(lambda world: change(world, **asked))
+def draw(**request):
+    app.world(lambda world: change(world, **request))
     last, same = None, 0
     while same < 8:  # a scene is loaded in the meantime, and a picture comes frames late
         app.update()

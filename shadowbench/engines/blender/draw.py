@@ -17,7 +17,7 @@ def open(size):
     side = size
     render = bpy.context.scene.render
     render.engine, render.resolution_x, render.resolution_y = "BLENDER_EEVEE", 8, 8
-    bpy.ops.render.render()  # before which the renderer is not told
+    bpy.ops.render.render()  # before which the renderer has no name
     return bpy.app.version_string, gpu.platform.renderer_get()
 
 

@@ -10,7 +10,7 @@ class Filament(Engine):
     Its settings are out of reach: in the npm package `LightManager$Builder.shadowOptions` throws an error (its issue
     10043), and the filter cannot be chosen. So a map has 1024² texels, a constant bias of 0.001 and a normal bias of 1
     texel. Without post-processing pictures are linear. Spot and point lights fall off with the squared distance; a
-    white surface at half the distance of the scene's far side is as bright as asked for.
+    white surface at half the distance of the scene's far side has the exposure's brightness.
     """
 
     name = "filament"

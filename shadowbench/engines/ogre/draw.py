@@ -18,7 +18,7 @@ def open(size):
     app.createRoot()
     app.getRoot().setRenderSystem(app.getRoot().getRenderSystemByName("OpenGL 3+ Rendering Subsystem"))
     app.setup()
-    Path(FOLDER.name, "scene.glb").touch()  # what is not there yet is not found later
+    Path(FOLDER.name, "scene.glb").touch()  # what is not there yet is not looked for later
     Ogre.ResourceGroupManager.getSingleton().addResourceLocation(FOLDER.name, "FileSystem", "scene")
     scene = app.getRoot().createSceneManager()
     ShaderGenerator.getSingleton().addSceneManager(scene)

@@ -1,1 +1,0 @@
-vec3 bias_offset(ShadowCoord p, float reach) { return p.receiver.normal * (reach * sin_slope(p)); }

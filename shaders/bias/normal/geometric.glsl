@@ -1,1 +1,0 @@
-ShadowCoord with_bias_normal(ShadowCoord p) { return p; }

@@ -1,1 +1,0 @@
-// The map stores depth alone.

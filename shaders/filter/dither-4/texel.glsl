@@ -1,1 +1,0 @@
-float width_in_texels() { return filter_width; }

@@ -1,3 +1,0 @@
-uniform float filter_radius;
-
-float radius(ShadowCoord p) { return filter_radius; }
