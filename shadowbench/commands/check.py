@@ -106,7 +106,7 @@ def check(
 def _write_files(
     checked: Path, findings: "Findings", run: "Run", baseline: "Run | None", asked: CheckOptions, failed: bool
 ) -> dict[str, Path]:
-    """Write the summaries and pictures of a check that failed, in place of those of an earlier one; the pictures."""
+    """Write the summaries and pictures of a check that failed, in place of an earlier one's; the pictures."""
     from shadowbench.files import make_folder, replace_file
     from shadowbench.reports.regressions import markdown, write_pictures
 

@@ -80,7 +80,7 @@ def _kind_of(kind: "Sequence[Summary]", kinds: Sequence[object]) -> str:
 def _print_scene(scene: "Summary", costs: str, swept: "SweepPositions") -> None:
     """A table with a line for each setting; then unsuccessful cells, slopes, notes and bias sweeps."""
     from shadowbench.plugin.registry import preset_names
-    from shadowbench.reports.words import bias_notes, interval_text, phase_note, preset_note
+    from shadowbench.reports.texts import bias_notes, interval_text, phase_note, preset_note
     from shadowbench.results.curves import slopes
     from shadowbench.results.times import time_notes
 
@@ -121,7 +121,7 @@ def _print_settings(title: str, summary: "Summary", settings: "Sequence[Setting]
 
 def _columns(summary: "Summary", settings: "Sequence[Setting]", narrow: bool) -> dict[str, str]:
     """The columns of a table, by heading: fewer on a narrow terminal, no optional one that is empty."""
-    from shadowbench.reports.words import COST_HEADINGS
+    from shadowbench.reports.texts import COST_HEADINGS
     from shadowbench.results.summary import known
     from shadowbench.scores.metrics import plugged_in
 
@@ -160,7 +160,7 @@ def _print_curves(scene: "Summary", swept: "SweepPositions") -> None:
 
 def _cell(summary: "Summary", one: "Setting", key: str) -> str:
     """The error with its interval, else the median; 1 − IoU for `iou`."""
-    from shadowbench.reports.words import error_text, value_text
+    from shadowbench.reports.texts import error_text, value_text
 
     if key == "error":
         return error_text(summary, one, number)
@@ -172,7 +172,7 @@ def _cell(summary: "Summary", one: "Setting", key: str) -> str:
 
 def print_verdict(scenes: "Sequence[Summary]") -> None:
     """The cheapest setting for each accuracy in each scene of one run, then each technique's cost over its scenes."""
-    from shadowbench.reports.words import answer_texts, preset_note, sentence, target_name, verdict
+    from shadowbench.reports.texts import answer_texts, preset_note, sentence, target_name, verdict
     from shadowbench.results.summary import by_kind, over_scenes, title_of_all
 
     kinds = by_kind(scenes)
@@ -207,7 +207,7 @@ def print_verdict(scenes: "Sequence[Summary]") -> None:
 
 def _print_costs(summary: "Summary", kind: str) -> None:
     """What each technique costs, and in how many scenes if not in all; – if no setting reaches the target."""
-    from shadowbench.reports.words import cost_note, cost_text, target_name
+    from shadowbench.reports.texts import cost_note, cost_text, target_name
 
     scenes, costs = len(summary.parts), []
     for technique, answers in summary.matrix(summary.targets).items():

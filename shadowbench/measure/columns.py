@@ -20,8 +20,8 @@ IDENTITY = {
 TIMES = {
     "frame_ms": "Median time of a frame with every pass redrawn, in milliseconds.",
     "frame_iqr_ms": "Interquartile range of that time, in milliseconds.",
-    "added_ms": "Time over that of `unshadowed`, in milliseconds.",
-    "ratio": "Time over that of the reference, timed in turn.",
+    "added_ms": "Time minus the time of `unshadowed`, in milliseconds.",
+    "ratio": "Time divided by the time of the reference, timed in turn.",
     "n": "Number of timed rounds.",
     "clock": "How times are taken.",
 }

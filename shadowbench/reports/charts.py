@@ -11,7 +11,7 @@ from PIL import Image
 
 from shadowbench.files import replace_file
 from shadowbench.plugin.registry import preset_names
-from shadowbench.reports.words import COLUMNS, cost_text, digits, error_text, value_text
+from shadowbench.reports.texts import COLUMNS, cost_text, digits, error_text, value_text
 from shadowbench.results.curves import curves
 from shadowbench.results.summary import Setting, Summary, known
 from shadowbench.techniques.unshadowed import Unshadowed
@@ -181,16 +181,6 @@ _PASS_TIMES = [
 _LEAST_SHARE = 1e-3  # axes of shares are linear below, so as to include 0, and logarithmic above
 _SHARES = (0.0, _LEAST_SHARE, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 _CHANGES = {"light": "when the light moves", "view": "when light or camera moves", "frame": "every frame"}
-# Wheel and touch alone scroll the page; the page has buttons for zoom and reset.
-_ZOOM = {
-    "name": "zoom",
-    "bind": "scales",
-    "select": {
-        "type": "interval",
-        "zoom": "wheel![event.ctrlKey || event.shiftKey]",
-        "translate": "[pointerdown[event.pointerType !== 'touch'], window:pointerup] > window:pointermove!",
-    },
-}
 # A label at the right edge goes below its point and to the left, where a Pareto front has no other.
 _NO_ROOM = "scale('x', datum.cost) + 8 + 6.5 * length(datum.label) > width"
 
@@ -224,7 +214,7 @@ def front_chart(summary: Summary, styles: Styles | None) -> Chart | None:
         *_zero_error_rule(summary, points),
         mark("line", {**at, "order": {"field": "cost"}}, on_front, **line),
         mark("point", at | TOOLTIP, hidden, filled=True, color=INK, size=25, clip=True),
-        {"params": [_ZOOM], **mark("point", at | look | TOOLTIP, SHOWN_ONLY, **point)},
+        mark("point", at | look | TOOLTIP, SHOWN_ONLY, **point),
         mark("text", named, on_front, SHOWN_ONLY, **label, fontSize=11, color=INK, clip=True),
     ]
     return chart_of(f"Error against cost in {summary.title}; the line is the Pareto front", points, layer, 430)

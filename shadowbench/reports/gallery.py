@@ -20,7 +20,7 @@ from PIL import Image
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record
 from shadowbench.reports.stability import Stability
-from shadowbench.reports.words import cost_text, digits, fault_lines, median_text
+from shadowbench.reports.texts import cost_text, digits, fault_lines, median_text
 from shadowbench.results.frame import view_name
 from shadowbench.results.ranges import value_text
 from shadowbench.results.summary import Setting, Summary, known

@@ -8,7 +8,7 @@ import pandas as pd
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.reports.charts import Chart, front_chart, size_chart, styles_of, titled, write_chart
-from shadowbench.reports.words import cost_source
+from shadowbench.reports.texts import cost_source
 from shadowbench.results.frame import Run, over_phases
 from shadowbench.results.law import law_on_record
 from shadowbench.results.summary import Summary, specs_of, summaries

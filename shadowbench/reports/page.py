@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 from shadowbench.extremes.model import NAMES
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.plugin.registry import preset_names
-from shadowbench.reports import stability, sweep_charts, words
+from shadowbench.reports import stability, sweep_charts, texts
 from shadowbench.reports.charts import (
     COLORS,
     MAX_SHOWN,
@@ -92,7 +92,7 @@ def html_report(runs: Sequence[tuple[Run, Sequence[Summary]]], swept: Sequence[S
     text: str = _template().render(
         stability=stability,
         sweep_charts=sweep_charts,
-        words=words,
+        texts=texts,
         runs=[run for run, _ in runs],
         panels=panels,
         page=page,
@@ -100,7 +100,7 @@ def html_report(runs: Sequence[tuple[Run, Sequence[Summary]]], swept: Sequence[S
         galleries=[data[f"stability-{index}"]["gallery"] for index in range(len(swept))],
         light_names=NAMES,
         metrics=ROW_METRICS.values(),
-        presets=words.presets_of(specs),
+        presets=texts.presets_of(specs),
         command=shlex.join(["shadowbench", *sys.argv[1:]]),
         version=VERSION,
         style=(_PAGE / "report.css").read_text(encoding="utf-8"),
@@ -112,7 +112,7 @@ def html_report(runs: Sequence[tuple[Run, Sequence[Summary]]], swept: Sequence[S
 
 def _panel(summary: Summary, run: int, ids: dict[str, str]) -> Data:
     """What the template shows of a summary: its matrices, and the picture that is shown first, that of the verdict."""
-    best = words.verdict_setting(summary)
+    best = texts.verdict_setting(summary)
     techniques = summary.matrix(summary.targets).items()
     each = [(part.scene, part, part.answers(part.real_time, part.targets)) for part in summary.scenes]
     return {
@@ -134,14 +134,14 @@ def _picture_of(summary: Summary, one: Setting, ids: dict[str, str]) -> Data:
 
 
 def _cell(summary: Summary, answer: Answer, ids: dict[str, str]) -> Data:
-    cost, label, note = words.answer_texts(summary, answer)
+    cost, label, note = texts.answer_texts(summary, answer)
     best = answer.cheapest
     about = [note] if best is None else [best.full_spec]
     if answer.ties:
         about.append(f"as cheap, within the noise: {', '.join(one.label for one in answer.ties)}")
     return {
         "cost": cost,
-        "accuracy": words.accuracy_text(summary, answer),
+        "accuracy": texts.accuracy_text(summary, answer),
         "label": label,
         "note": note,
         "about": "; ".join(about),
@@ -152,9 +152,9 @@ def _cell(summary: Summary, answer: Answer, ids: dict[str, str]) -> Data:
 
 def _panel_data(summary: Summary, ids: dict[str, str]) -> Data:
     """The JSON data of a panel: charts, table, and for a single scene pictures."""
-    several, heading = bool(summary.scenes), words.COST_HEADINGS[summary.cost]
+    several, heading = bool(summary.scenes), texts.COST_HEADINGS[summary.cost]
     cost = f"cost, {heading}" if heading == "ms" else heading
-    metrics = dict.fromkeys([*(words.COLUMNS[True].values() if summary.soft else ()), *ROW_METRICS])
+    metrics = dict.fromkeys([*(texts.COLUMNS[True].values() if summary.soft else ()), *ROW_METRICS])
     values = {name: name for name in metrics if name != summary.ranked_by.name}
     values |= (_TIMES if summary.cost == "frame_ms" else {}) | {"GPU bytes": "gpu_bytes"}
     sizes: list[int | None] = sorted({one.map_size for one in summary.timed if one.map_size})
@@ -168,7 +168,7 @@ def _panel_data(summary: Summary, ids: dict[str, str]) -> Data:
             "pass_size": default_size(summary),
         },
         "columns": [*first, *(["worst scene", "scenes"] if several else []), *values, "cells"],
-        "shown": [*first, "worst scene", "scenes", *words.COLUMNS[summary.soft].values()],
+        "shown": [*first, "worst scene", "scenes", *texts.COLUMNS[summary.soft].values()],
         "rows": [_row(summary, one, cost, values, ids) for one in summary.candidates],
         "gallery": None if several else gallery(summary.run.folder, scored_cells(summary)),
     }
@@ -182,13 +182,13 @@ def _row(summary: Summary, one: Setting, cost: str, values: dict[str, str], ids:
 
     def value(name: str) -> tuple[float | None, str]:
         number = getattr(one, name) if name != "map_size" else float("nan")
-        return (number, words.value_text(one, name)) if known(number) else (None, "–")
+        return (number, texts.value_text(one, name)) if known(number) else (None, "–")
 
     columns: dict[str, tuple[float | None, str]] = {
         cost: value(summary.cost),
         "map": (one.map_size, str(one.map_size or "")),
-        summary.ranked_by.error_label: (one.error, words.error_text(summary, one)),
-        "worst scene": (worst.error, f"{words.error_text(part, worst, bounds=False)} in {part.scene}"),
+        summary.ranked_by.error_label: (one.error, texts.error_text(summary, one)),
+        "worst scene": (worst.error, f"{texts.error_text(part, worst, bounds=False)} in {part.scene}"),
         "scenes": (one.scored, f"{one.scored} of {len(summary.parts)}"),
         **{heading: value(name) for heading, name in values.items()},
         "cells": (one.cells, str(one.cells)),

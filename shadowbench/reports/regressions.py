@@ -16,7 +16,7 @@ from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_facets, read_view
-from shadowbench.reports.words import table
+from shadowbench.reports.texts import table
 from shadowbench.results.baseline import MISSING, Change, Findings, Verdict
 from shadowbench.results.frame import Run, identity, view_name
 from shadowbench.scores.metrics import is_soft, leading_error
@@ -84,7 +84,7 @@ def value_text(value: Any) -> str:
 
 
 def counts(findings: Findings, baseline: Path) -> str:
-    """How many cells were compared, and how many of each verdict were found."""
+    """How many cells were compared, and how many have each verdict."""
     cells = {verdict: len(by_cell(findings.of(verdict))) for verdict in _TITLES}
     missing = sum(change.after == MISSING for change in findings.changes)
     cells["regressed"] -= missing

@@ -23,7 +23,7 @@ from shadowbench.reports.charts import (
 from shadowbench.reports.page import html_report, panels_of
 from shadowbench.reports.stability import Stability, analyse, range_text, tolerances
 from shadowbench.reports.sweep_charts import CELL, axis_figure, heat_map
-from shadowbench.reports.words import (
+from shadowbench.reports.texts import (
     COLUMNS,
     COST_HEADINGS,
     accuracy_text,
@@ -139,7 +139,7 @@ _LATEX |= {"–": "--", "−": "$-$", "<": "$<$", ">": "$>$", "…": r"\ldots{}"
 
 
 def _latex_text(text: str) -> str:
-    """Text in which no character but those of commands has a meaning of its own to LaTeX."""
+    """Text whose characters mean nothing of their own to LaTeX, apart from commands."""
     return "".join(_LATEX.get(character, character) for character in text)
 
 

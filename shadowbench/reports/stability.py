@@ -42,8 +42,8 @@ class Stability:
     @property
     def series(self) -> list[Series]:
         """All pairs of a spec and a kind of light with a range, in the order of specs and lights."""
-        found = {(one.spec, one.light) for one in self.ranges}
-        return [(spec, kind) for spec in self.specs for kind in NAMES if (spec, kind) in found]
+        pairs = {(one.spec, one.light) for one in self.ranges}
+        return [(spec, kind) for spec in self.specs for kind in NAMES if (spec, kind) in pairs]
 
     @cached_property
     def range_at(self) -> dict[tuple[str, str, str], OperatingRange]:

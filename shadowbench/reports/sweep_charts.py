@@ -24,7 +24,7 @@ from shadowbench.reports.charts import (
     quantity,
 )
 from shadowbench.reports.stability import Stability
-from shadowbench.reports.words import digits
+from shadowbench.reports.texts import digits
 from shadowbench.results.ranges import TOLERANCES, OperatingRange, failure, tolerances_of, value_text
 
 SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
@@ -58,21 +58,21 @@ def share_color(share: float) -> str:
     return "#" + "".join(f"{round(a + (b - a) * (2 * share - low)):02x}" for a, b in ends)
 
 
-def heat_map(found: Stability) -> Chart:
+def heat_map(stability: Stability) -> Chart:
     """The range of each spec, by kind of light, along each axis; its share of the values is its colour."""
-    names = {(spec, kind): f"{spec}, {NAMES[kind]}" for spec, kind in found.series}
+    names = {(spec, kind): f"{spec}, {NAMES[kind]}" for spec, kind in stability.series}
     cells: list[Chart] = [
         {"row": name, "axis": axis.name, "text": textwrap.wrap(one.plain, 12), "look": share_colors(one)}
-        for axis, ranges in found.table(found.series)
+        for axis, ranges in stability.table(stability.series)
         for name, one in zip(names.values(), ranges, strict=True)
         if one is not None
     ]
     rows: list[Chart] = [
         {"row": name, "text": textwrap.wrap(re.sub("([,:])", r"\1 ", name), 32)} for name in names.values()
     ]
-    heads = [{"axis": one.name, "text": [*one.name.split("-"), *textwrap.wrap(one.unit, 10)]} for one in found.axes]
+    heads = [{"axis": one.name, "text": [*one.name.split("-"), *textwrap.wrap(one.unit, 10)]} for one in stability.axes]
     bands = {"type": "ordinal", "axis": None, "scale": {"paddingInner": 0.05, "paddingOuter": 0.02}}
-    x = {"field": "axis", "sort": [axis.name for axis in found.axes], **bands}
+    x = {"field": "axis", "sort": [axis.name for axis in stability.axes], **bands}
     y = {"field": "row", "sort": list(names.values()), **bands}
     ground, ink = ({"field": f"look[{at}]", "type": "nominal", "scale": None} for at in range(2))
     text: Chart = {"text": {"field": "text"}}
@@ -87,44 +87,46 @@ def heat_map(found: Stability) -> Chart:
         {"data": {"values": heads}, **mark("text", text | {"x": x, "y": {"value": 0}}, **style, dy=above)},
     ]
     most = max(len(one["text"]) for one in (*cells, *rows))
-    about = f"Operating range of every technique along every axis, {found.sweep.label}"
+    about = f"Operating range of every technique along every axis, {stability.sweep.label}"
     return chart_of(about, cells, layer, {"step": _LINE * most + 8})
 
 
-def axis_chart(found: Stability, axis: Axis) -> Chart:
+def axis_chart(stability: Stability, axis: Axis) -> Chart:
     """The chart of one metric along an axis; the page sets its signals `metric` and `light`."""
-    chart = chart_of(f"Metrics along {axis.name}, {found.sweep.label}", *_along(found, axis, None, "metric"), 230)
+    chart = chart_of(
+        f"Metrics along {axis.name}, {stability.sweep.label}", *_along(stability, axis, None, "metric"), 230
+    )
     signals = [{"name": "metric", "value": ERROR}, {"name": "light", "value": _ALL_LIGHTS}]
     return {**chart, "params": [*PARAMS, *signals]}
 
 
-def axis_figure(found: Stability, axis: Axis, styles: Styles) -> Chart:
+def axis_figure(stability: Stability, axis: Axis, styles: Styles) -> Chart:
     """A figure of all metrics along an axis, in panels one below the other."""
     panels = []
-    for name in metrics_along(found, axis):
-        values, layer = _along(found, axis, styles, f"'{name}'")
+    for name in metrics_along(stability, axis):
+        values, layer = _along(stability, axis, styles, f"'{name}'")
         title = {"text": name, "anchor": "start"}
         panels.append({"width": 760, "height": 190, "title": title, "data": {"values": values}, "layer": layer})
     params = [*PARAMS, {"name": "light", "value": _ALL_LIGHTS}]
     return {**BASE_CHART, "description": f"Metrics along {axis.name}", "params": params, "vconcat": panels}
 
 
-def metrics_along(found: Stability, axis: Axis) -> list[str]:
+def metrics_along(stability: Stability, axis: Axis) -> list[str]:
     """The metrics that have a value anywhere on an axis."""
-    every = [_errors(row) for one in found.ranges if one.axis is axis for row in found.rows_of(one)]
+    every = [_errors(row) for one in stability.ranges if one.axis is axis for row in stability.rows_of(one)]
     return [name for name in LIMITS if any(errors[name] is not None for errors in every)]
 
 
-def _along(found: Stability, axis: Axis, styles: Styles | None, metric: str) -> tuple[list[Chart], list[Chart]]:
+def _along(stability: Stability, axis: Axis, styles: Styles | None, metric: str) -> tuple[list[Chart], list[Chart]]:
     """The data and layers of one panel; metric: Vega expression of the metric's name."""
-    keys = {(spec, axis.name, kind): NAMES[kind] for spec, kind in found.series}
-    ranges = {found.range_at[key]: light for key, light in keys.items() if key in found.range_at}
+    keys = {(spec, axis.name, kind): NAMES[kind] for spec, kind in stability.series}
+    ranges = {stability.range_at[key]: light for key, light in keys.items() if key in stability.range_at}
     swept = [value for value in axis.values if any(value in one.swept for one in ranges)]
     places = dict(zip(swept, _places(swept), strict=True))
     points = [
         _point(one, light, row, places[row["axis_value"]])
         for one, light in ranges.items()
-        for row in found.rows_of(one)
+        for row in stability.rows_of(one)
     ]
     ticks, labels = list(places.values()), json.dumps([value_label(value) for value in swept], ensure_ascii=False)
     x = quantity(

@@ -49,7 +49,7 @@ class Run:
     """A folder of measurements, of `shadowbench run` or `stress`.
 
     label: its name in a report; about: its `run.json`, empty if missing; rows: one score record per cell; times: the
-    last time record of each key on one machine, that of `run.json`, else of the last time record; earlier: keys of rows
+    last time record of each key on the machine of `run.json`, else of the last time record; earlier: keys of rows
     that do not belong to the last command, except rows that `score` added for other renderers; older: number of other
     records of the same cells; foreign: number of time records from other machines; cut_off: whether the last line of
     `rows.jsonl` is incomplete, as a killed writer leaves it.
@@ -175,7 +175,7 @@ def _read(folder: Path, label: str) -> Run:
 
 
 def rows_that_count(scores: Sequence[Record], last: Sequence[Record]) -> list[Record]:
-    """One row of every cell, in the order of their first rows: that of the last command, else the newest.
+    """The row of every cell, by the last command or else the newest, in the order of their first rows.
 
     A cell measured before gets no new row, so that the last command's row may stand above a newer one, of another
     version of its scene. A row gives way to a later one of the same cell; of the same place and spec as written, which
@@ -319,7 +319,7 @@ def positions_of(positions: SweepPositions, spec: str, size: int | None) -> tupl
 
 
 def _own_first(points: Sequence[SweepPoint]) -> tuple[SweepPoint, ...]:
-    """One point per sweep, those of factor 1 first: several factors of a bias of 0 give the same spec."""
+    """One point per sweep, factors of 1 first: several factors of a bias of 0 give the same spec."""
     factors: dict[str, float] = {}
     for base, factor in sorted(points, key=lambda point: point[1] != 1):
         factors.setdefault(base, factor)

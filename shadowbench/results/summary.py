@@ -136,7 +136,7 @@ class Summary:
 
     @cached_property
     def candidates(self) -> list[Setting]:
-        """The settings with a score in every cell of one scene or more, those of most scenes first."""
+        """The settings with a score in every cell of one scene or more; in most scenes first."""
         return [one for one in self.lines if one.scored]
 
     @cached_property
@@ -184,7 +184,7 @@ class Summary:
         return min((one for one in among if self.meets(one, target)), key=self._price, default=None)
 
     def _price(self, one: Setting) -> tuple[int, bool, float, float, float, str]:
-        """Of predicted times that are not told apart, the one of less work comes first, as in `recommend`."""
+        """The order of candidates; where predicted times are equal, less work comes first, as in `recommend`."""
         cost = one.cost if known(one.cost) else float(one.map_size or 0)
         work = one.work_cost if self.cost == "predicted_ms" and known(one.work_cost) else 0.0
         return -one.scored, not known(one.cost), cost, work, one.error, one.label

@@ -22,7 +22,7 @@ from shadowbench.errors import number
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import value_label
 from shadowbench.measure import machine as measure_machine
-from shadowbench.reports.words import digits
+from shadowbench.reports.texts import digits
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask

@@ -35,16 +35,6 @@ async function draw(element, chart, onClick) {
   if (onClick) view.addEventListener("click", (_, item) => item?.datum?.spec && onClick(item.datum));
 }
 
-// Zoom of the error-cost chart about the centre of its logarithmic domains; resets for a factor of 0.
-function zoomed(element, factor) {
-  if (!factor) return element.redraw();
-  for (const [signal, axis] of [["zoom_cost", "x"], ["zoom_drawn", "y"]]) {
-    const ends = element.view.scale(axis).domain(), middle = Math.sqrt(ends[0] * ends[1]);
-    element.view.signal(signal, ends.map((end) => middle * (end / middle) ** factor));
-  }
-  element.view.runAsync();
-}
-
 // Fills a legend with a button for each spec with points, and names the others of `every`. Turned on are those that the reader chose or, if none of them
 // has points, the first; at most as many as there are colours.
 function fillLegend(box, points, every, onChoose = () => {}) {

@@ -153,7 +153,6 @@ async function begin() {
     }
     byId("errors-size").addEventListener("change", () => showErrors());
     byId("errors-order").addEventListener("change", () => { window.drawn = showErrors(); remember(); });
-    for (const button of document.querySelectorAll("[data-zoom]")) button.addEventListener("click", () => zoomed(document.querySelector(".chart.front"), Number(button.dataset.zoom)));
     jobs.push(restore());
   }
   await Promise.all(jobs);

@@ -382,13 +382,13 @@ def _main_answer(summary: Summary, able: Sequence[Setting]) -> Answer:
 def _next_target(summary: Summary, complete: Sequence[Setting], main: Target, best: Setting, where: str) -> list[str]:
     """A sentence on the cost of the next higher accuracy; none at the highest."""
     for target in summary.targets[summary.targets.index(main) + 1 :][:1]:
-        found = summary.cheapest(complete, target)
-        if found is None:
+        dearer = summary.cheapest(complete, target)
+        if dearer is None:
             return [f"{_NONE} {_reaches(target, ' right')}{where}."]
-        if found.Index == best.Index:
+        if dearer.Index == best.Index:
             return [f"`{best.label}` {_reaches(target, ' right')} too."]
-        factor = f" (× {digits(found.cost / best.cost)})" if found.cost > 0 and best.cost > 0 else ""
-        return [f"{_accuracy(target)} takes `{found.label}`, {cost_text(summary, found)}{factor}."]
+        factor = f" (× {digits(dearer.cost / best.cost)})" if dearer.cost > 0 and best.cost > 0 else ""
+        return [f"{_accuracy(target)} takes `{dearer.label}`, {cost_text(summary, dearer)}{factor}."]
     return []
 
 

@@ -11,7 +11,7 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.page import html_report, panels_of
 from shadowbench.reports.report import markdown_report
-from shadowbench.reports.words import (
+from shadowbench.reports.texts import (
     accuracy_text,
     answer_texts,
     cost_note,
