@@ -211,7 +211,7 @@ def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("shadow-volume/count.frag", "soft-volume", True),
         ("unshadowed/resolve.frag", "unshadowed", True),
         ("receiver.glsl", "shadow-map", True),
-        ("projection/cube.glsl", "cube-map", True),
+        ("map/cube.glsl", "cube-map", True),
         ("fullscreen.vert", "shadow-map", True),
         ("gbuffer/gbuffer.frag", "unshadowed", True),
         ("bias/texel.glsl", "shadow-map", True),
