@@ -156,38 +156,18 @@ def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return copy
 
 
-<<<<<<< HEAD
 USES = (
     ("shadow-map/resolve.frag", "shadow-map", True),
     ("shadow-map/resolve.frag", "unshadowed", False),
     ("shadow-map/resolve.frag", "light-samples:of=shadow-map", True),
     ("shadow-volume/count.frag", "soft-volume", True),
     ("receiver.glsl", "shadow-map", True),
-    ("projection/cube.glsl", "cube-map", True),
+    ("map/cube.glsl", "cube-map", True),
     ("fullscreen.vert", "shadow-map", True),
     ("gbuffer/gbuffer.frag", "unshadowed", True),
     ("bias/slope.glsl", "shadow-map:bias=slope+texel", True),
     ("filter/disc.glsl", "shadow-map:filter=pcss", True),  # included by its shader
     ("filter/disc.glsl", "light-samples:of=shadow-map(filter=pcss)", True),
-=======
-@pytest.mark.parametrize(
-    ("file", "spec", "differs"),
-    [
-        ("shadow-map/resolve.frag", "shadow-map", True),
-        ("shadow-map/resolve.frag", "unshadowed", False),
-        ("shadow-map/resolve.frag", "light-samples:of=shadow-map", True),
-        ("shadow-volume/count.frag", "soft-volume", True),
-        ("unshadowed/resolve.frag", "unshadowed", True),
-        ("receiver.glsl", "shadow-map", True),
-        ("map/cube.glsl", "cube-map", True),
-        ("fullscreen.vert", "shadow-map", True),
-        ("gbuffer/gbuffer.frag", "unshadowed", True),
-        ("bias/texel.glsl", "shadow-map", True),
-        ("bias/slope.glsl", "shadow-map:bias=slope+texel", True),
-        ("filter/disc.glsl", "shadow-map:filter=pcss", True),  # included by its shader
-        ("filter/disc.glsl", "light-samples:of=shadow-map(filter=pcss)", True),
-    ],
->>>>>>> drawing
 )
 
 
