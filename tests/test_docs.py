@@ -14,7 +14,6 @@ from playwright.sync_api import sync_playwright
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 INCLUDED = re.compile(r"(?m)^```\{include\} (.+)$")
-NO_LINKS = {"changelog.md", "contributing.md", "commands.md"}  # what they include is a page of its own; help
 GENERATED = (
     "technique_docs.py",
     "law_docs.py",
@@ -67,7 +66,6 @@ def test_every_link_leads_to_a_file_and_a_heading() -> None:
     for file in PAGES:
         text = re.sub(r"```.*?```", "", file.read_text(encoding="utf-8"), flags=re.DOTALL)
         links = [link for link in re.findall(r"\]\(([^)\s]+)\)", text) if not link.startswith(("http://", "https://"))]
-        assert links or file.name in NO_LINKS, file
         for link in links:
             path, _, anchor = link.partition("#")
             there = (file.parent / path).resolve() if path else file

@@ -68,6 +68,8 @@ def visibility_of(values: ArrayLike, name: str) -> NDArray[np.floating | np.bool
     if masked or (array.dtype.kind not in "bf" and full == 1):
         kind = "a masked array" if masked else f"an array of {array.dtype}"
         raise InputError(f"{name}: found {kind}; allowed: float in [0, 1], bool, uint8, uint16")
+    if full > 1 and array.max(initial=0) == 1:
+        raise InputError(f"{name}: found {array.dtype} up to 1; allowed: up to {full}, which is lit")
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.size == 0:
         across = " × ".join(map(str, (*array.shape[1::-1], *array.shape[2:])))
         raise InputError(f"{name}: found {across} pixels; allowed: a square, as the view is")

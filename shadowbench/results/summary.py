@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from statistics import fmean
+from types import SimpleNamespace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ CostName = Literal["frame_ms", "predicted_ms", "work_cost", "map_size"]
 """By what settings are ranked: a measured time, a predicted one, work, or without any the map."""
 
 Setting = Any
-"""A line of `Summary.settings`, as a named tuple."""
+"""A line of `Summary.settings`, its columns as attributes, and its `Index`."""
 
 
 class Target(NamedTuple):
@@ -122,7 +123,12 @@ class Summary:
     @cached_property
     def lines(self) -> list[Setting]:
         """All settings."""
-        return list(self.settings.itertuples())
+        rows = zip(self.settings.index, self.settings.to_dict("records"), strict=True)
+        # Not named tuples, since a plug-in's metric may have a hyphen.
+        return [
+            SimpleNamespace(**{"Index": index} | {str(name): value for name, value in row.items()})
+            for index, row in rows
+        ]
 
     @cached_property
     def shown(self) -> list[Setting]:

@@ -4,10 +4,10 @@ The same answers come at several times the rate (`benchmarks/test_truth.py` meas
 """
 
 import ctypes
-import importlib.util
 import os
 import weakref
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from shadowbench.compiled import cached_if_possible, compiled
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.scenes.cutouts import CutoutFaces
 
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
@@ -46,9 +46,11 @@ _occluded16, _occluded8, _occluded4, _intersect16, _intersect8, _intersect4 = (
 
 @cache
 def load_library() -> ctypes.CDLL:
-    """The Embree library of the installed embreex, its packet functions known to Numba. Raises InputError without."""
-    package = importlib.util.find_spec("embreex")
-    origin = "" if package is None else package.origin or ""
+    """The Embree library of the installed embreex, its packet functions known to Numba.
+
+    Raises ModuleNotFoundError without embreex, ShadowbenchError for a wheel without packets.
+    """
+    origin = str(import_module("embreex").__file__)
     for folder in _LOCATIONS:
         for file in sorted((Path(origin).parent / folder).glob("*embree4*")):
             try:
@@ -62,7 +64,7 @@ def load_library() -> ctypes.CDLL:
                 getattr(library, name).restype = ctypes.c_void_p
             library.rtcGetDeviceProperty.restype = ctypes.c_ssize_t
             return library
-    raise InputError("embreex: its wheel holds no Embree 4 library that can be loaded here")
+    raise ShadowbenchError("embreex: its wheel holds no Embree 4 library that can be loaded here")
 
 
 class Device(NamedTuple):

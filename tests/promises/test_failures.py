@@ -27,7 +27,7 @@ EXPECTED = {
     "none": "failed: TypeError: does:level=0.5,what=none,after=0 drew str",
     "gl-error": "failed: RuntimeError: OpenGL error",
     "odd-facts": "failed: ValueError: does:level=0.5,what=odd-facts,after=0: fact 'odd' is nan",
-    "decline": "unsupported: reasons reasons ",
+    "decline": "unsupported: reasons reasons",
     "print": "ok",
     "print-foreign": "ok",
     "litter": "ok",

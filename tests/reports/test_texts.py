@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -413,7 +414,7 @@ def test_soft_cells_say_what_is_wrong_and_how_much(measured) -> None:
     for _, cell in scored_cells(soft):
         assert cell["faults"][0].startswith("penumbra width: half of those drawn are at least 1.4 times")
     assert not any(fault_lines(hard, one) for one in hard.shown)
-    bled = soft.shown[0]._replace(bleed=0.75)
+    bled = SimpleNamespace(**vars(soft.shown[0]) | {"bleed": 0.75})
     assert any("mean visibility is 0.75, not 0" in line for line in fault_lines(soft, bled))
 
 
@@ -422,7 +423,10 @@ def test_a_score_below_the_error_of_the_truth_is_no_number_and_a_width_has_a_dir
     (one,) = [one for one in scene.shown if one.spec == "sampled"]
     assert error_text(scene, one) == "<0.00200" and value_text(one, "rmse_pen") == "<0.00800"
     widths = [(1.0, 0.9), (1.0, -0.9), (1.0, 0.2), (1.0, float("nan"))]
-    texts = [value_text(one._replace(width=width, width_bias=bias), "width", "{:g}".format) for width, bias in widths]
+    texts = [
+        value_text(SimpleNamespace(**vars(one) | {"width": width, "width_bias": bias}), "width", "{:g}".format)
+        for width, bias in widths
+    ]
     assert texts == ["1 wide", "1 narrow", "1", "1"]
 
 

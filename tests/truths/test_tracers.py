@@ -1,6 +1,5 @@
 """The truth does not depend on how its rays are traced: packets of any width, one thread or many, any processor."""
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -9,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths import packets
@@ -104,10 +103,10 @@ def test_an_unknown_instruction_set_and_one_that_the_processor_lacks_are_refused
 def test_a_library_that_cannot_be_loaded_is_one_line(tmp_path, monkeypatch) -> None:
     (tmp_path / "embreex.libs").mkdir()
     (tmp_path / "embreex.libs" / "libembree4-1.so").write_bytes(b"\x7fELF of another processor")
-    package = SimpleNamespace(origin=str(tmp_path / "embreex" / "__init__.py"))
+    package = SimpleNamespace(__file__=str(tmp_path / "embreex" / "__init__.py"))
     (tmp_path / "embreex").mkdir()
-    monkeypatch.setattr(importlib.util, "find_spec", lambda _: package)
-    with pytest.raises(InputError, match="embreex: its wheel holds no Embree 4 library that can be loaded"):
+    monkeypatch.setattr(packets, "import_module", lambda _: package)
+    with pytest.raises(ShadowbenchError, match="embreex: its wheel holds no Embree 4 library that can be loaded"):
         packets.load_library.__wrapped__()
 
 
