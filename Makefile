@@ -18,7 +18,7 @@ two_cores := -n 2 --dist worksteal
 # Of the fast tests, many wait for a process to end or to hang: a third worker uses that time.
 fast := -n 3 --dist worksteal
 # What another version of OpenGL may break: state and targets, shaders, and what every technique must keep.
-of_4_1 := tests/gl tests/techniques/test_compositions.py tests/techniques/test_contract.py
+of_4_1 := tests/gl tests/techniques/test_contract.py
 # What depends on how Embree works on other processors.
 of_isa := tests/truths tests/survey
 

@@ -1,10 +1,8 @@
 """Renders an exported view with VTK, with and without shadows, as an example of scoring another renderer.
 
-    shadowbench export stairs out/
-    python examples/vtk_shadows.py out/                      # needs `pip install vtk`, but not shadowbench
-    shadowbench score stairs --lit out/lit.png --shadowed out/shadowed.png
-
-VTK renders one exponential shadow map per light (vtkShadowMapBakerPass, vtkShadowMapPass).
+shadowbench export stairs out/
+python examples/vtk_shadows.py out/                      # needs `pip install vtk`, but not shadowbench
+shadowbench score stairs --lit out/lit.png --shadowed out/shadowed.png
 """
 
 import argparse
@@ -18,12 +16,11 @@ def main() -> None:
     """Read scene.glb and view.json from a folder, and write lit.png and shadowed.png to it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder written by `shadowbench export`")
-    parser.add_argument("--map-size", type=int, default=1024, help="texels along a side of the shadow map")
     arguments = parser.parse_args()
     description = json.loads((arguments.folder / "view.json").read_text(encoding="utf-8"))
     window, renderer = load(arguments.folder / description["model"], description)
     save(window, arguments.folder / "lit.png")
-    renderer.SetPass(shadow_pass(arguments.map_size))
+    renderer.SetPass(shadow_pass(1024))
     save(window, arguments.folder / "shadowed.png")
 
 

@@ -40,20 +40,6 @@ def test_the_variance_filter_is_the_built_in_one_with_another_reduction(iou: Cal
     assert found[specs[0]] == pytest.approx(found[specs[1]], abs=0.01) and found[specs[1]] > 0.8
 
 
-@pytest.mark.parametrize("scene", ["cube-on-plane", pytest.param("spot-lamp", marks=pytest.mark.slow)])
-def test_layers_of_an_exponential_shadow_map_are_as_sharp_as_one_of_a_larger_exponent(
-    iou: Callable[..., Any], scene: str
-) -> None:
-    """A quarter of a layer is overlap: one of c = 50 is ESM of 40, two are one of 80."""
-    filters = ("esm(c=40.0)", "layered-esm(layers=1,c=50.0)", "esm", "layered-esm(c=50.0)")
-    specs = [f"shadow-map:filter={one}" for one in filters]
-    found = iou(scene, "exponential_shadow_map.py", *specs)
-    blunt, one, sharp, two = (found[spec] for spec in specs)
-    assert one == pytest.approx(blunt, abs=1e-5)
-    assert two == pytest.approx(sharp, abs=1e-3)
-    assert abs(blunt - sharp) > 5e-4
-
-
 @pytest.mark.slow
 def test_sphere_proxies_are_right_for_a_ball_and_wrong_for_a_cube(iou: Callable[..., Any], tmp_path: Path) -> None:
     (tmp_path / "ball.toml").write_text(BALL, encoding="utf-8")

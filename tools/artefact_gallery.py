@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import ages
 import numpy as np
 from numpy.typing import NDArray
 from pages import LABEL, compare, labelled, png
+from pages import measured as measured_by
 
 import shadowbench as sb
 from shadowbench.measure.flips import FLIPS
@@ -157,7 +157,7 @@ def page(values: Mapping[str, Sequence[str]]) -> str:
         anchors = {one.name: one.name.lower().replace(":", "").replace(" ", "-") for one in own}
         contents.append(f"- {chapter}: {', '.join(f'[{name}](#{anchor})' for name, anchor in anchors.items())}")
         sheets += [f"## {chapter}", "", *(section(one, values[one.scene]) for one in own)]
-    return "\n".join([HEAD, ages.record(f"python tools/{Path(__file__).name}"), "", *contents, "", *sheets])
+    return "\n".join([HEAD, measured_by(f"python tools/{Path(__file__).name}"), "", *contents, "", *sheets])
 
 
 def main() -> int:

@@ -5,15 +5,31 @@ import io
 import re
 import sys
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
-import ages
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 LABEL = 22  # pixels, the height of a label
+MEASURED = "<!-- measured by "
+"""What a comment above a measured table or picture begins with."""
 NUMBERS = re.compile(r"-?\d+\.\d+|…")
+
+
+def measured(command: str) -> str:
+    """The comment for a figure made now by a command."""
+    return f"{MEASURED}'{command}', {datetime.now(UTC):%Y-%m-%d} -->"
+
+
+def renew(page: Path, command: str) -> None:
+    """Replace the date of a command's figure in a page. Raises SystemExit unless there is one."""
+    text = page.read_text(encoding="utf-8")
+    made, count = re.subn(rf"(?m)^{re.escape(MEASURED)}'{re.escape(command)}', .*$", measured(command), text)
+    if count != 1:
+        raise SystemExit(f"{page}: found {count} figures of {command!r}; allowed: 1")
+    page.write_text(made, encoding="utf-8")
 
 
 def labelled(tile: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
@@ -51,7 +67,7 @@ def png(frames: Sequence[NDArray[np.uint8]], largest: int) -> bytes:
 
 def without_numbers(page: str) -> str:
     """A page without the numbers in its lines of measurements, and without records of them, for `compare`."""
-    lines = (line for line in page.splitlines() if not line.startswith(ages.START))
+    lines = (line for line in page.splitlines() if not line.startswith(MEASURED))
     return "\n".join(NUMBERS.sub("…", line) if line.startswith("Measured") else line for line in lines)
 
 

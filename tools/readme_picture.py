@@ -9,9 +9,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
-import ages
 import numpy as np
-from pages import png
+from pages import png, renew
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
@@ -42,7 +41,7 @@ def main() -> None:
         browser.close()
     PICTURE.write_bytes(png([np.asarray(shown)], LARGEST))
     print(PICTURE)
-    ages.renew(ROOT / "docs" / "index.md", f"make demo; python tools/{Path(__file__).name}", state=["times"])
+    renew(ROOT / "docs" / "index.md", f"make demo; python tools/{Path(__file__).name}")
 
 
 if __name__ == "__main__":

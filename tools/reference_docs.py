@@ -8,9 +8,8 @@ from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
 
-import ages
 import typer
-from pages import compare
+from pages import MEASURED, compare
 
 from shadowbench.commands import app
 from shadowbench.measure.columns import FIXED
@@ -122,7 +121,7 @@ def scenes() -> str:
         for row in catalogue(what="scenes")["scenes"]
     ]
     lines = (REFERENCE / "scenes.md").read_text(encoding="utf-8").splitlines()
-    head = SCENES.replace("{record}", next(line for line in lines if line.startswith(ages.START)))  # of the picture
+    head = SCENES.replace("{record}", next(line for line in lines if line.startswith(MEASURED)))  # of the picture
     return _listed(head, ("scene", "light", "what it tests"), rows, "shadowbench list scenes")
 
 

@@ -6,9 +6,8 @@ Each is drawn under its first light, soft if that has a size.
 from collections.abc import Mapping
 from pathlib import Path
 
-import ages
 import numpy as np
-from pages import grid, labelled, png
+from pages import grid, labelled, png, renew
 
 import shadowbench as sb
 
@@ -28,7 +27,7 @@ def draw(name: str, page: Path, scenes: Mapping[str, str | Path]) -> None:
     """Write the picture of scenes by label, and renew its record on its page."""
     spec = "ray-traced:samples=64"
     drawn = {label: sb.render(scene, spec, view_size=SIZE).picture for label, scene in scenes.items()}
-    ages.renew(page, f"python tools/{Path(__file__).name}", ["ray-traced"])
+    renew(page, f"python tools/{Path(__file__).name}")
     tiles = [labelled(np.asarray(one), label) for label, one in drawn.items()]
     (DOCS / "pictures" / name).write_bytes(png([grid(tiles, COLUMNS)], LARGEST))
     print(name)

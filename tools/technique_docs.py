@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import ages
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pages import compare, grid, labelled, png
+from pages import MEASURED, compare, grid, labelled, measured, png
 from PIL import Image
 
 from shadowbench.extremes.model import NAMES
@@ -37,7 +36,7 @@ from shadowbench.truths.cache import cached_truth
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = f"python tools/{Path(__file__).name}"
 RANGES = ROOT / "results" / "ranges.csv"  # from a full `shadowbench stress`
-RANGES_MADE = f"{ages.START}'shadowbench stress'; unrecorded, 2026-11-23 -->"
+RANGES_MADE = f"{MEASURED}'shadowbench stress', 2026-11-23 -->"
 PAGE, PICTURES = ROOT / "docs" / "reference" / "techniques.md", ROOT / "docs" / "pictures" / "techniques"
 PAGES = PAGE.with_suffix("")
 SIZE, LARGEST = 512, 250_000  # pixels along a side, bytes of a picture
@@ -199,7 +198,7 @@ def _technique(technique: type[Technique], example: Example) -> str:
     lines = [
         f"# {technique.name}",
         "",
-        ages.record(COMMAND, [technique.name]),
+        measured(COMMAND),
         "",
         f"![{technique.name} on {example.scene}](../../pictures/techniques/{technique.name}.png)",
         "",
@@ -246,11 +245,10 @@ def _family(family: type[Component], ours: list[type[Technique]]) -> str:
         if isinstance(info.default, family)
     ]
     shown = STRIPS[_file(family)]
-    drawn_by = shown.spec.partition(":")[0]
     lines = [
         f"# {_file(family).capitalize()}",
         "",
-        ages.record(COMMAND, [drawn_by]),
+        measured(COMMAND),
         "",
         f"Allowed values of `{family.__name__.lower()}` of {', '.join(users)}.",
         "",

@@ -13,7 +13,6 @@ from typer.core import TyperGroup
 
 from shadowbench.commands import (
     check,
-    doctor,
     engines,
     extend,
     listing,
@@ -67,7 +66,7 @@ app = typer.Typer(
 _PANELS = {  # as --help lists them
     "Measure techniques": (run.run, stress.stress, score.score, truth.truth),
     "Decide what a scene needs": (recommend.recommend, recommend.needs),
-    "Check results and the machine": (check.check, merge.merge, doctor.doctor),
+    "Check results and the machine": (check.check, merge.merge, listing.doctor),
     "Look": (report.report, render.render, view.view, listing.list_things),
     "Extend with a technique or an engine": (engines.engines, extend.new_technique, extend.export),
 }

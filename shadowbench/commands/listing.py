@@ -1,4 +1,4 @@
-"""`list`: every technique, scene, metric, study and stress axis."""
+"""`list` and `doctor`: what there is, and whether it can run here."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -87,3 +87,33 @@ def _print_parameters(parameters: list["Entry"], indent: str) -> None:
         allowed = parameter["allowed"] or ", ".join(value["name"] for value in parameter.get("values", ()))
         limits = f" ({allowed})" if allowed else ""
         console.print_text(f"{indent}{parameter['name']} = {parameter['default']}{limits}: {parameter['help']}")
+
+
+@options.command()
+def doctor(json: options.Json = False, quiet: options.Quiet = False) -> int:
+    """Check that shadowbench can run here.
+
+    Prints the machine, library versions, the OpenGL renderer and its limits, the timer in use and its noise, how many
+    rays Embree traces at once, and the cache of ray-traced truths. Exit code 3 if nothing can be drawn.
+    """
+    from shadowbench.measure.machine import diagnosis
+    from shadowbench.versions import ABSENT
+
+    found = diagnosis()
+    missing = "missing" in found["opengl"]
+    if json:
+        console.print_json(found)
+    else:
+        for title, values in found.items():
+            console.out().print(title.replace("_", " "))
+            for name, value in values.items():
+                console.print_line(f"  {name.replace('_', ' ')}: {value}")
+        if missing:
+            traced = found["versions"]["embreex"] != ABSENT
+            works = "`truth`, `needs` and `score`" if traced else "`list`, `check`, `merge` and `report`"
+            console.out().print(f"no technique can be drawn here; {works} work")
+        elif "problem" in found["truth_cache"]:
+            console.out().print("ready, but each command must trace its truths again: the cache cannot be used")
+        elif not quiet:
+            console.out().print("ready")
+    return 3 if missing else 0
