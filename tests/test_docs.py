@@ -99,7 +99,7 @@ def test_every_picture_is_shown_on_a_page() -> None:
 SEARCHES = {
     "place a camera": "Mesh files",
     "lamp": "Choosing a technique",
-    "foliage": "Mesh files",
+    "foliage": "Gallery of artefacts",
     "LaTeX": "See what accuracy costs",
     "my GPU": "What shadows cost",
     "notebook": "Notebooks",

@@ -33,7 +33,7 @@ tools/artefact_gallery.py` from [gallery/artefacts.toml](../gallery/artefacts.to
 
 A picture shows the broken setting, the ray-traced truth, the difference between the two (orange is false shadow, blue
 false light, purple dark facets), and the cured setting, the framed part enlarged below. In a clone of the repository
-the command of a sheet shows both settings in the window; `run` in place of `view` prints their scores. [From a chapter
+the command of a sheet prints the scores of both settings; `view` in place of `run` opens the window. [From a chapter
 to a spec](course.md) finds the sheet for a setting of course notes. Pictures and texts are under the [MIT
 licence](../../LICENSE).
 
@@ -132,7 +132,7 @@ def section(artefact: Artefact, values: Sequence[str]) -> str:
         _wrapped(f"**Cure.** {artefact.cure}"),
         f"Measured: `{artefact.metric}` {broken} broken, {cured} cured, for {work} times work, {memory} times memory.",
         _wrapped(f"**Question.** {artefact.question}"),
-        f"```sh\nshadowbench view {file} -t '{artefact.broken}' -t '{artefact.cured}'\n```",
+        f"```sh\nshadowbench run {file} -t '{artefact.broken}' -t '{artefact.cured}'\n```",
         _wrapped(f"{artefact.source}."),
     ]
     return "\n\n".join(paragraphs) + "\n"
