@@ -142,19 +142,19 @@ class PacketScene:
         weakref.finalize(self, library.rtcReleaseScene, scene)
         if error := library.rtcGetDeviceError(device.handle):
             raise MemoryError(f"Embree cannot hold {len(faces)} triangles (error {error})")
-        self._handle, self._width = scene.value or 0, device.width
+        self.handle, self._width = scene.value or 0, device.width
 
     def occluded(self, origins: Single, directions: Single, reach: Single) -> Flags:
         """(N,) whether any triangle lies within reach."""
         blocked = np.empty(len(reach), dtype=np.bool_)
-        _occluded(self._width, *_buffers(self._width), self._handle, origins, directions, reach, blocked)
+        _occluded(self._width, *_buffers(self._width), self.handle, origins, directions, reach, blocked)
         return blocked
 
     def intersect(self, origins: Single, directions: Single, reach: Single) -> tuple[NDArray[np.int32], Single]:
         """(N,) index of the nearest triangle, −1 if none; its distance, `reach` if none."""
         triangle, distance = np.empty(len(reach), dtype=np.int32), np.empty(len(reach), dtype=np.float32)
         rays = origins, directions, reach
-        _intersect(self._width, *_buffers(self._width), self._handle, *rays, self._opaque, triangle, distance)
+        _intersect(self._width, *_buffers(self._width), self.handle, *rays, self._opaque, triangle, distance)
         if self._order is not None:
             triangle[triangle >= 0] = self._order[triangle[triangle >= 0]]
         return triangle, distance
