@@ -79,7 +79,7 @@ class EngineDrawer(GLDrawer):
         self._sessions[engine] = session  # behind those that were used before
         try:
             return session.draw(view, cast(EngineParams, cell.spec.params), Phase(cell.phase))
-        except BaseException:
+        except BaseException:  # such as KeyboardInterrupt: no program may be left
             self._close(engine)
             raise
 

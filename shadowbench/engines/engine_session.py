@@ -85,7 +85,7 @@ class EngineSession:
                 )
             probe = probe_view(size)
             check_probe(probe, self._lit_picture(probe, cast(EngineParams, engine.Params())))
-        except BaseException:
+        except BaseException:  # such as KeyboardInterrupt: no program may be left
             self.close()
             raise
 

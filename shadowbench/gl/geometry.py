@@ -99,10 +99,6 @@ class DeviceGeometry:
         self._buffers.append(self._device.context.buffer(values.tobytes()))
         return self._buffers[-1]
 
-    def recolor(self, colors: NDArray[np.float64]) -> None:
-        """Give the triangles other colours, (F, 3) linear RGB."""
-        self.colors.write(_rgba(colors, 1.0))
-
     def all_faces(self, program: Program) -> Drawable:
         """All triangles; `gl_PrimitiveID` is the index of an opaque triangle."""
         return self._triangles(program, self._all)

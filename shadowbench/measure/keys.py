@@ -89,7 +89,7 @@ def shader_names(
     plugged: whether a plug-in draws. It may include any shared file, as do techniques that build on others.
     """
     bases = {base for one in techniques for base in one.__mro__}
-    others = {"viewer", *(other.name for other in own_techniques() if other not in bases)}
+    others = {other.name for other in own_techniques() if other not in bases}
     folder, any_shared = data_folder("shaders"), plugged or any(one.catalogue.builds_on for one in techniques)
     names = [file.relative_to(folder) for file in files_in(folder) if any_shared or file.suffix != ".glsl"]
     parts = () if any_shared else components

@@ -101,7 +101,7 @@ def joined(meshes: Sequence[Mesh]) -> Geometry:
         casts=np.repeat([mesh.casts for mesh in meshes], counts),
         receives=np.repeat([mesh.receives for mesh in meshes], counts),
         planar=np.repeat([mesh.planar for mesh in meshes], counts),
-        colors=triangle_colors(meshes, [mesh.color for mesh in meshes]),
+        colors=_triangle_colors(meshes),
         cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.places) for mesh in meshes]),
         corner_normals=_normals(meshes),
         textured=tuple(
@@ -112,10 +112,10 @@ def joined(meshes: Sequence[Mesh]) -> Geometry:
     )
 
 
-def triangle_colors(meshes: Sequence[Mesh], colors: Sequence[Vec3]) -> Floats:
-    """(F, 3) linear RGB of the triangles of meshes, given a colour for each."""
+def _triangle_colors(meshes: Sequence[Mesh]) -> Floats:
+    """(F, 3) linear RGB of the triangles of meshes."""
     counts = [len(mesh.faces) for mesh in meshes]
-    rows = np.repeat(np.array(colors, dtype=np.float64), counts, axis=0)
+    rows = np.repeat(np.array([mesh.color for mesh in meshes], dtype=np.float64), counts, axis=0)
     for mesh, own in zip(meshes, np.split(rows, np.cumsum(counts[:-1], dtype=np.int64)), strict=True):
         if mesh.tints is not None:
             own *= mesh.tints

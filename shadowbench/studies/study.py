@@ -142,10 +142,6 @@ class Study(SceneFields):
         """A copy with some fields replaced, validated again. Raises InputError."""
         return _valid({name: getattr(self, name) for name in type(self).model_fields} | changes)
 
-    def with_specs(self, specs: Sequence[Spec]) -> "Study":
-        """A copy with other specs, in the study's number of phases; bias sweeps are kept."""
-        return self.with_(technique=(CrossedSpecs(tuple(specs), sweeps=self.sweeps),))
-
     def phases_of_specs(self) -> Mapping[Spec, int]:
         """Number of phases of each spec; the larger one for a spec that is named twice."""
         found: dict[Spec, int] = {}
