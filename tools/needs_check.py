@@ -10,16 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from shadowbench.errors import Unsupported
-from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.measure.session import CellRequest, Session
-from shadowbench.measure.worker import Worker
+import shadowbench as sb
 from shadowbench.scenes.library import hard_names
-from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.survey.maps import REFERENCE_SIZE, TOLERATED
 from shadowbench.survey.survey import needs
-from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")
 SIZES = tuple(round(256 * 2 ** (k / 2)) for k in range(13))  # to 16384
@@ -29,85 +24,61 @@ FORMATS = {16: "depth=d16", 24: "depth=d24", 32: "depth=d32f"}
 COLUMNS = {"size": ".0f", f"size, {CASCADES} cascades": ".0f", "bias (m)": ".3g", "depth bits": ".0f"}
 WITHIN = 2.0
 
-Pair = tuple[float | None, float | None]
-"""A predicted and a measured value; None if there is none, or none in the range of measurements."""
-
 
 def main() -> None:
     """Check the given scenes, by default all, and print the table."""
     larger = Path(os.environ.get("SHADOWBENCH_SCENES", "../shared/scenes"))
-    scenes = sys.argv[1:] or [*hard_names(), *(str(larger / name) for name in LARGER)]
     print(f"| scene | {' | '.join(f'{name} | ratio' for name in COLUMNS)} |")
     print(f"|---|{'---:|' * 2 * len(COLUMNS)}")
-    rows: list[list[Pair]] = []
-    with Worker() as worker:
-        for scene in scenes:
-            rows.append(list(check(chosen_view(scene, 512), worker)))
-            cells = [cell for pair, form in zip(rows[-1], COLUMNS.values(), strict=True) for cell in text(pair, form)]
-            print(f"| {Path(scene).stem} | {' | '.join(cells)} |", flush=True)
-    for name, column in zip(COLUMNS, zip(*rows, strict=True), strict=True):
-        pairs = [(predicted, measured) for predicted, measured in column if predicted]
-        within = sum(bool(measured) and 1 / WITHIN <= predicted / measured <= WITHIN for predicted, measured in pairs)
-        print(f"{name}: within a factor of {WITHIN:g} in {within} of {len(pairs)} scenes")
+    ratios: list[list[float | None]] = []  # None without a prediction, NaN without a measurement
+    for scene in sys.argv[1:] or [*hard_names(), *(str(larger / name) for name in LARGER)]:
+        pairs = list(check(scene))
+        ratios.append([predicted and predicted / measured for predicted, measured in pairs])
+        texts = [
+            "–" if one is None else f"{one:{form}}" for (one, _), form in zip(pairs, COLUMNS.values(), strict=True)
+        ]
+        cells = [f"{text} | {ratio or np.nan:.2f}" for text, ratio in zip(texts, ratios[-1], strict=True)]
+        print(f"| {Path(scene).stem} | {' | '.join(cells).replace('nan', '–')} |", flush=True)
+    for name, column in zip(COLUMNS, zip(*ratios, strict=True), strict=True):
+        able = [ratio for ratio in column if ratio is not None]
+        within = sum(1 / WITHIN <= ratio <= WITHIN for ratio in able)
+        print(f"{name}: within a factor of {WITHIN:g} in {within} of {len(able)} scenes")
 
 
-def text(pair: Pair, form: str) -> list[str]:
-    """The cells of a prediction and of its ratio to what was measured."""
-    predicted, measured = pair
-    ratio = f"{predicted / measured:.2f}" if predicted and measured else "–"
-    return ["–" if predicted is None else format(predicted, form), ratio]
+def check(scene: str) -> Iterator[tuple[float | None, float]]:
+    """What is predicted, None if nothing is, and measured, NaN if nothing in the range of measurements.
 
-
-def check(view: View, worker: Worker) -> Iterator[Pair]:
-    """The pairs of one scene with shadow-map, or cube-map under a point light, at defaults but for what is varied."""
-    technique = "cube-map" if view.light.kind == "point" else "shadow-map"
-    predicted, truth = needs(view, penumbrae=False), cached_truth(view)
-    prepared = prepare_truth(truth)
-
-    def measure(spec: str, metric: str) -> float | None:
-        try:
-            rendering = worker.call(Session.draw, view, CellRequest(spec))
-        except Unsupported:  # the map is too large for the driver
-            return None
-        value: float | None = mask_record(rendering.visibility, truth, prepared)["metrics"][metric]
-        return value
-
-    edges, cascades, bias = predicted.texels.edge_size, predicted.cascades, predicted.bias
-    for size, spec in (
-        (edges, f"{technique}:depth=d32f"),
-        (cascades and cascades.edge_size[CASCADES], f"cascades:count={CASCADES}"),
-    ):
-        yield (
-            size,
-            size and first_below(SIZES, 1.0, lambda size, spec=spec: measure(f"{spec},size={size}", "edge_p95")),
-        )
-    constant = f"{technique}:depth=d32f,size={REFERENCE_SIZE},filter=hard,bias=constant"
-    biases = [bias.needed * factor for factor in BIASES] if bias else []
-    yield (
-        bias and bias.needed,
-        first_below(biases, TOLERATED, lambda world: measure(f"{constant}(world={world:.9g})", "acne")),
-    )
-    reverse = {32: "depth=d32f,reversed=true"} if technique == "shadow-map" else {}
-    formats = {**FORMATS, **reverse}.items()
-    ious = {bits: measure(f"{technique}:size={REFERENCE_SIZE},{depth}", "iou") for bits, depth in formats}
-    best = max((iou for iou in ious.values() if iou is not None), default=0.0)
-    enough = [bits for bits, iou in ious.items() if iou is not None and iou >= best - TOLERATED]
-    yield predicted.bits and predicted.bits.bits, enough[0] if enough else None
-
-
-def first_below(values: Sequence[float], limit: float, measure: Callable[[float], float | None]) -> float | None:
-    """Value at which a measurement first falls below a limit: the geometric mean of the values around that step.
-
-    The mean, since `edge_p95` is a distance between pixels, which drops from 1 to 0 at once. None if the measurement
-    never falls below the limit, or does so at the first value.
+    Of shadow-map, or cube-map under a point light, at defaults but for what is varied.
     """
-    before: float | None = None
-    for value in values:
-        measured = measure(value)
-        if measured is not None and measured < limit:
-            return None if before is None else float(np.sqrt(before * value))
-        before = value
-    return None
+    view = chosen_view(scene, 512)
+    names = {"view": view.camera.name, "light": view.light.name}
+    predicted = needs(view, penumbrae=False)
+    technique = "cube-map" if predicted.light == "point" else "shadow-map"
+
+    def measure(spec: str, metric: str) -> float:
+        """A metric of a spec, NaN if its map is too large for the driver."""
+        return float(sb.run(scene, spec, view_size=512, rounds=0, **names).at[0, metric])
+
+    one, several = predicted.texels.edge_size, predicted.cascades and predicted.cascades.edge_size[CASCADES]
+    for size, spec in ((one, f"{technique}:depth=d32f"), (several, f"cascades:count={CASCADES}")):
+        yield size, first_below(SIZES if size else (), 1.0, "edge_p95", spec + ",size={:.0f}", measure)
+    bias, bits = predicted.bias and predicted.bias.needed, predicted.bits and predicted.bits.bits
+    constant = f"{technique}:depth=d32f,size={REFERENCE_SIZE},filter=hard,bias=constant(world={{:.9g}})"
+    yield bias, first_below([bias * factor for factor in BIASES] if bias else (), TOLERATED, "acne", constant, measure)
+    formats = FORMATS | ({32: "depth=d32f,reversed=true"} if technique == "shadow-map" else {})
+    ious = {each: measure(f"{technique}:size={REFERENCE_SIZE},{depth}", "iou") for each, depth in formats.items()}
+    yield bits, next(each for each, iou in ious.items() if iou >= np.nanmax([*ious.values()]) - TOLERATED)
+
+
+def first_below(
+    values: Sequence[float], limit: float, metric: str, spec: str, measure: Callable[[str, str], float]
+) -> float:
+    """Value of a spec's parameter at which a metric first falls below a limit, NaN if not between two of the values.
+
+    The geometric mean of those two, since `edge_p95` is a distance between pixels, which drops from 1 to 0 at once.
+    """
+    step = next((at for at, value in enumerate(values) if measure(spec.format(value), metric) < limit), 0)
+    return float(np.sqrt(values[step - 1] * values[step])) if step else np.nan
 
 
 if __name__ == "__main__":

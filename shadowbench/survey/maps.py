@@ -1,59 +1,35 @@
-"""What a view asks of its shadow map: sizes of one map and of cascades, depth format, bias, softness."""
+"""What a view asks of the map that techniques fit to it: sizes of one map and of cascades, depth format, bias."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from shadowbench.geometry.convex import caster_and_receiver_vertices, practical_depths, slices
-from shadowbench.geometry.lights import LightSpace, window
-from shadowbench.measure.scoring import prepare_truth
-from shadowbench.scenes.model import SUN_RADIUS, Light, View
+from shadowbench.geometry.lights import Box, LightSpace, light_space, window
+from shadowbench.scenes.model import View
 from shadowbench.scenes.triangles import bounds_of
-from shadowbench.scenes.vectors import Floats
-from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.metrics import rmse
-from shadowbench.survey.samples import FLAT, REFERENCE_SIZE, FittedMap, Samples, hard_view, longest
-from shadowbench.truths.cache import cached_truth
+from shadowbench.scenes.vectors import Floats, perpendicular_basis
+from shadowbench.survey.samples import Samples, longest
 from shadowbench.truths.rays import Indices, Mask
 
+REFERENCE_SIZE = 1024  # map size, the techniques' default, for which texels and biases are reported
+PADDING = 2.0  # default texels around the receivers: one for a 2×2 comparison, one for receivers offset by a bias
+FLAT = 1e-9  # least extent of a map, a local length
 TOLERATED = 0.001  # tolerated share of wrong samples, of those in shadow or of those lit
 CONTACT = 0.01  # share of the shadow with the smallest gaps, excluded as contact
 BIAS_STEPS = 4.0  # quantization steps of the depth format that biases add by default
-BULB = 0.03
-"""Radius of a common household bulb, in metres (A60: 60 mm across)."""
-HARD_RMSE = 0.02
-"""RMSE up to which hard shadows suffice: what `recommend` asks of soft shadows by default."""
-
-
-@dataclass(frozen=True)
-class DepthBits:
-    """The depth format that separates casters from receivers.
-
-    bits: 16, 24, or 32 for reversed floats; None if no format suffices. range: metres from near to far. closest:
-    quantile TOLERATED of the gap between caster and receiver along the light's axis, in metres. lost: share of the
-    shadow whose gap is below BIAS_STEPS steps of a format, by bits.
-    """
-
-    bits: int | None
-    range: float
-    closest: float
-    lost: dict[int, float]
-
-
-@dataclass(frozen=True)
-class BiasNeed:
-    """The needed bias along the light, in metres, without filtering, for a map of REFERENCE_SIZE.
-
-    needed: leaves acne on a share TOLERATED of the lit samples; worst: on none; thinnest: quantile CONTACT of the gap
-    between caster and receiver; bridged: share of the shadow that `needed` would light. The last two are None without a
-    shadow.
-    """
-
-    needed: float
-    worst: float
-    thinnest: float | None
-    bridged: float | None
+WRONG = 0.05  # tolerated share of wrong edge pixels; above it `edge_p95` is at least a pixel
+LIMIT, GRAZING_SLOPE = 16.0, 50.0  # of the bias `texel`, the techniques' default
+COUNTS = (2, 3, 4, 5, 6, 7, 8)  # of cascades
+STEP, STEPS = 2**0.25, 24  # in which a map size is enlarged until the shadow that the bias lights is small enough
+DIRECTIONS = 16  # of shadow edges in the map, over 180°, all equally likely
+# Mean displacement, in texels, of a straight edge by a 2×2 linear comparison, by its angle to the grid's nearer axis:
+# Monte Carlo over the grid's position, ± 0.001, repeated by tests/survey/test_sizes.py.
+ANGLES = np.radians([0.0, 10.0, 20.0, 30.0, 40.0, 45.0])
+DISPLACEMENTS = np.array([0.250, 0.218, 0.182, 0.159, 0.168, 0.181])
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,56 +49,145 @@ class Depths:
     stored: Floats
 
 
-def depths_of(fitted: FittedMap) -> Depths:
-    """The depths of the samples in a fitted map."""
-    samples, z = fitted.samples, fitted.stored(fitted.footprint.coords)
-    surface, known = first_surface(fitted, np.arange(len(z)))
-    behind = np.where(known, z - surface, 0.0)
-    if fitted.cube:  # which stores the distance to the light
-        away = samples.view.scene.geometry.vertices - samples.view.light.position
-        far = float(np.linalg.norm(away, axis=1).max())
-        gap = np.where(samples.shadowed, np.maximum(samples.blocker, behind), np.inf)
-        return Depths(0.0, far, gap, known, np.full(len(z), 1 / far), z / far)
-    (space,) = fitted.spaces
-    box = window(fitted.box, space, REFERENCE_SIZE, fitted.padding, (0.0, 0.0))
-    near, far = float(box.low[2]), float(box.high[2])
-    along = np.einsum("ij,i->j", samples.to_light, space.basis[2])
-    # Casters in front of the near plane are clamped to it.
-    gap = np.minimum(np.maximum(samples.blocker * along, behind), z - near)
-    gap, share = np.where(samples.shadowed, gap, np.inf), (z - near) / (far - near)
-    if not space.perspective:
-        return Depths(near, far, gap, known, np.full(len(z), 1 / (far - near)), share)
-    return Depths(near, far, gap, known, far * near / (far - near) / z**2, share * far / z)
+@dataclass(frozen=True, eq=False)
+class FittedMap:
+    """One map fitted to samples, as by `fit=visible`, or a point light's cube map.
 
-
-def first_surface(fitted: FittedMap, chosen: Indices, offset: Floats | float = 0.0) -> tuple[Floats, Mask]:
-    """(N,) depth of the surface that the light meets first, at (2, N) offsets in the map from chosen samples.
-
-    It is the triangle of the lit sample that is nearest in the map. (N,) bool: whether the place is in its pixel, and
-    the camera sees that surface.
+    spaces: the map's light space, or those of a cube's six faces; face: (R,) index of each sample's; coords: (3, R) u,
+    v and distance along the light's axis, as in `Box`, in units of light space, or of a cube's face at distance 1;
+    jacobian: (2, 2, R) d(u, v)/d(x, y), with x and y in pixels, y downwards; slope: (2, R) derivative of the receiver
+    plane's distance by u and v; extent: (2,) width and height of the map without its padding, texels on each side.
     """
-    samples, footprint = fitted.samples, fitted.footprint
-    half = np.abs(footprint.jacobian).sum(axis=1) * samples.step  # a pixel either way
-    places = footprint.coords[:2, chosen] + offset
-    surface, known = np.zeros(len(chosen)), np.zeros(len(chosen), dtype=bool)
-    for index, space in enumerate(fitted.spaces):
-        lit, tree = fitted.lit_samples[index]
-        own = np.flatnonzero(fitted.face[chosen] == index)
-        if len(lit) and len(own):
-            near = lit[tree.query(places[:, own].T)[1]]
-            away = places[:, own] - footprint.coords[:2, near]
-            plane = footprint.coords[2, near] + (footprint.slope[:, near] * away).sum(axis=0)
-            ahead = (space.origin - samples.view.scene.geometry.corners(samples.triangle[near])) @ space.basis[2]
-            surface[own] = np.clip(plane, ahead.min(axis=1), ahead.max(axis=1))
-            known[own] = (np.abs(away) <= half[:, near]).all(axis=0)
-    return fitted.stored(np.vstack([places, surface])), known
+
+    samples: Samples
+    spaces: tuple[LightSpace, ...]
+    face: Indices
+    coords: Floats
+    jacobian: Floats
+    slope: Floats
+    extent: Floats
+    padding: float
+
+    @property
+    def cube(self) -> bool:
+        """Whether it is a cube map."""
+        return len(self.spaces) > 1
+
+    @property
+    def texels(self) -> float:
+        """Number of texels along a side of a map of REFERENCE_SIZE, without the padding."""
+        return REFERENCE_SIZE - 2 * self.padding
+
+    @cached_property
+    def lit_samples(self) -> list[tuple[Indices, cKDTree]]:
+        """For each light space the indices of its lit samples, and a tree of their places in the map."""
+        lit = [np.flatnonzero(~self.samples.shadowed & (self.face == index)) for index in range(len(self.spaces))]
+        return [(own, cKDTree(self.coords[:2, own].T)) for own in lit]
+
+    def stored(self, coords: Floats) -> Floats:
+        """(N,) what the map stores at (3, N) coordinates, a local length: a cube the distance to the light."""
+        u, v, ahead = coords
+        return np.asarray(ahead * np.sqrt(u**2 + v**2 + 1) if self.cube else ahead)
+
+    def first_surface(self, chosen: Indices, offset: Floats | float = 0.0) -> tuple[Floats, Mask]:
+        """(N,) depth of the surface that the light meets first, at (2, N) offsets in the map from chosen samples.
+
+        It is the triangle of the lit sample that is nearest in the map. (N,) bool: whether the place is in its pixel,
+        and the camera sees that surface.
+        """
+        half = np.abs(self.jacobian).sum(axis=1) * self.samples.step  # a pixel either way
+        places = self.coords[:2, chosen] + offset
+        surface, known = np.zeros(len(chosen)), np.zeros(len(chosen), dtype=bool)
+        for index, space in enumerate(self.spaces):
+            lit, tree = self.lit_samples[index]
+            own = np.flatnonzero(self.face[chosen] == index)
+            if len(lit) and len(own):
+                near = lit[tree.query(places[:, own].T)[1]]
+                away = places[:, own] - self.coords[:2, near]
+                plane = self.coords[2, near] + (self.slope[:, near] * away).sum(axis=0)
+                corners = self.samples.view.scene.geometry.corners(self.samples.triangle[near])
+                ahead = (space.origin - corners) @ space.basis[2]
+                surface[own] = np.clip(plane, ahead.min(axis=1), ahead.max(axis=1))
+                known[own] = (np.abs(away) <= half[:, near]).all(axis=0)
+        return self.stored(np.vstack([places, surface])), known
+
+    @cached_property
+    def depths(self) -> Depths:
+        """The depths of the samples."""
+        samples, z = self.samples, self.stored(self.coords)
+        surface, known = self.first_surface(np.arange(len(z)))
+        behind = np.where(known, z - surface, 0.0)
+        if self.cube:  # which stores the distance to the light
+            away = samples.view.scene.geometry.vertices - samples.view.light.position
+            far = float(np.linalg.norm(away, axis=1).max())
+            gap = np.where(samples.shadowed, np.maximum(samples.blocker, behind), np.inf)
+            return Depths(0.0, far, gap, known, np.full(len(z), 1 / far), z / far)
+        (space,) = self.spaces
+        samples_box = Box(self.coords.min(axis=1), self.coords.max(axis=1))
+        box = window(samples_box, space, REFERENCE_SIZE, self.padding, (0.0, 0.0))
+        near, far = float(box.low[2]), float(box.high[2])
+        along = np.einsum("ij,i->j", samples.to_light, space.basis[2])
+        # Casters in front of the near plane are clamped to it.
+        gap = np.minimum(np.maximum(samples.blocker * along, behind), z - near)
+        gap, share = np.where(samples.shadowed, gap, np.inf), (z - near) / (far - near)
+        if not space.perspective:
+            return Depths(near, far, gap, known, np.full(len(z), 1 / (far - near)), share)
+        return Depths(near, far, gap, known, far * near / (far - near) / z**2, share * far / z)
 
 
-def bits_of(fitted: FittedMap, depths: Depths) -> DepthBits | None:
+def fitted_map(samples: Samples) -> FittedMap:
+    """The map that techniques fit to samples by default."""
+    light, face = samples.view.light, np.zeros(len(samples.pixel), dtype=np.intp)
+    if light.kind == "point":
+        origin = np.array(light.position)
+        away = samples.point - origin[:, None]
+        face = 2 * np.abs(away).argmax(axis=0)
+        face += np.take_along_axis(away, face[None] // 2, axis=0)[0] < 0
+        backs = [np.eye(3)[index // 2] * (1 if index % 2 else -1) for index in range(6)]
+        spaces = tuple(LightSpace(perpendicular_basis(back, (0.0, 1.0, 0.0)), origin, True, 1.0) for back in backs)
+    else:
+        spaces = (light_space(light),)
+    bases = np.array([space.basis for space in spaces])[face]
+
+    def turned(vectors: Floats) -> Floats:
+        """(3, R) vectors in the light space of each sample."""
+        return np.asarray(np.einsum("rij,jr->ir", bases, vectors))
+
+    x, y, back = turned(samples.point - spaces[0].origin[:, None])
+    uv, ahead = np.stack([x, y]), -back
+    derivatives = np.stack([turned(samples.across), turned(samples.down)], axis=1)
+    jacobian, slope = derivatives[:2], turned(samples.normal)[:2] / samples.cosine
+    if spaces[0].perspective:
+        uv /= ahead
+        jacobian = (jacobian + uv[:, None] * derivatives[2]) / ahead
+        # On the plane N·P = c, seen along d = (u, v, −1), ahead = c/(N·d), and N·d = −(N·L)|d|.
+        slope *= ahead**2 / samples.distance
+    coords = np.vstack([uv, ahead])
+    extent, padding = np.maximum(np.ptp(uv, axis=1), FLAT), PADDING
+    if light.kind == "point":  # whose faces cover all around
+        extent, padding = np.full(2, 2.0), 0.0
+    return FittedMap(samples, spaces, face, coords, jacobian, slope, extent, padding)
+
+
+@dataclass(frozen=True)
+class DepthBits:
+    """The depth format that separates casters from receivers.
+
+    bits: 16, 24, or 32 for reversed floats; None if no format suffices. range: metres from near to far. closest:
+    quantile TOLERATED of the gap between caster and receiver along the light's axis, in metres. lost: share of the
+    shadow whose gap is below BIAS_STEPS steps of a format, by bits.
+    """
+
+    bits: int | None
+    range: float
+    closest: float
+    lost: dict[int, float]
+
+
+def bits_of(samples: Samples, depths: Depths) -> DepthBits | None:
     """The smallest sufficient depth format; None if nothing is in shadow."""
-    samples = fitted.samples
-    dark = np.flatnonzero(samples.shadowed)
-    if not len(dark):
+    dark = samples.shadowed
+    if not dark.any():
         return None
     gap, stored = (depths.gap * depths.per_length)[dark], depths.stored[dark]
     # Floats have 24 significant bits; with reversed depth, relative to the distance from the far plane.
@@ -134,120 +199,43 @@ def bits_of(fitted: FittedMap, depths: Depths) -> DepthBits | None:
     return DepthBits(bits, (depths.far - depths.near) * metres, closest * metres, lost)
 
 
-def bias_of(fitted: FittedMap, depths: Depths) -> BiasNeed | None:
-    """The bias that the lit samples need, and the shadow that it costs; None if nothing is lit."""
-    samples = fitted.samples
-    lit, dark = np.flatnonzero(~samples.shadowed), np.flatnonzero(samples.shadowed)
+@dataclass(frozen=True)
+class BiasNeed:
+    """The needed bias along the light, in metres, without filtering, for a map of REFERENCE_SIZE.
+
+    needed: leaves acne on a share TOLERATED of the lit samples; worst: on none; thinnest: quantile CONTACT of the gap
+    between caster and receiver; bridged: share of the shadow that `needed` would light. The last two are None without a
+    shadow.
+    """
+
+    needed: float
+    worst: float
+    thinnest: float | None
+    bridged: float | None
+
+
+def bias_of(fitted: FittedMap) -> BiasNeed | None:
+    """The bias that the lit samples need, and the shadow that it costs; None if nothing is lit.
+
+    A lit sample needs its distance behind the depth stored in its texel, whose centre is at a random offset of up to
+    half a texel from it. There the stored depth is that of the receiver's plane, but no nearer to the light than the
+    first surface: a facet at grazing light is narrower than a texel.
+    """
+    samples, lit = fitted.samples, np.flatnonzero(~fitted.samples.shadowed)
     if not len(lit):
         return None
-    metres = 1 / samples.placement.scale
-    required = required_bias(fitted, lit)
-    needed, worst = float(np.quantile(required, 1 - TOLERATED)), float(required.max())
-    thinnest = bridged = None
-    if len(dark):
-        thinnest = float(np.quantile(depths.gap[dark], CONTACT)) * metres
-        bridged = float((depths.gap[dark] < needed).mean())
-    return BiasNeed(needed * metres, worst * metres, thinnest, bridged)
-
-
-def required_bias(fitted: FittedMap, lit: Indices) -> Floats:
-    """(L,) distance of each lit sample behind the depth stored in its texel, in local lengths along the map's depth.
-
-    The texel's centre is at a random offset of up to half a texel from the sample. There the stored depth is that of
-    the receiver's plane, but no nearer to the light than the first surface: a facet at grazing light is narrower than a
-    texel.
-    """
-    at = fitted.footprint.select(lit)
-    offset = (np.random.default_rng(0).random(fitted.footprint.slope.shape) - 0.5)[:, lit]
-    offset *= fitted.extent[:, None] / fitted.texels(REFERENCE_SIZE)
-    surface, known = first_surface(fitted, lit, -offset)
-    plane = np.vstack([at.coords[:2] - offset, at.coords[2] - (at.slope * offset).sum(axis=0)])
-    behind = fitted.stored(at.coords) - np.maximum(fitted.stored(plane), surface)
-    return np.where(known, np.maximum(behind, 0.0), 0.0)
-
-
-@dataclass(frozen=True)
-class Penumbra:
-    """The penumbrae of a view. Widths are in pixels, at the shadows' edges, in the widest direction.
-
-    radius: of the light, in radians for a directional one, else in metres; half the longer side of a rectangle;
-    assumed: True if the scene has none; median and p95: widths over edge pixels; share: of the scored pixels that see
-    less than all of the light, those that see some of it; hard_rmse: the metric `rmse` of exact hard shadows, those of
-    the light's centre.
-    """
-
-    radius: float
-    assumed: bool
-    median: float
-    p95: float
-    share: float
-    hard_rmse: float
-
-    @property
-    def hard_is_enough(self) -> bool:
-        """Whether their error is at most HARD_RMSE.
-
-        Widths do not tell: narrow penumbrae are a large error where they cover much of the view, wide ones a small
-        error where they cover little.
-        """
-        return self.hard_rmse <= HARD_RMSE
-
-
-def penumbra_of(view: View, samples: Samples) -> Penumbra | None:
-    """The penumbrae for the light's size, by default that of the sun or a bulb; None without edges or scored pixels.
-
-    samples: of the view, from `sample_view`.
-    """
-    if not len(samples.edges):
-        return None
-    light, hard = sized_light(view.light), hard_view(view)
-    truth = prepare_truth(cached_truth(replace(hard, light=light)))
-    error = rmse(Comparison(cached_truth(hard).visibility, truth))
-    if error is None:
-        return None
-    shadow = truth.visibility[truth.valid & (truth.visibility < 1)]
-    radius = light.radius or max(light.size) / 2
-    width = widths(samples, radius if light.kind == "directional" else samples.placement.length(radius))[samples.edges]
-    return Penumbra(
-        radius=float(radius),
-        assumed=not view.light.soft,
-        median=float(np.median(width)),
-        p95=float(np.quantile(width, 0.95)),
-        share=float((shadow > 0).mean()) if len(shadow) else 0.0,
-        hard_rmse=error,
-    )
-
-
-def sized_light(light: Light) -> Light:
-    """The light, with the size of the sun or a bulb if it has none."""
-    if light.soft:
-        return light
-    if light.kind == "rectangle":
-        return replace(light, size=(2 * BULB, 2 * BULB))
-    return replace(light, radius=SUN_RADIUS if light.kind == "directional" else BULB)
-
-
-def widths(samples: Samples, radius: float) -> Floats:
-    """(R,) width of the penumbra at each sample in pixels; 0 where lit.
-
-    By similar triangles, perpendicular to the light ray: 2 tan(radius) · blocker for a sun; 2 radius ·
-    blocker/(distance − blocker) otherwise, as in PCSS (Fernando 2005), with the denominator at least the radius.
-    """
-    if samples.view.light.kind == "directional":
-        across = 2 * np.tan(radius) * samples.blocker
-    else:
-        with np.errstate(invalid="ignore"):
-            across = 2 * radius * samples.blocker / np.maximum(samples.distance - samples.blocker, radius)
-    steps = samples.across, samples.down
-    derivatives = (step - samples.to_light * (step * samples.to_light).sum(axis=0) for step in steps)
-    with np.errstate(invalid="ignore"):
-        return np.where(samples.shadowed, across * longest(*derivatives), 0.0)
-
-
-WRONG = 0.05  # tolerated share of wrong edge pixels; above it `edge_p95` is at least a pixel
-LIMIT, GRAZING_SLOPE = 16.0, 50.0  # of the bias `texel`, the techniques' default
-COUNTS = (2, 3, 4, 5, 6, 7, 8)  # of cascades
-STEP, STEPS = 2**0.25, 24  # in which a map size is enlarged until the shadow that the bias lights is small enough
+    offset = (np.random.default_rng(0).random(fitted.slope.shape) - 0.5)[:, lit]
+    offset *= fitted.extent[:, None] / fitted.texels
+    surface, known = fitted.first_surface(lit, -offset)
+    u, v, ahead = fitted.coords[:, lit]
+    plane = np.stack([u - offset[0], v - offset[1], ahead - (fitted.slope[:, lit] * offset).sum(axis=0)])
+    behind = fitted.stored(fitted.coords[:, lit]) - np.maximum(fitted.stored(plane), surface)
+    required = np.where(known, np.maximum(behind, 0.0), 0.0)
+    metres, needed = 1 / samples.placement.scale, float(np.quantile(required, 1 - TOLERATED))
+    gap, thinnest, bridged = fitted.depths.gap[samples.shadowed], None, None
+    if len(gap):
+        thinnest, bridged = float(np.quantile(gap, CONTACT)) * metres, float((gap < needed).mean())
+    return BiasNeed(needed * metres, float(required.max()) * metres, thinnest, bridged)
 
 
 @dataclass(frozen=True)
@@ -267,32 +255,30 @@ class Texels:
     faces: int
 
 
-def texels_of(fitted: FittedMap, depths: Depths) -> Texels:
+def texels_of(fitted: FittedMap) -> Texels:
     """The needed size of one map, or of a cube's faces."""
-    pixels, texels = fitted.unit.longest, fitted.texels(REFERENCE_SIZE)  # of a 1 × 1 map
+    pixels = longest(fitted.jacobian / fitted.extent[:, None, None])  # of a 1 × 1 map
     p95 = float(np.quantile(pixels, 0.95))
     return Texels(
-        largest=float(pixels.max()) / texels,
-        p95=p95 / texels,
+        largest=float(pixels.max()) / fitted.texels,
+        p95=p95 / fitted.texels,
         size=p95 + 2 * fitted.padding,
-        edge_size=edge_size(fitted, depths, fitted.extent),
+        edge_size=_edge_size(fitted, fitted.extent[:, None]) if len(fitted.samples.edges) else None,
         faces=len(fitted.spaces),
     )
 
 
-def edge_size(fitted: FittedMap, depths: Depths, extent: Floats) -> float | None:
-    """The map size at which at most a share WRONG of the edge pixels is wrong; None without edges.
+def _edge_size(fitted: FittedMap, extent: Floats) -> float:
+    """The map size at which at most a share WRONG of the edge pixels, of which there are some, is wrong.
 
-    extent: (2,) or (2, R) of the map, or of each sample's cascade. Wrong are edges that texels displace, and those
+    extent: (2, 1) of the map, or (2, R) of each sample's cascade. Wrong are edges that texels displace, and those
     around shadow that the bias lights: a lit pixel counts as one.
     """
     samples = fitted.samples
-    if not len(samples.edges):
-        return None
-    displacement = fitted.footprint.scaled(extent).select(samples.edges).displacement
+    displacement = _displacement((fitted.jacobian / extent[:, None])[..., samples.edges])
     displaced = texels_for(displacement)
     edges = 2 * len(samples.edges)  # of the mask and of the truth
-    lit_by_bias = _lit_by_bias(fitted, depths, extent)
+    lit_by_bias = _lit_by_bias(fitted, extent)
     for step in range(STEPS + 1):
         texels = displaced * STEP**step
         # In a lattice of samples, edges are as sparse as its rows: a lit sample stands for `step` pixels of an edge.
@@ -303,19 +289,32 @@ def edge_size(fitted: FittedMap, depths: Depths, extent: Floats) -> float | None
     return float(displaced * STEP ** max(step - 0.5, 0.0) + 2 * fitted.padding)
 
 
-def _lit_by_bias(fitted: FittedMap, depths: Depths, extent: Floats) -> Callable[[float], int]:
+def _displacement(jacobian: Floats) -> Floats:
+    """(E, DIRECTIONS) mean displacement of a shadow edge in pixels by a 2×2 comparison, if a unit is a texel.
+
+    Measured along the image's column or row, whichever is closer to the edge's normal: below 1 it is the share of the
+    edge's pixels that are wrong.
+    """
+    angle = (np.arange(DIRECTIONS) + 0.5) * (np.pi / DIRECTIONS)
+    normal = np.stack([np.cos(angle), np.sin(angle)])
+    from_axis = np.arcsin(np.abs(normal).min(axis=0))
+    texels = np.abs(np.einsum("id,ijr->jrd", normal, jacobian)).max(axis=0)
+    return np.asarray(np.interp(from_axis, ANGLES, DISPLACEMENTS) / np.maximum(texels, np.finfo(float).tiny))
+
+
+def _lit_by_bias(fitted: FittedMap, extent: Floats) -> Callable[[float], int]:
     """The number of samples in shadow, but not at its edge, that the default bias lights, by texels along a map's side.
 
     The bias `texel` is the depth change of the receiver's plane across a texel's diagonal, at most LIMIT texels, or
     twice that under a lamp; from GRAZING_SLOPE on, the receiver is moved off its surface by the diagonal instead. What
     the light meets first is counted where the camera sees it: most other casters are not that close to their shadow.
     """
-    samples, coords = fitted.samples, fitted.footprint.coords
+    samples, coords, depths = fitted.samples, fitted.coords, fitted.depths
     dark = np.setdiff1d(np.flatnonzero(samples.shadowed & depths.known), samples.edges)
     cosine = samples.cosine[dark]
     sine = np.sqrt(np.maximum(1 - cosine**2, 0.0))
     ahead = coords[2, dark] if fitted.spaces[0].perspective else np.ones(len(dark))
-    texel = np.broadcast_to(extent.reshape(2, -1), (2, len(samples.pixel)))[:, dark] * ahead
+    texel = np.broadcast_to(extent, (2, len(samples.pixel)))[:, dark] * ahead
     most = LIMIT * (1 if samples.view.light.kind == "directional" else 2) * texel.max(axis=0)
     off, low = np.hypot(*texel) * sine, sine >= GRAZING_SLOPE * cosine
     bias = np.minimum(off / cosine, most)[~low] / np.maximum(depths.gap[dark[~low]], np.finfo(float).tiny)
@@ -325,7 +324,7 @@ def _lit_by_bias(fitted: FittedMap, depths: Depths, extent: Floats) -> Callable[
     depth, rise = fitted.stored(coords[:, grazing]), off * cosine[low]
 
     def lit(texels: float) -> int:
-        surface, known = first_surface(fitted, grazing, shift / texels)
+        surface, known = fitted.first_surface(grazing, shift / texels)
         return int(np.count_nonzero(texels < bias) + np.count_nonzero(known & (depth - rise / texels <= surface)))
 
     return lit
@@ -374,7 +373,7 @@ class CascadeSizes:
         return self.saving_by_size > 1.0 and not self.worthwhile
 
 
-def cascades_of(fitted: FittedMap, depths: Depths, one: Texels) -> CascadeSizes | None:
+def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     """The needed sizes of cascades; None without edges, or for a light that is not directional. one: of one map."""
     samples, space = fitted.samples, fitted.spaces[0]
     if space.perspective or one.edge_size is None:
@@ -382,11 +381,9 @@ def cascades_of(fitted: FittedMap, depths: Depths, one: Texels) -> CascadeSizes 
     bounds = bounds_of(caster_and_receiver_vertices(samples.view.scene.geometry))
     sizes, edge_sizes = {}, {}
     for count in COUNTS:
-        extents = _extents(samples.view, bounds, space, fitted.footprint.coords, count)
-        sizes[count] = float(np.percentile(fitted.footprint.scaled(extents).longest, 95)) + 2 * fitted.padding
-        by_edges = edge_size(fitted, depths, extents)
-        assert by_edges is not None  # as there are edges
-        edge_sizes[count] = by_edges
+        extents = _extents(samples.view, bounds, space, fitted.coords, count)
+        sizes[count] = float(np.percentile(longest(fitted.jacobian / extents[:, None]), 95)) + 2 * fitted.padding
+        edge_sizes[count] = _edge_size(fitted, extents)
     best, best_by_size = (min(COUNTS, key=lambda count: count * some[count] ** 2) for some in (edge_sizes, sizes))
     ahead = samples.view.camera.basis()[2] @ (np.array(samples.view.camera.position)[:, None] - samples.point)
     return CascadeSizes(

@@ -1,4 +1,4 @@
-"""The visible receivers of a view, by the arrays of its truth, and the shadow map that techniques fit to them.
+"""The visible receivers of a view, by the arrays of its truth, its casters, and the penumbrae of its light.
 
 In local coordinates. `needs` traces nothing itself: a truth has a pixel's triangle, whether it is lit, and the distance
 to its blocker; the geometry has the rest.
@@ -8,25 +8,25 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from shadowbench.errors import InputError
-from shadowbench.geometry.lights import Box, LightSpace, light_space
-from shadowbench.scenes.model import Placement, View
-from shadowbench.scenes.vectors import Floats, perpendicular_basis
+from shadowbench.geometry.planes import find_planes
+from shadowbench.geometry.topology import topology_of
+from shadowbench.measure.scoring import prepare_truth
+from shadowbench.scenes.model import SUN_RADIUS, Light, Placement, View
+from shadowbench.scenes.triangles import Geometry
+from shadowbench.scenes.vectors import Floats
+from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.metrics import rmse
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.rays import EDGE_ON, Indices, Mask, dot
 
 LATTICE = 512  # largest number of sampled pixels along a side
-ARRAYS = ("pixel", "triangle", "point", "normal", "to_light", "distance", "across", "down", "blocker")
-DIRECTIONS = 16  # of shadow edges in the map, over 180°, all equally likely
-# Mean displacement, in texels, of a straight edge by a 2×2 linear comparison, by its angle to the grid's nearer axis:
-# Monte Carlo over the grid's position, ± 0.001, repeated by tests/survey/test_maps.py.
-ANGLES = np.radians([0.0, 10.0, 20.0, 30.0, 40.0, 45.0])
-DISPLACEMENTS = np.array([0.250, 0.218, 0.182, 0.159, 0.168, 0.181])
-PADDING = 2.0  # default texels around the receivers: one for a 2×2 comparison, one for receivers offset by a bias
-REFERENCE_SIZE = 1024  # map size, the techniques' default, for which texels and biases are reported
-FLAT = 1e-9  # least extent of a map, a local length
+BULB = 0.03
+"""Radius of a common household bulb, in metres (A60: 60 mm across)."""
+HARD_RMSE = 0.02
+"""RMSE up to which hard shadows suffice: what `recommend` asks of soft shadows by default."""
+_POINTS = 1 << 16  # on cut-out casters
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,10 +72,6 @@ class Samples:
         lit[row + 1, column + 1] = ~self.shadowed
         beside = lit[row, column + 1] | lit[row + 2, column + 1] | lit[row + 1, column] | lit[row + 1, column + 2]
         return np.flatnonzero(self.shadowed & beside)
-
-    def select(self, chosen: Indices) -> "Samples":
-        """The chosen samples. Their `edges` differ, as neighbours may be missing."""
-        return replace(self, **{name: getattr(self, name)[..., chosen] for name in ARRAYS})
 
 
 def hard_view(view: View) -> View:
@@ -129,51 +125,12 @@ def sample_view(view: View) -> Samples:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Footprint:
-    """R samples in map coordinates, with derivatives by pixels; in units of light space, until `scaled`.
-
-    coords: (3, R) u, v and distance along the light's axis, as in `Box`; jacobian: (2, 2, R) d(u, v)/d(x, y), with x
-    and y in pixels, y downwards; slope: (2, R) derivative of the receiver plane's distance by u and v.
-    """
-
-    coords: Floats
-    jacobian: Floats
-    slope: Floats
-
-    def scaled(self, extent: Floats) -> "Footprint":
-        """The footprint with (2,) or (2, R) times larger units."""
-        across = np.broadcast_to(extent.reshape(2, -1), self.slope.shape)
-        return Footprint(self.coords, self.jacobian / across[:, None], self.slope * across)
-
-    def select(self, chosen: Indices) -> "Footprint":
-        """The footprint of the chosen samples."""
-        return Footprint(self.coords[:, chosen], self.jacobian[..., chosen], self.slope[:, chosen])
-
-    @property
-    def longest(self) -> Floats:
-        """(R,) largest extent of a unit of the map in the image, in pixels."""
-        return longest(*np.moveaxis(self.jacobian, 1, 0))
-
-    @property
-    def displacement(self) -> Floats:
-        """(R, DIRECTIONS) mean displacement of a shadow edge in pixels by a 2×2 comparison, if a unit is a texel.
-
-        Measured along the image's column or row, whichever is closer to the edge's normal: below 1 it is the share of
-        the edge's pixels that are wrong.
-        """
-        angle = (np.arange(DIRECTIONS) + 0.5) * (np.pi / DIRECTIONS)
-        normal = np.stack([np.cos(angle), np.sin(angle)])
-        from_axis = np.arcsin(np.abs(normal).min(axis=0))
-        texels = np.abs(np.einsum("id,ijr->jrd", normal, self.jacobian)).max(axis=0)
-        return np.asarray(np.interp(from_axis, ANGLES, DISPLACEMENTS) / np.maximum(texels, np.finfo(float).tiny))
-
-
-def longest(across: Floats, down: Floats) -> Floats:
+def longest(derivatives: Floats) -> Floats:
     """(R,) largest extent of a unit in pixels: 1/σ of the smaller singular value σ.
 
-    across, down: (K, R) derivatives of the coordinates by a pixel across and down.
+    derivatives: (K, 2, R) of coordinates by a pixel across and down.
     """
+    across, down = derivatives[:, 0], derivatives[:, 1]
     square_a, square_b = (across**2).sum(axis=0), (down**2).sum(axis=0)
     both = (across * down).sum(axis=0)
     # σ² are the eigenvalues of the Gram matrix; the smaller one as a quotient, which avoids cancellation.
@@ -182,89 +139,168 @@ def longest(across: Floats, down: Floats) -> Floats:
     return np.asarray(np.sqrt(larger / determinant))
 
 
-@dataclass(frozen=True, eq=False)
-class FittedMap:
-    """One map fitted to samples, as by `fit=visible`, or a point light's cube map.
+@dataclass(frozen=True)
+class Receivers:
+    """The visible receivers, which face the light.
 
-    spaces: the map's light space, or those of a cube's six faces; face: (R,) index of each sample's; footprint: of the
-    samples, in units of light space, or of a cube's face at distance 1; box: bounds of the samples; extent: (2,) width
-    and height of the box; padding: texels around the box on each side.
+    pixels: their share of the view; shadowed: their share in shadow; planar: their share on planes that
+    `planar-projection` finds by default; lost: share of the shadow on other receivers; planes: number of visible
+    planes.
     """
 
-    samples: Samples
-    spaces: tuple[LightSpace, ...]
-    face: Indices
-    footprint: Footprint
-    box: Box
-    extent: Floats
-    padding: float
+    pixels: float
+    shadowed: float
+    planar: float
+    lost: float
+    planes: int
+
+
+def receivers_of(samples: Samples) -> Receivers:
+    """Statistics of the visible receivers."""
+    geometry = samples.view.scene.geometry
+    planes = np.full(len(geometry.faces), -1)
+    for index, plane in enumerate(find_planes(geometry, geometry.receives)):
+        planes[plane.triangles] = index
+    seen = planes[samples.triangle]
+    return Receivers(
+        pixels=len(samples.pixel) / samples.side**2,
+        shadowed=float(samples.shadowed.mean()),
+        planar=float((seen >= 0).mean()),
+        lost=float((seen[samples.shadowed] < 0).mean()) if samples.shadowed.any() else 0.0,
+        planes=len(np.unique(seen[seen >= 0])),
+    )
+
+
+@dataclass(frozen=True)
+class CasterCounts:
+    """Exact counts over all caster triangles, welded as for shadow volumes.
+
+    triangles: number of caster triangles; closed: those in closed parts that are wound outwards, a part being a set of
+    triangles connected by edges; open: those in parts with boundary edges; all others are in closed parts not wound
+    outwards. silhouette: number of silhouette edges for the light; walls: that shadow volumes extrude from them, two
+    from an edge between triangles of a part that is not closed; edges: number of all edges. cut_out: number of those
+    that are cut out by alpha; opaque: share of their area that is opaque, to about 0.2%, 1 without any.
+    """
+
+    triangles: int
+    closed: int
+    open: int
+    silhouette: int
+    walls: int
+    edges: int
+    cut_out: int
+    opaque: float
+
+
+def count_casters(view: View) -> CasterCounts:
+    """The casters of a view in local coordinates."""
+    topology, geometry = topology_of(view.scene), view.scene.geometry
+    faces, closed = topology.faces, topology.closed[topology.part]
+    a, b, c = (geometry.vertices[faces[:, k]] for k in range(3))
+    source, w = view.light.homogeneous
+    lit = np.einsum("ij,ij->i", np.array(source) - w * a, np.cross(b - a, c - a)) > 0
+    # Each triangle adds a signed wall per half-edge, by its orientation towards the light; an edge whose walls cancel
+    # is not a silhouette edge.
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    wall = np.append(np.where((start < end) == np.repeat(lit, 3), 1, -1), 0)  # the last, index −1, for no half-edge
+    edges = topology.edges[:, 1:3]
+    first = np.flatnonzero((np.diff(edges, axis=0, prepend=-1) != 0).any(axis=1))
+    walls = np.add.reduceat(wall[topology.half_edges].sum(axis=1), first) if len(first) else first
+    in_closed = closed[topology.half_edges[first].max(axis=1) // 3] if len(first) else np.zeros(0, dtype=bool)
+    return CasterCounts(
+        triangles=len(faces),
+        closed=int(np.count_nonzero(closed)),
+        open=int(np.count_nonzero(topology.open[topology.part])),
+        silhouette=int(np.count_nonzero(walls)),
+        walls=int(np.where(in_closed, np.abs(walls) // 2, np.abs(walls)).sum()),
+        edges=len(first),
+        cut_out=int((geometry.casts & geometry.is_cut_out).sum()),
+        opaque=_opaque_share(geometry),
+    )
+
+
+def _opaque_share(geometry: Geometry) -> float:
+    """Share of the cut-out casters' area that is opaque, by random points on it."""
+    cut = geometry.caster_cutouts
+    if cut is None:
+        return 1.0
+    random, areas = np.random.default_rng(0), np.linalg.norm(geometry.crosses, axis=0)
+    ends = np.cumsum(areas[geometry.casts & geometry.is_cut_out])
+    chosen = np.searchsorted(ends, random.random(_POINTS) * ends[-1], side="right")
+    return float(cut.opaque(np.minimum(chosen, len(ends) - 1), random.dirichlet(np.ones(3), _POINTS)).mean())
+
+
+@dataclass(frozen=True)
+class Penumbra:
+    """The penumbrae of a view. Widths are in pixels, at the shadows' edges, in the widest direction.
+
+    radius: of the light, in radians for a directional one, else in metres; half the longer side of a rectangle;
+    assumed: True if the scene has none; median and p95: widths over edge pixels; share: of the scored pixels that see
+    less than all of the light, those that see some of it; hard_rmse: the metric `rmse` of exact hard shadows, those of
+    the light's centre.
+    """
+
+    radius: float
+    assumed: bool
+    median: float
+    p95: float
+    share: float
+    hard_rmse: float
 
     @property
-    def cube(self) -> bool:
-        """Whether it is a cube map."""
-        return len(self.spaces) > 1
+    def hard_is_enough(self) -> bool:
+        """Whether their error is at most HARD_RMSE.
 
-    @cached_property
-    def unit(self) -> Footprint:
-        """The samples' footprint, with the whole map without its padding as the unit."""
-        return self.footprint.scaled(self.extent)
-
-    def texels(self, size: float) -> float:
-        """Number of texels along a side of a map of this size, without the padding."""
-        return size - 2 * self.padding
-
-    @cached_property
-    def lit_samples(self) -> list[tuple[Indices, cKDTree]]:
-        """For each light space the indices of its lit samples, and a tree of their places in the map."""
-        lit = [np.flatnonzero(~self.samples.shadowed & (self.face == index)) for index in range(len(self.spaces))]
-        return [(own, cKDTree(self.footprint.coords[:2, own].T)) for own in lit]
-
-    def stored(self, coords: Floats) -> Floats:
-        """(N,) what the map stores at (3, N) coordinates, a local length: a cube the distance to the light."""
-        u, v, ahead = coords
-        return np.asarray(ahead * np.sqrt(u**2 + v**2 + 1) if self.cube else ahead)
+        Widths do not tell: narrow penumbrae are a large error where they cover much of the view, wide ones a small
+        error where they cover little.
+        """
+        return self.hard_rmse <= HARD_RMSE
 
 
-def fitted_map(samples: Samples) -> FittedMap:
-    """The map that techniques fit to samples by default."""
-    light, face = samples.view.light, np.zeros(len(samples.pixel), dtype=np.intp)
-    if light.kind != "point":
-        space = light_space(light)
-        footprint = footprint_in(space, samples)
-        box = Box(footprint.coords.min(axis=1), footprint.coords.max(axis=1))
-        extent = np.maximum((box.high - box.low)[:2], FLAT)
-        return FittedMap(samples, (space,), face, footprint, box, extent, PADDING)
-    origin = np.array(light.position)
-    away = samples.point - origin[:, None]
-    face = 2 * np.abs(away).argmax(axis=0)
-    face += np.take_along_axis(away, face[None] // 2, axis=0)[0] < 0
-    backs = [np.eye(3)[index // 2] * (1 if index % 2 else -1) for index in range(6)]
-    spaces = tuple(LightSpace(perpendicular_basis(back, (0.0, 1.0, 0.0)), origin, True, 1.0) for back in backs)
-    count = len(face)
-    footprint = Footprint(np.empty((3, count)), np.empty((2, 2, count)), np.empty((2, count)))
-    for index, space in enumerate(spaces):
-        chosen = np.flatnonzero(face == index)
-        part = footprint_in(space, samples.select(chosen))
-        footprint.coords[:, chosen], footprint.jacobian[..., chosen] = part.coords, part.jacobian
-        footprint.slope[:, chosen] = part.slope
-    box = Box(footprint.coords.min(axis=1), footprint.coords.max(axis=1))
-    return FittedMap(samples, spaces, face, footprint, box, np.full(2, 2.0), 0.0)
+def penumbra_of(view: View, samples: Samples) -> Penumbra | None:
+    """The penumbrae for the light's size, by default that of the sun or a bulb; None without edges or scored pixels.
 
-
-def footprint_in(space: LightSpace, samples: Samples) -> Footprint:
-    """The footprint of samples in a light space, whose map stores z along its axis."""
-    basis = space.basis
-    x, y, back = basis @ (samples.point - space.origin[:, None])
-    derivatives = np.stack([basis @ samples.across, basis @ samples.down], axis=1)  # (3, 2, R)
-    normal = (basis @ samples.normal)[:2]
-    if not space.perspective:
-        return Footprint(np.stack([x, y, -back]), derivatives[:2], normal / samples.cosine)
-    ahead = -back
-    uv = np.stack([x, y]) / ahead
-    # On the plane N·P = c, seen along d = (u, v, −1), ahead = c/(N·d), and N·d = −(N·L)|d|.
-    ray = samples.distance / ahead
-    return Footprint(
-        np.vstack([uv, ahead]),
-        (derivatives[:2] + uv[:, None] * derivatives[2]) / ahead,
-        normal * ahead / (samples.cosine * ray),
+    samples: of the view, from `sample_view`.
+    """
+    if not len(samples.edges):
+        return None
+    light, hard = sized_light(view.light), hard_view(view)
+    truth = prepare_truth(cached_truth(replace(hard, light=light)))
+    error = rmse(Comparison(cached_truth(hard).visibility, truth))
+    if error is None:
+        return None
+    shadow = truth.visibility[truth.valid & (truth.visibility < 1)]
+    radius = light.radius or max(light.size) / 2
+    width = _widths(samples, radius if light.kind == "directional" else samples.placement.length(radius))
+    return Penumbra(
+        radius=float(radius),
+        assumed=not view.light.soft,
+        median=float(np.median(width)),
+        p95=float(np.quantile(width, 0.95)),
+        share=float((shadow > 0).mean()) if len(shadow) else 0.0,
+        hard_rmse=error,
     )
+
+
+def sized_light(light: Light) -> Light:
+    """The light, with the size of the sun or a bulb if it has none."""
+    if light.soft:
+        return light
+    if light.kind == "rectangle":
+        return replace(light, size=(2 * BULB, 2 * BULB))
+    return replace(light, radius=SUN_RADIUS if light.kind == "directional" else BULB)
+
+
+def _widths(samples: Samples, radius: float) -> Floats:
+    """(E,) width of the penumbra at each edge pixel.
+
+    By similar triangles, perpendicular to the light ray: 2 tan(radius) · blocker for a sun; 2 radius ·
+    blocker/(distance − blocker) otherwise, as in PCSS (Fernando 2005), with the denominator at least the radius.
+    """
+    blocker, to_light = samples.blocker[samples.edges], samples.to_light[:, samples.edges]
+    if samples.view.light.kind == "directional":
+        across = 2 * np.tan(radius) * blocker
+    else:
+        across = 2 * radius * blocker / np.maximum(samples.distance[samples.edges] - blocker, radius)
+    steps = np.stack([samples.across, samples.down], axis=1)[..., samples.edges]
+    return np.asarray(across * longest(steps - to_light[:, None] * (steps * to_light[:, None]).sum(axis=0)))

@@ -1,81 +1,43 @@
 """The survey of a view: everything it needs of a shadow technique, in numbers and in words."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.geometry.planes import find_planes
 from shadowbench.scenes.assumed import without_ground
-from shadowbench.scenes.model import LightShape, Scene, View, view_of
-from shadowbench.survey.casters import Casters, casters_of
+from shadowbench.scenes.model import LightShape, View, view_of
 from shadowbench.survey.maps import (
     BIAS_STEPS,
     CONTACT,
-    HARD_RMSE,
+    REFERENCE_SIZE,
     BiasNeed,
     CascadeSizes,
     DepthBits,
-    Penumbra,
     Texels,
     bias_of,
     bits_of,
     cascades_of,
-    depths_of,
-    penumbra_of,
+    fitted_map,
     texels_of,
 )
-from shadowbench.survey.samples import REFERENCE_SIZE, Samples, fitted_map, sample_view
+from shadowbench.survey.samples import (
+    HARD_RMSE,
+    CasterCounts,
+    Penumbra,
+    Receivers,
+    count_casters,
+    penumbra_of,
+    receivers_of,
+    sample_view,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PLANAR_SHARE = 0.999  # least planar share of the visible receivers for which projection suffices
-
-
-@dataclass(frozen=True)
-class Receivers:
-    """The visible receivers, which face the light.
-
-    pixels: their share of the view; shadowed: their share in shadow; planar: their share on planes that
-    `planar-projection` finds; lost: share of the shadow on other receivers; planes: number of visible planes.
-    """
-
-    pixels: float
-    shadowed: float
-    planar: float
-    lost: float
-    planes: int
-
-    @property
-    def projection_suffices(self) -> bool:
-        """Whether practically all visible receivers are on planes."""
-        return self.planar >= PLANAR_SHARE
-
-
-def planes_of(scene: Scene) -> NDArray[np.int64]:
-    """(T,) index of each triangle's plane, of those that `planar-projection` finds by default; −1 for none."""
-    geometry = scene.geometry
-    of_triangle = np.full(len(geometry.faces), -1)
-    for index, plane in enumerate(find_planes(geometry, geometry.receives)):
-        of_triangle[plane.triangles] = index
-    return of_triangle
-
-
-def receivers_of(samples: Samples, of_triangle: NDArray[np.int64]) -> Receivers:
-    """Statistics of the visible receivers. of_triangle: (T,) planes of the triangles, from `planes_of`."""
-    plane_of = of_triangle[samples.triangle]
-    planar, shadow = plane_of >= 0, np.flatnonzero(samples.shadowed)
-    return Receivers(
-        pixels=len(samples.pixel) / samples.side**2,
-        shadowed=float(samples.shadowed.mean()),
-        planar=float(planar.mean()),
-        lost=float((~planar[shadow]).mean()) if len(shadow) else 0.0,
-        planes=len(np.unique(plane_of[planar])),
-    )
 
 
 @dataclass(frozen=True)
@@ -90,7 +52,7 @@ class Needs:
 
     light: LightShape
     receivers: Receivers
-    casters: Casters
+    casters: CasterCounts
     texels: Texels
     without_ground: Texels | None
     cascades: CascadeSizes | None
@@ -105,17 +67,9 @@ class Needs:
         """A line per number: `need`, such as texels.size, and its `value`."""
         import pandas as pd  # 0.3 s, and the command does without
 
-        return pd.DataFrame(_numbers(self, ""), columns=["need", "value"])
-
-
-def _numbers(needs: Any, path: str) -> Iterator[tuple[str, float]]:
-    """Generate path and value of the numbers in a dataclass and in the dataclasses in it."""
-    for field in fields(needs):
-        value, name = getattr(needs, field.name), f"{path}{field.name}"
-        if is_dataclass(value):
-            yield from _numbers(value, f"{name}.")
-        elif isinstance(value, bool | int | float):
-            yield name, float(value)
+        line = pd.json_normalize(asdict(self)).iloc[0]
+        numbers = pd.to_numeric(line, errors="coerce").dropna()
+        return numbers.astype(float).rename_axis("need").reset_index(name="value")
 
 
 def needs(view: View, penumbrae: bool = True) -> Needs:
@@ -127,17 +81,16 @@ def needs(view: View, penumbrae: bool = True) -> Needs:
         raise InputError(f"{view.scene.name}: no mesh casts a shadow, so that `unshadowed` suffices")
     samples = sample_view(view)
     fitted = fitted_map(samples)
-    depths = depths_of(fitted)
-    texels = texels_of(fitted, depths)
+    texels = texels_of(fitted)
     return Needs(
         light=view.light.kind,
-        receivers=receivers_of(samples, planes_of(view.scene)),
-        casters=casters_of(view.placed()[0]),
+        receivers=receivers_of(samples),
+        casters=count_casters(samples.view),
         texels=texels,
         without_ground=_without_ground(view),
-        cascades=cascades_of(fitted, depths, texels),
-        bits=bits_of(fitted, depths),
-        bias=bias_of(fitted, depths),
+        cascades=cascades_of(fitted, texels),
+        bits=bits_of(samples, fitted.depths),
+        bias=bias_of(fitted),
         penumbra=penumbra_of(view, samples) if penumbrae else None,
         pixels=samples.side**2,
         view_size=view.size,
@@ -150,8 +103,7 @@ def _without_ground(view: View) -> Texels | None:
         return None
     bare = view_of(without_ground(view.scene), view.camera, view.light, view.size)
     try:
-        fitted = fitted_map(sample_view(bare))
-        return texels_of(fitted, depths_of(fitted))
+        return texels_of(fitted_map(sample_view(bare)))
     except InputError:  # no other receiver
         return None
 
@@ -166,7 +118,6 @@ _LIGHTS = {
     "rectangle": _PANEL,
     "point": "it shines all round: a cube map or shadow volumes, as one 2-D map covers less than half of it",
 }
-Row = tuple[str, str, str]
 
 
 class Explanation(NamedTuple):
@@ -182,7 +133,7 @@ def explanations_of(needs: Needs) -> list[Explanation]:
     return [Explanation(*row) for row in _rows(needs)]
 
 
-def _rows(needs: Needs) -> Iterator[Row]:
+def _rows(needs: Needs) -> Iterator[tuple[str, str, str]]:
     yield "light", needs.light, _LIGHTS[needs.light]
     yield "receivers", f"{needs.receivers.planar:.1%} on planes", _receivers(needs.receivers)
     yield from _casters(needs.casters)
@@ -226,12 +177,12 @@ def _receivers(need: Receivers) -> str:
     if need.planes == 0:
         return "no visible receiver is on a plane: planar-projection would leave all of them lit"
     planes = "1 plane" if need.planes == 1 else f"{need.planes} planes"
-    if need.projection_suffices:
+    if need.planar >= PLANAR_SHARE:
         return f"all visible receivers are on {planes}: planar-projection suffices"
     return f"planar-projection, on {planes}, would leave the others lit: {need.lost:.1%} of the shadow"
 
 
-def _casters(need: Casters) -> Iterator[Row]:
+def _casters(need: CasterCounts) -> Iterator[tuple[str, str, str]]:
     reason = "triangles, all in closed parts: shadow volumes extrude each silhouette edge once"
     if need.closed < need.triangles:
         inwards = need.triangles - need.closed - need.open
@@ -251,7 +202,7 @@ def _casters(need: Casters) -> Iterator[Row]:
     yield "silhouette", f"{need.silhouette} edges", f"{seen}: shadow volumes have {need.walls} walls"
 
 
-def _texels(need: Texels, soft: bool) -> Iterator[Row]:
+def _texels(need: Texels, soft: bool) -> Iterator[tuple[str, str, str]]:
     kind = f"a cube map with faces of {REFERENCE_SIZE}²" if need.faces > 1 else f"a fitted map of {REFERENCE_SIZE}²"
     reason = f"95th percentile of a texel's extent in the image, for {kind}; the largest is {need.largest:.3g}"
     yield "texel", f"{need.p95:.3g} px", reason
@@ -266,7 +217,7 @@ def _texels(need: Texels, soft: bool) -> Iterator[Row]:
         )
 
 
-def _ground(need: Texels, without: Texels) -> Iterator[Row]:
+def _ground(need: Texels, without: Texels) -> Iterator[tuple[str, str, str]]:
     if need.edge_size is None:
         return
     name, ground = "without ground", "without the ground that was assumed (--no-ground)"
@@ -277,7 +228,7 @@ def _ground(need: Texels, without: Texels) -> Iterator[Row]:
         yield name, f"{without.edge_size:.0f}", f"map size, edges, {ground}, {instead}"
 
 
-def _cascades(need: CascadeSizes, one: Texels) -> Iterator[Row]:
+def _cascades(need: CascadeSizes, one: Texels) -> Iterator[tuple[str, str, str]]:
     sizes = need.edge_size
     each = ", ".join(f"{count}: {size:.0f}" for count, size in sizes.items())
     reason = f"number and map size with the fewest texels in total; sizes by number: {each}"
@@ -301,7 +252,7 @@ def _bits(need: DepthBits) -> str:
     return f"{closest}: more than {BIAS_STEPS:g} steps of {need.bits} bits{rest}"
 
 
-def _bias(need: BiasNeed) -> Iterator[Row]:
+def _bias(need: BiasNeed) -> Iterator[tuple[str, str, str]]:
     yield (
         "bias",
         f"{need.needed:.3g} m",
@@ -314,7 +265,7 @@ def _bias(need: BiasNeed) -> Iterator[Row]:
         yield "thinnest gap", f"{need.thinnest:.3g} m", f"in depth between caster and receiver, {exceeded}; {lit}"
 
 
-def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Row]:
+def _penumbra(need: Penumbra, light: LightShape) -> Iterator[tuple[str, str, str]]:
     lamp, size = "lamp", f"of {need.radius:.3g} m radius"
     if light == "directional":
         lamp, size = "sun", f"{np.degrees(need.radius) * 2:.2g}° across"

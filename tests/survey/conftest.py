@@ -27,17 +27,21 @@ def light(request: pytest.FixtureRequest) -> Light:
     return chosen
 
 
-def plate(side: float, center: Position = (0.0, 0.0, 0.0), name: str = "plate", **flags: bool) -> Mesh:
+def plate(side: float, center: Position = (0.0, 0.0, 0.0), **flags: bool) -> Mesh:
     """A horizontal square, facing up."""
     corners = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) * side / 2 + center
-    return Mesh(name, corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32), **flags)
+    return Mesh("plate", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32), **flags)
 
 
-def box(side: float, center: Position, name: str = "box") -> Mesh:
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
-    return Mesh(name, signs * side / 2 + center, np.array(faces, dtype=np.int32))
+def box(side: float, center: Position = (0.0, 0.0, 0.0), inside_out: bool = False) -> Mesh:
+    made = trimesh.creation.box([side] * 3)
+    faces = np.asarray(made.faces, dtype=np.int32)
+    return Mesh("box", made.vertices + center, faces[:, ::-1].copy() if inside_out else faces)
+
+
+def ball(subdivisions: int, radius: float = 1.0) -> Mesh:
+    made = trimesh.creation.icosphere(subdivisions)
+    return Mesh("ball", made.vertices * radius, np.asarray(made.faces, dtype=np.int32))
 
 
 def looking(
@@ -54,19 +58,13 @@ def looking(
 
 def from_above(meshes: Sequence[Mesh], light: Light = DOWN, size: int = 64, width: float = 2.0) -> View:
     """A view from above, this many metres wide at y = 0, from five times that height."""
-    height = 5 * width
-    return looking(meshes, light, size, (0.0, height, 0.0), fov=math.degrees(2 * math.atan(0.1)))
+    return looking(meshes, light, size, (0.0, 5 * width, 0.0), fov=math.degrees(2 * math.atan(0.1)))
 
 
 def tilted(elevation: float) -> Light:
     """A sun at an elevation in degrees."""
     angle = math.radians(elevation)
     return Light("sun", "directional", (math.cos(angle), -math.sin(angle), 0.0))
-
-
-def ball(subdivisions: int, radius: float = 1.0, center: Position = (0.0, 0.0, 0.0)) -> Mesh:
-    made = trimesh.creation.icosphere(subdivisions)
-    return Mesh("ball", made.vertices * radius + center, np.asarray(made.faces, dtype=np.int32))
 
 
 def reasons(view: View) -> dict[str, str]:

@@ -12,7 +12,7 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.cutouts import cut_out
 from shadowbench.scenes.model import Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.vectors import perpendicular_basis, unit
-from shadowbench.survey.casters import casters_of
+from shadowbench.survey.samples import count_casters
 from shadowbench.truths.embree import INFINITE, Tracer
 from shadowbench.truths.rays import SUBPIXEL, ViewRays
 from shadowbench.truths.trace import trace
@@ -244,7 +244,7 @@ def test_needs_count_what_is_cut_out() -> None:
     alpha = np.zeros((1, 3), np.uint8)
     alpha[0, 1] = 255
     leaves = cards(30, cut_out(alpha, nearest=True, wrap=("clamp", "clamp")))
-    counted = casters_of(leaves_view(LIGHTS["directional"], leaves).placed()[0])
+    counted = count_casters(leaves_view(LIGHTS["directional"], leaves).placed()[0])
     assert counted.cut_out == 60
     assert counted.opaque == pytest.approx(1 / 3 / 1.5, abs=0.01)
-    assert casters_of(leaves_view(LIGHTS["directional"], replace(leaves, cutout=None)).placed()[0]).cut_out == 0
+    assert count_casters(leaves_view(LIGHTS["directional"], replace(leaves, cutout=None)).placed()[0]).cut_out == 0
