@@ -23,7 +23,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shadowbench import options
-from shadowbench.advice.recommend import Recommendation, by_of, has_penumbra, target_of
+from shadowbench.advice.recommend import Recommendation, target_of
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.search import technique_names
 from shadowbench.campaigns import campaign_in, shared_worker
@@ -246,15 +246,20 @@ def recommend(
     default where none draws) or "work"; device: its name, the first on record if None; techniques: those to search.
     `choice` is None if nothing meets it. Raises InputError.
     """
-    limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "budget_ms": budget_ms, "max_rmse": max_rmse}
-    given = {name: None if value is None else options.number(value, name) for name, value in limits.items()}
+    limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "max_rmse": max_rmse, "budget_ms": budget_ms}
+    least, edges, rmse, budget = (
+        None if value is None else options.number(value, name) for name, value in limits.items()
+    )
+    target = target_of(least, edges, rmse)
     files = _paths(plugins)
     known = techniques_with(files)
     among = technique_names(options.as_list(techniques, "techniques", "names of techniques", str), known)
     chosen = _view(scene, view_size, view, light)
-    target = target_of(**given, soft=has_penumbra(chosen))
     with shared_worker(files) as worker, campaign_in(_kept_in(folder), worker=worker) as made:
-        return measure_recommendation(chosen, target, known, made, by=by_of(by), among=among, device=device)[0]
+        advice, _ = measure_recommendation(
+            chosen, target, known, made, by=by, device=device, budget_ms=budget, among=among
+        )
+        return advice
 
 
 def stress(

@@ -1,1 +1,1 @@
-"""Recommending the cheapest technique for a view, and tuning a technique's parameters."""
+"""Recommending the cheapest technique for a view."""

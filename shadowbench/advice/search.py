@@ -11,8 +11,9 @@ import itertools
 import math
 import statistics
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 from shadowbench.errors import InputError
@@ -25,8 +26,6 @@ from shadowbench.studies.crossing import Techniques
 from shadowbench.survey.survey import Needs
 
 SIZES = (256, 512, 1024, 2048, 4096)
-
-Rule = Callable[[Spec], tuple[str, str] | None]  # what is excluded and why
 
 
 @dataclass(frozen=True)
@@ -65,13 +64,12 @@ def full_space(known: Techniques, light: LightKind, largest: int, soft: bool = F
 
 def technique_names(texts: Sequence[str], known: Techniques) -> tuple[str, ...]:
     """Names of techniques, each once. Raises InputError for other texts, such as specs with parameters."""
-    names = [parse_spec(text, known).technique.name for text in texts]
     for text in texts:
         if ":" in text:
             raise InputError(
                 f"technique {text!r:.60}: found parameters, which the search chooses; allowed: a name alone"
             )
-    return tuple(dict.fromkeys(names))
+    return tuple(dict.fromkeys(parse_spec(text, known).technique.name for text in texts))
 
 
 def chosen_techniques(known: Techniques, names: Sequence[str], light: LightKind, soft: bool = False) -> Techniques:
@@ -100,41 +98,32 @@ def unavailable(known: Techniques, light: LightKind, soft: bool = False) -> dict
 def prune(space: Sequence[Spec], needs: Needs, least_iou: float | None) -> dict[Spec, tuple[str, str]]:
     """The specs of a space that the needs of a view leave out, with what and why as in `Exclusion`.
 
-    least_iou: target IoU, None for another target.
+    Left out are the depth format that is not needed, and planar techniques if no plane is visible, or if an upper bound
+    of their IoU misses the target: shadows on curved receivers stay lit; the bound assumes that as much as possible of
+    the lit surface is curved, and the reason says what is seen. least_iou: target IoU, None for another target.
     """
-    rules = _depth_rule(needs), _planar_rule(needs, least_iou)
-    reasons = {spec: next(filter(None, (rule(spec) for rule in rules)), None) for spec in space}
-    return {spec: reason for spec, reason in reasons.items() if reason is not None}
-
-
-def _depth_rule(needs: Needs) -> Rule:
     bits, unwanted = needs.bits.bits if needs.bits else None, "d16"
     if bits == 16:
-        unwanted, why = "d32f", "by `needs` 16 bits separate casters from receivers, at half the bytes"
+        unwanted, format_why = "d32f", "by `needs` 16 bits separate casters from receivers, at half the bytes"
     elif bits:
-        why = f"by `needs` {bits} bits are needed to separate casters from receivers"
+        format_why = f"by `needs` {bits} bits are needed to separate casters from receivers"
     else:
-        why = "no format is known to separate casters from receivers, so that the widest is taken"
-    return lambda spec: (f"depth={unwanted}", why) if getattr(spec.params, "depth", None) == unwanted else None
-
-
-def _planar_rule(needs: Needs, least_iou: float | None) -> Rule:
-    """Excludes planar techniques if no plane is visible, or if an upper bound of their IoU misses the target.
-
-    Shadows on curved receivers stay lit; the bound assumes that as much as possible of the lit surface is curved, and
-    the reason says what is seen.
-    """
-    seen = needs.receivers
-    curved, shadow = 1 - seen.planar, seen.shadowed
-    most = 1 - max(curved + shadow - 1, 0.0) / shadow if shadow > 0 else 1.0
-    why = None
+        format_why = "no format is known to separate casters from receivers, so that the widest is taken"
+    seen, planar_why = needs.receivers, ""
+    most = 1 - max(seen.shadowed - seen.planar, 0.0) / seen.shadowed if seen.shadowed > 0 else 1.0
     if seen.planes == 0:
-        why = "no receiver that is seen is a plane"
+        planar_why = "no receiver that is seen is a plane"
     elif least_iou is not None and most < least_iou:
-        why = (
+        planar_why = (
             f"by `needs` it would leave {seen.lost:.1%} of the shadow lit: its IoU is at most about {1 - seen.lost:.3g}"
         )
-    return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.catalogue.only_planes else None
+    reasons = {}
+    for spec in space:
+        if getattr(spec.params, "depth", None) == unwanted:
+            reasons[spec] = f"depth={unwanted}", format_why
+        elif planar_why and spec.technique.catalogue.only_planes:
+            reasons[spec] = spec.technique.name, planar_why
+    return reasons
 
 
 def start_size(spec: Spec, needs: Needs) -> float:
@@ -162,19 +151,16 @@ LEFT_OUT = {
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A measured spec: its cost in work or milliseconds, GPU bytes, error and rows.
+    """A measured spec: its rows, its error by the target, and its cost in work or milliseconds.
 
-    cost: infinite if it is not known; tie: the lower, the better at equal cost; fixed: cost of vertices, which does not
-    depend on the map size.
+    cost: infinite if it is not known; fixed: cost of vertices, which does not depend on the map size.
     """
 
     spec: Spec
+    result: Result
+    error: float
     cost: float
     fixed: float
-    bytes: int
-    error: float
-    result: Result
-    tie: float = 0.0
 
     @property
     def ranked(self) -> bool:
@@ -183,22 +169,14 @@ class Trial:
 
     @property
     def rank(self) -> tuple[float, float, int, float]:
-        """The lower, the better among trials that meet a target."""
-        return self.cost, self.tie, self.bytes, self.error
+        """The lower, the better among trials that meet a target: at equal cost less work, then fewer bytes."""
+        row = self.result.score
+        return self.cost, float(row["work"].get("cost", 0)), int(row["gpu_bytes"]), self.error
 
 
-@dataclass(frozen=True)
-class SearchPoint:
-    """Position of a spec in the search space.
-
-    group: the spec without size, filter and depth format; size: None without a map; base: the part of its cost that is
-    known before it is drawn.
-    """
-
-    group: str
-    filter: str
-    size: int | None
-    base: float
+def cheapest(trials: Iterable[Trial], limit: float) -> Trial | None:
+    """The cheapest trial with an error of at most `limit`."""
+    return min((trial for trial in trials if trial.error <= limit), key=lambda trial: trial.rank, default=None)
 
 
 def reads_of(spec: Spec) -> int:
@@ -207,17 +185,13 @@ def reads_of(spec: Spec) -> int:
     return chosen.reads if isinstance(chosen, Filter) else 0
 
 
-def point_of(spec: Spec, base: float = 0.0) -> SearchPoint:
-    """Position of a spec in the search space."""
+@cache
+def group_of(spec: Spec) -> tuple[str, str]:
+    """The group of a spec, which is its text without size, filter and depth format, and its filter."""
     known = type(spec.params).model_fields
     bare = {name: known[name].default for name in ("size", "filter", "depth") if name in known}
     chosen = getattr(spec.params, "filter", None)
-    return SearchPoint(
-        group=spec.with_(**bare).text if bare else spec.text,
-        filter=format_value(chosen) if chosen is not None else "",
-        size=spec.map_size,
-        base=base,
-    )
+    return spec.with_(**bare).text if bare else spec.text, format_value(chosen) if chosen is not None else ""
 
 
 @dataclass
@@ -240,9 +214,9 @@ class Search:
     trials: list[Trial] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._left = {spec: point_of(spec, self.base(spec)) for spec in self.space}
+        self.base = cache(self.base)
+        self._left = dict.fromkeys(self.space)
         self._beyond: list[Spec] = []
-        self._begun: set[str] = set()
         self._within = max(self.limit, self.least)
         # By group: the cost of a map's texels and of vertices by size, and errors by filter and size.
         self._costs: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
@@ -256,30 +230,40 @@ class Search:
         return self.best
 
     def run_first(self) -> None:
-        """Measure what has no map, and one spec of each group of maps, those first that may cost least."""
-        for spec, point in sorted(self._left.items(), key=lambda item: item[1].base):
-            if point.size is None and self.cost(point) < self.cost_limit:
-                self._measure(spec)
-            elif point.size is not None and point.group not in self._begun:
-                self._begun.add(point.group)
-                self._try_first(point.group)
+        """Measure what has no map, and one spec of each group of maps, those first that may cost least.
+
+        Of a group at the size closest to the predicted one that may still be cheap enough.
+        """
+        begun = set()
+        for spec in sorted(self._left, key=self.base):
+            group, _ = group_of(spec)
+            if not spec.map_size:
+                if self.cost(spec) < self.cost_limit:
+                    self._measure(spec)
+            elif group not in begun:
+                begun.add(group)
+                mine = [one for one in self._left if group_of(one)[0] == group]
+                first = [one for one in mine if group_of(one)[1] == FIRST] or mine
+                able = [one for one in first if self.cost(one) < self.cost_limit]
+                if able:
+                    self._measure(min(able, key=lambda one: abs(math.log((one.map_size or 1) / self.start(one)))))
 
     def run_spare(self, left_out: Iterable[Spec]) -> None:
         """Measure what was left out, the cheapest first, while it is predicted to meet the target for less."""
-        spare = {spec: point_of(spec, self.base(spec)) for spec in left_out}
+        spare = dict.fromkeys(left_out)
         while (limit := self.cost_limit) < math.inf:
-            costs = {spec: self.cost(point) for spec, point in spare.items() if self._expected(point) <= self._within}
-            cheapest = min(costs, key=lambda spec: costs[spec], default=None)
-            if cheapest is None or costs[cheapest] >= limit:
+            able = (spec for spec in spare if self._expected(spec) <= self._within)
+            following = min(able, key=self.cost, default=None)
+            if following is None or self.cost(following) >= limit:
                 return
-            self._left[cheapest] = spare.pop(cheapest)
-            self._measure(cheapest)
+            del spare[following]
+            self._measure(following)
 
     def run_rest(self, left_out: Iterable[Spec] = ()) -> Trial | None:
         """Measure what is left and what was left out, the cheapest predicted first, until one meets the target."""
-        self._left |= {spec: point_of(spec, self.base(spec)) for spec in left_out}
+        self._left |= dict.fromkeys(left_out)
         while self._left and self.best is None:
-            self._measure(min(self._left, key=lambda spec: self.cost(self._left[spec])))
+            self._measure(min(self._left, key=self.cost))
         return self.best
 
     @property
@@ -290,18 +274,14 @@ class Search:
     def untried(self) -> Counter[tuple[str, str]]:
         """Numbers of specs that were not measured, by technique and by a key of `LEFT_OUT`."""
         whys = Counter((spec.technique.name, "beyond") for spec in self._beyond)
-        for spec, point in self._left.items():
-            whys[spec.technique.name, "dearer" if self.cost(point) >= self.cost_limit else "inaccurate"] += 1
+        for spec in self._left:
+            whys[spec.technique.name, "dearer" if self.cost(spec) >= self.cost_limit else "inaccurate"] += 1
         return whys
 
     @property
     def best(self) -> Trial | None:
-        """The cheapest trial so far that meets the target; of equal ones, that with fewer bytes."""
-        return self._cheapest(self.trials)
-
-    def _cheapest(self, trials: Iterable[Trial]) -> Trial | None:
-        met = [trial for trial in trials if trial.error <= self.limit]
-        return min(met, key=lambda trial: trial.rank, default=None)
+        """The cheapest trial so far that meets the target."""
+        return cheapest(self.trials, self.limit)
 
     @property
     def cost_limit(self) -> float:
@@ -309,38 +289,24 @@ class Search:
         return self.best.cost if self.best else math.inf
 
     def _measure(self, spec: Spec) -> None:
-        point = self._left.pop(spec)
-        trial = self.measure(spec)
-        if trial is None:
-            self._leave_out_beyond(point)
-            return
-        self.trials.append(trial)
-        if point.size is not None:
-            texels = trial.cost - trial.fixed - point.base
-            self._costs[point.group][point.size] = max(texels, TINY), trial.fixed
-            self._errors[point.group].setdefault(point.filter, {})[point.size] = trial.error
-
-    def _leave_out_beyond(self, failed: SearchPoint) -> None:
-        """Larger maps of a group would fail too."""
-        if failed.size is not None:
-            same = [(spec, point) for spec, point in self._left.items() if point.group == failed.group]
-            beyond = [spec for spec, point in same if point.size is not None and point.size >= failed.size]
+        """Measure a spec; where it fails, the larger maps of its group would fail too."""
+        self._left.pop(spec, None)
+        (group, filter), size, trial = group_of(spec), spec.map_size, self.measure(spec)
+        if trial is not None:
+            self.trials.append(trial)
+            if size:
+                self._costs[group][size] = max(trial.cost - trial.fixed - self.base(spec), TINY), trial.fixed
+                self._errors[group].setdefault(filter, {})[size] = trial.error
+        elif size:
+            beyond = [one for one in self._left if group_of(one)[0] == group and (one.map_size or 0) >= size]
             self._beyond += beyond
-            self._left = {spec: point for spec, point in self._left.items() if spec not in beyond}
-
-    def _try_first(self, group: str) -> None:
-        """First trial of a group, at the size closest to the predicted one that may still be cheap enough."""
-        mine = {spec: point for spec, point in self._left.items() if point.group == group}
-        first = {spec: point for spec, point in mine.items() if point.filter == FIRST} or mine
-        sizes = {spec: point.size for spec, point in first.items() if point.size and self.cost(point) < self.cost_limit}
-        if sizes:
-            self._measure(min(sizes, key=lambda spec: abs(math.log(sizes[spec] / self.start(spec)))))
+            self._left = {one: None for one in self._left if one not in beyond}
 
     def _next(self) -> Spec | None:
         """The cheapest spec expected to meet the target, else the one expected to come closest; None if none may."""
-        cost_limit = self.cost_limit
-        paying = [(spec, point, cost) for spec, point in self._left.items() if (cost := self.cost(point)) < cost_limit]
-        judged = [(spec, cost, *self.error(point)) for spec, point, cost in paying]
+        limit = self.cost_limit
+        paying = [(spec, cost) for spec in self._left if (cost := self.cost(spec)) < limit]
+        judged = [(spec, cost, *self.error(spec)) for spec, cost in paying]
         alive = [(spec, cost, error) for spec, cost, error, margin in judged if error / margin <= self._within]
         expected = [candidate for candidate in alive if candidate[2] <= self._within]
         if expected:
@@ -350,64 +316,59 @@ class Search:
     def _next_of_others(self) -> Spec | None:
         """The cheapest spec expected to meet the target for less than its own technique's cheapest so far, if any."""
         names = {spec.technique.name for spec in self._left}
-        best = {name: self._cheapest(one for one in self.trials if one.spec.technique.name == name) for name in names}
+        own = {name: [one for one in self.trials if one.spec.technique.name == name] for name in names}
+        best = {name: cheapest(trials, self.limit) for name, trials in own.items()}
         paying = [
             (cost, error, spec)
-            for spec, point in self._left.items()
+            for spec in self._left
             if (mine := best[spec.technique.name]) is not None
-            and (cost := self.cost(point)) < mine.cost
-            and (error := self._expected(point)) <= self._within
+            and (cost := self.cost(spec)) < mine.cost
+            and (error := self._expected(spec)) <= self._within
         ]
         return min(paying, key=lambda candidate: candidate[:2])[2] if paying else None
 
-    def cost(self, point: SearchPoint) -> float:
+    def cost(self, spec: Spec) -> float:
         """Predicted cost of a spec; a lower bound before anything of its group was measured."""
-        known = self._costs.get(point.group)
-        if point.size is None or not known:
-            return point.base
-        near, *others = _nearest(known, point.size)
+        size, known = spec.map_size, self._costs.get(group_of(spec)[0])
+        if not size or not known:
+            return self.base(spec)
+        near, *others = _nearest(known, size)
         texels, fixed = known[near]
-        growth = GROWTH[point.size < near]
+        growth = GROWTH[size < near]
         if others:
             measured = math.log(known[others[0]][0] / texels) / math.log(others[0] / near)
             growth = min(max(measured, 0.0), GROWTH[1])
-        grown: float = texels * (point.size / near) ** growth
-        return point.base + fixed + grown
+        grown: float = texels * (size / near) ** growth
+        return self.base(spec) + fixed + grown
 
-    def error(self, point: SearchPoint) -> tuple[float, float]:
+    def error(self, spec: Spec) -> tuple[float, float]:
         """Predicted error of a spec, and the factor by which it may be smaller; 0 if nothing is known."""
-        if point.size is None or point.group not in self._errors:
-            return 0.0, 1.0
-        same = self._errors[point.group].get(point.filter)
-        if same:
-            return extrapolate(same, point.size), self.margins[0]
-        return min(self._by_filters(point, point.size), key=lambda prediction: prediction[0] / prediction[1])
+        predictions = self._predictions(spec)
+        by_others = min(predictions.values(), key=lambda one: one[0] / one[1], default=(0.0, 1.0))
+        return predictions.get(group_of(spec)[1], by_others)
 
-    def _expected(self, point: SearchPoint) -> float:
-        """Predicted error of a spec by any filter of its group, the most favourable; infinite if nothing is known.
+    def _expected(self, spec: Spec) -> float:
+        """Predicted error by any filter, the most favourable: a neighbour in size says more than the same far away."""
+        return min((error for error, _ in self._predictions(spec).values()), default=math.inf)
 
-        A neighbour in size says more than the same filter far away, so that both count.
+    def _predictions(self, spec: Spec) -> dict[str, tuple[float, float]]:
+        """Predictions of a spec's error by each filter measured in its group, with their margins.
+
+        Another filter's is multiplied by the mean ratio of the two filters' errors at equal map sizes of all groups.
         """
-        if point.size is None or point.group not in self._errors:
-            return math.inf
-        return min(error for error, _ in self._by_filters(point, point.size))
-
-    def _by_filters(self, point: SearchPoint, size: int) -> list[tuple[float, float]]:
-        """Predictions of a spec's error by each filter measured in its group, with their margins."""
-        found = []
-        for other, line in self._errors[point.group].items():
-            ratios = [1.0] if other == point.filter else self._ratios(point.filter, other)
+        predictions: dict[str, tuple[float, float]] = {}
+        group, filter = group_of(spec)
+        for other, line in self._errors.get(group, {}).items():
+            ratios = [1.0]
+            if other != filter:
+                both = [(_finite(own.get(filter, {})), _finite(own.get(other, {}))) for own in self._errors.values()]
+                ratios = [max(a[size], TINY) / max(b[size], TINY) for a, b in both for size in a.keys() & b.keys()]
             ratio, margin = (statistics.geometric_mean(ratios), self.margins[0]) if ratios else (1.0, self.margins[1])
-            found.append((ratio * extrapolate(line, size), margin))
-        return found
-
-    def _ratios(self, filter: str, other: str) -> list[float]:
-        """Ratios of a filter's error to another's at the same map size, over all groups."""
-        both = [(_finite(lines.get(filter, {})), _finite(lines.get(other, {}))) for lines in self._errors.values()]
-        return [max(a[size], TINY) / max(b[size], TINY) for a, b in both for size in a.keys() & b.keys()]
+            predictions[other] = ratio * extrapolate(line, spec.map_size or 1), margin
+        return predictions
 
 
-def extrapolate(errors: dict[int, float], size: int) -> float:
+def extrapolate(errors: Mapping[int, float], size: int) -> float:
     """Error at a map size, extrapolated from errors at other sizes by a log-log line through the two nearest.
 
     Infinite errors are ignored. If all are infinite, the error is infinite up to the largest size, and 0 (unknown)
@@ -425,7 +386,7 @@ def extrapolate(errors: dict[int, float], size: int) -> float:
     return math.exp(first - slope * math.log(size / near[0]))
 
 
-def _finite(errors: dict[int, float]) -> dict[int, float]:
+def _finite(errors: Mapping[int, float]) -> dict[int, float]:
     return {size: error for size, error in errors.items() if math.isfinite(error)}
 
 

@@ -1,12 +1,13 @@
-"""A recommendation in words, as JSON and as files for an engine. The words say no more than was measured."""
+"""A recommendation as a table, in words, as JSON and as files for an engine. It says no more than was measured."""
 
 import json
 import math
 from dataclasses import asdict
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from pathlib import Path
 from typing import Any
 
-from shadowbench.advice.recommend import Recommendation
+from shadowbench.advice.recommend import Recommendation, target_text
 from shadowbench.advice.search import LEFT_OUT, SIZES, Trial, start_size
 from shadowbench.errors import number
 from shadowbench.files import replace_file
@@ -14,6 +15,8 @@ from shadowbench.measure.campaign import Block, Cell, Drawer
 from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.params import Component
 from shadowbench.results.law import SHORTEST_MS, kind_of
+from shadowbench.results.summary import Target
+from shadowbench.results.times import ROUGH, time_notes
 from shadowbench.scores.metrics import METRICS, is_soft, soft_faults
 
 _KINDS = {
@@ -22,42 +25,88 @@ _KINDS = {
     "acne": "of the lit surface away from edges is dark",
 }
 
-_FACETS = 0.01  # share of smooth surfaces' light from which dark facets are told
+_FACETS = 0.01  # share of smooth surfaces' light from which dark facets are mentioned
 
 
-def target_notes(advice: Recommendation) -> list[str]:
-    """What a target means for soft shadows, where IoU and edges say little and the truth has an error of its own."""
-    target, rows = advice.target, [trial.result.score for trial in advice.trials]
-    if target.metric != "rmse":
-        what = "IoU judges" if target.metric == "iou" else "edges are"
-        soft = any(is_soft(row["metrics"]) for row in rows)
-        return [f"{what} where visibility is ½, and not how soft a shadow is; --max-rmse judges that"] if soft else []
-    least = max((row.get("truth_error", 0.0) for row in rows), default=0.0)
-    if target.value >= least:
-        return []
-    return [f"the truth's own error is an RMSE of {least:.2g}: a smaller one cannot be told from 0"]
+def table(advice: Recommendation, info: DeviceInfo) -> tuple[str, tuple[str, ...], list[list[str]]]:
+    """Title, headings and lines of the table; all headings but the first two and the last are of numbers."""
+    by, caveat = "this GPU's times", ""
+    if advice.cost.law is not None:
+        by = f"predicted times on {advice.cost.law.device}"
+    elif info.software:
+        by = "work" if advice.cost.name == "work_cost" else "this machine's times"
+        caveat = "; times of a software renderer are not those of a GPU"
+    among = f", of {', '.join(advice.among)}" if advice.among else ""
+    title = f"{advice.view.scene.name}, {target_text(advice.target, advice.budget_ms)}{among}, by {by}{caveat}"
+    headings = ("", "spec", "map", advice.target.metric, _unit(advice), "× choice", "MiB", "key")
+    return title, headings, [_cells(advice, trial) for trial in _shown(advice)]
 
 
-def facet_notes(advice: Recommendation) -> list[str]:
-    """That dark facets show on smooth surfaces, which no target counts."""
-    shown = advice.choice or advice.closest
-    share = shown.result.score["metrics"].get("terminator") if shown else None
-    if share is None or share < _FACETS:
-        return []
+def _shown(advice: Recommendation) -> list[Trial]:
+    return list(dict.fromkeys(filter(None, (advice.choice, advice.closest, *advice.runners_up))))
+
+
+def _unit(advice: Recommendation) -> str:
+    return "work" if advice.cost.name == "work_cost" else "ms"
+
+
+def _cells(advice: Recommendation, trial: Trial) -> list[str]:
+    row, metric = trial.result.score, METRICS[advice.target.metric]
+    value = row["metrics"][metric.name]
     return [
-        f"dark facets take {share:.0%} of the light on smooth surfaces, in the truth too, so that no target counts "
-        "them; maps lose them by the bias terminator: docs/explanation/truth-and-scores.md#smooth-surfaces"
+        advice.standing(trial),
+        trial.spec.sizeless_text,
+        str(trial.spec.map_size or ""),
+        "" if value is None else metric.text(value, lambda value: rounded(advice.target, value), row),
+        "~" * _is_rough(advice, trial) + _cost_text(advice, trial),
+        _relative_text(advice, trial),
+        f"{row['gpu_bytes'] / 2**20:.3g}",
+        str(row["key"]),
     ]
 
 
-def phase_notes(advice: Recommendation) -> list[str]:
-    """That scores of maps are of one position of their texels, of which tables of `run` may show several."""
-    if not any(trial.spec.technique.phased for trial in advice.trials):
-        return []
-    return ["maps are scored in one phase (sub-texel offset): `shadowbench run --phases 8` shows how others differ"]
+def lines(advice: Recommendation) -> list[str]:
+    """What is said below the table."""
+    answer = _step_lines(advice) if advice.choice else obstacles(advice)
+    return [*answer, *notes(advice), *excluded_lines(advice)]
 
 
-def cost_notes(advice: Recommendation) -> list[str]:
+def _is_rough(advice: Recommendation, trial: Trial) -> bool:
+    """Whether the rounds of a time varied much."""
+    time = trial.result.time
+    return advice.cost.name == "frame_ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]
+
+
+def notes(advice: Recommendation) -> list[str]:
+    """What target, scores and costs do not say, and how far they can be trusted."""
+    rough = [_is_rough(advice, trial) for trial in _shown(advice)]
+    return [*_score_notes(advice), *_cost_notes(advice), *time_notes(advice.reference, rough)]
+
+
+def _score_notes(advice: Recommendation) -> list[str]:
+    """What a target means for soft shadows, that no target counts dark facets, and that maps have one phase."""
+    target, rows, said = advice.target, [trial.result.score for trial in advice.trials], []
+    least = max((row.get("truth_error", 0.0) for row in rows), default=0.0)
+    if target.metric == "rmse" and target.limit < least:
+        said.append(f"the truth's own error is an RMSE of {least:.2g}: a smaller one cannot be told from 0")
+    elif target.metric != "rmse" and any(is_soft(row["metrics"]) for row in rows):
+        what = "IoU judges" if target.metric == "iou" else "edges are"
+        said.append(f"{what} where visibility is ½, and not how soft a shadow is; --max-rmse judges that")
+    best = advice.choice or advice.closest
+    facets = best.result.score["metrics"].get("terminator") if best else None
+    if facets is not None and facets >= _FACETS:
+        said.append(
+            f"dark facets take {facets:.0%} of the light on smooth surfaces, in the truth too, so that no target "
+            "counts them; maps lose them by the bias terminator: docs/explanation/truth-and-scores.md#smooth-surfaces"
+        )
+    if any(trial.spec.technique.phased for trial in advice.trials):
+        said.append(
+            "maps are scored in one phase (sub-texel offset): `shadowbench run --phases 8` shows how others differ"
+        )
+    return said
+
+
+def _cost_notes(advice: Recommendation) -> list[str]:
     """How far predicted times can be off; why work ranks where no time can; why specs have no cost."""
     notes = []
     if advice.cost.law is not None:
@@ -76,18 +125,18 @@ def cost_notes(advice: Recommendation) -> list[str]:
     return [*notes, *(f"no cost is known of {', '.join(kinds)}: {why}" for why, kinds in whys.items())]
 
 
-def cost_text(advice: Recommendation, trial: Trial) -> str:
+def _cost_text(advice: Recommendation, trial: Trial) -> str:
     """A cost in the unit of its column; empty if it is not known."""
     if not trial.ranked:
         return ""
-    if advice.cost.unit == "work":
+    if advice.cost.name == "work_cost":
         return f"{trial.cost:,.0f}"
     if advice.cost.law is not None:
         return f"{trial.cost:.2g}" if trial.cost > SHORTEST_MS else f"<{SHORTEST_MS:g}"
     return number(trial.cost)
 
 
-def relative_text(advice: Recommendation, trial: Trial) -> str:
+def _relative_text(advice: Recommendation, trial: Trial) -> str:
     """A cost relative to the choice's, or a lower bound; empty without either."""
     if advice.choice is None or not (trial.ranked and advice.choice.ranked and advice.choice.cost):
         return ""
@@ -95,7 +144,7 @@ def relative_text(advice: Recommendation, trial: Trial) -> str:
     return f"{'>' * least}{trial.cost / advice.choice.cost:.3g}"
 
 
-def step_lines(advice: Recommendation) -> list[str]:
+def _step_lines(advice: Recommendation) -> list[str]:
     """What relaxing the target would save and tightening it would cost, among the trials."""
     choice, cheaper, better = advice.choice, advice.cheaper, advice.better
     assert choice is not None
@@ -107,8 +156,8 @@ def step_lines(advice: Recommendation) -> list[str]:
         target = _error(advice, cheaper, as_target=True)
         lines = [f"of those measured, relaxing the target to {target} saves {saved}%: {_name(cheaper)}"]
     if better is not None:
-        target, times = _error(advice, better, as_target=True), relative_text(advice, better)
-        costs = f"costs {times} × as much" if times else f"costs {cost_text(advice, better)} {advice.cost.unit}"
+        target, times = _error(advice, better, as_target=True), _relative_text(advice, better)
+        costs = f"costs {times} × as much" if times else f"costs {_cost_text(advice, better)} {_unit(advice)}"
         lines.append(f"of those measured, tightening it to {target} {costs}: {_name(better)}")
     elif choice.error > 0:
         lines.append("tightening it: nothing measured has less than half the error")
@@ -117,7 +166,7 @@ def step_lines(advice: Recommendation) -> list[str]:
 
 def obstacles(advice: Recommendation) -> list[str]:
     """Why nothing that was measured meets the target."""
-    target, near = advice.target, advice.closest
+    target, near = target_text(advice.target, advice.budget_ms), advice.closest
     of = f" of {', '.join(advice.among)}" if advice.among else ""
     if near is None:
         why = f"; {'; '.join(advice.unsuccessful.values())}" if advice.unsuccessful else ""
@@ -127,7 +176,7 @@ def obstacles(advice: Recommendation) -> list[str]:
         met = advice.met[0]
         time = f"in {met.cost:.3g} ms" if met.ranked else "in a time that is not known"
         return [line, f"obstacle: the budget; {_name(met)} reaches {_error(advice, met)} {time}"]
-    soft = target.metric == "rmse" and is_soft(near.result.score["metrics"])
+    soft = advice.target.metric == "rmse" and is_soft(near.result.score["metrics"])
     faults = _soft_faults(near) if soft else _hard_faults(advice, near)
     return [line, *(f"obstacle: {one}" for one in faults)]
 
@@ -181,7 +230,33 @@ def excluded_lines(advice: Recommendation) -> list[str]:
 
 
 def _error(advice: Recommendation, trial: Trial, as_target: bool = False) -> str:
-    return advice.target.text(trial.error, trial.result.score, as_target)
+    """Text of a trial's error by the target's metric, such as `edges 0.21 px off`.
+
+    as_target: rounded to a target that the error meets.
+    """
+    if math.isinf(trial.error):
+        return "no edges to compare, and other shadows"
+    target, metric = advice.target, METRICS[advice.target.metric]
+    digits = reached if as_target else rounded
+    # The function from a value to its error is its own inverse.
+    text = metric.text(metric.error(trial.error), lambda value: digits(target, value), trial.result.score)
+    return f"edges {text} px off" if metric.name == "edge_px" else f"{metric.label} {text}"
+
+
+def rounded(target: Target, value: float) -> str:
+    """A value of a target's metric, rounded, but neither across the target nor to an IoU of 1 unless it is that."""
+    form = "{:.4g}" if target.metric == "iou" else "{:.3g}"
+    return METRICS[target.metric].digits_beside(target.limit, form.format)(value)
+
+
+def reached(target: Target, value: float) -> str:
+    """A value of a target's metric as another target, which it meets: an IoU rounded down, others up."""
+    least, rounding = (4, ROUND_FLOOR) if target.metric == "iou" else (3, ROUND_CEILING)
+    for digits in range(least, 17):
+        other = float(Context(digits, rounding).create_decimal(value))
+        if other != target.limit and (other > target.limit) == (value > target.limit):
+            return f"{other:.{digits}g}"
+    return f"{value:.16g}"
 
 
 def _name(trial: Trial) -> str:
@@ -197,9 +272,9 @@ def values(advice: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "view": view.camera.name,
         "light": view.light.name,
         "view_size": view.size,
-        "target": asdict(advice.target),
-        "notes": target_notes(advice) + facet_notes(advice) + cost_notes(advice),
-        "ranked_by": "predicted_ms" if law else "frame_ms" if advice.cost.unit == "ms" else "work_cost",
+        "target": {"metric": advice.target.metric, "value": advice.target.limit, "budget_ms": advice.budget_ms},
+        "notes": notes(advice),
+        "ranked_by": advice.cost.name,
         "device": law and law.device,
         "reference": None if advice.reference is None else asdict(advice.reference),
         "renderer": info.renderer,
@@ -223,8 +298,8 @@ def _values(trial: Trial | None) -> dict[str, Any] | None:
     if trial is None:
         return None
     row = trial.result.score
-    values = {"spec": trial.spec.text, "cost": trial.cost if trial.ranked else None, "gpu_bytes": trial.bytes}
-    return values | {name: row[name] for name in ("key", "metrics")}
+    values = {"spec": trial.spec.text, "cost": trial.cost if trial.ranked else None}
+    return values | {name: row[name] for name in ("gpu_bytes", "key", "metrics")}
 
 
 def export_choice(advice: Recommendation, folder: Path, drawer: Drawer) -> None:
@@ -238,7 +313,7 @@ def export_choice(advice: Recommendation, folder: Path, drawer: Drawer) -> None:
         "technique": spec.technique.name,
         "parameters": {name: _parameter(value) for name, value in spec.params},
         "scene": scene.name,
-        "target": str(advice.target),
+        "target": target_text(advice.target, advice.budget_ms),
         "metre": scene.placement.length(1.0),  # length of 1 m in the shaders' units
         "uniforms": {one.name: {name: _parameter(value) for name, value in one.uniforms.items()} for one in shaders},
     }

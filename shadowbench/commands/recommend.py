@@ -2,15 +2,9 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
 from shadowbench.options import ViewOptions, option, view_size
-
-if TYPE_CHECKING:
-    from shadowbench.advice.recommend import Recommendation
-    from shadowbench.advice.search import Trial
-    from shadowbench.measure.worker import DeviceInfo
 
 
 @options.command("For example  shadowbench needs street --view-size 1024")
@@ -121,104 +115,45 @@ def recommend(
       MiB         memory of textures and buffers
       key         name of the cell's mask and picture in the output folder
     """
-    from shadowbench.advice.recommend import by_of, has_penumbra, target_of
     from shadowbench.advice.recommend import recommend as measure_recommendation
+    from shadowbench.advice.recommend import target_of
     from shadowbench.advice.search import technique_names
-    from shadowbench.advice.words import export_choice, values
+    from shadowbench.advice.words import export_choice, lines, table, values
     from shadowbench.campaigns import campaign_in
     from shadowbench.files import make_folder
     from shadowbench.measure.plugin_output import techniques_with
 
-    wanted = asked.min_iou, asked.max_edge_px, asked.budget_ms, asked.max_rmse
-    target_of(*wanted)  # invalid options, before the scene is read
+    target = target_of(asked.min_iou, asked.max_edge_px, asked.max_rmse)
     known = techniques_with(asked.plugin)
     among = technique_names(asked.techniques, known)
-    by = by_of(asked.by)
     if asked.export is not None:
         make_folder(asked.export, "--export ")
     with (
         console.Reporter(printed.quiet) as reporter,
         campaign_in(asked.output, reporter, asked.plugin, **asdict(machines)) as campaign,
     ):
-        chosen = reporter.view(scene, asked.view_size, view)
         advice, info = measure_recommendation(
-            chosen,
-            target_of(*wanted, soft=has_penumbra(chosen)),
+            reporter.view(scene, asked.view_size, view),
+            target,
             known,
             campaign,
-            by=by,
+            by=asked.by,
+            device=asked.device,
+            budget_ms=asked.budget_ms,
             timed=machines.dask is None,
             among=among,
-            device=asked.device,
         )
         if asked.export is not None:
             export_choice(advice, asked.export, campaign.drawer)
     if printed.json:
         console.print_json(values(advice, info))
-    else:
-        _print(advice, info, asked.output)
-        if asked.export is not None and advice.choice is not None and not printed.quiet:
-            console.print_line(f"{asked.export}: parameters.json and the GLSL of the choice")
-    return 0 if advice.choice is not None else 1
-
-
-def _print(advice: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
-    from shadowbench.advice.words import (
-        cost_notes,
-        excluded_lines,
-        facet_notes,
-        obstacles,
-        phase_notes,
-        step_lines,
-        target_notes,
-    )
-    from shadowbench.results.times import time_notes
-
-    by, caveat = "this GPU's times", ""
-    if advice.cost.law is not None:
-        by = f"predicted times on {advice.cost.law.device}"
-    elif info.software:
-        by = "work" if advice.cost.unit == "work" else "this machine's times"
-        caveat = "; times of a software renderer are not those of a GPU"
-    cost = "work" if advice.cost.unit == "work" else "ms"
-    numbers = ("map", advice.target.metric, cost, "× choice", "MiB")
-    columns = ("", "spec", *numbers, "key")
-    shown = list(dict.fromkeys(one for one in (advice.choice, advice.closest, *advice.runners_up) if one is not None))
-    among = f", of {', '.join(advice.among)}" if advice.among else ""
-    title = f"{advice.view.scene.name}, {advice.target}{among}, by {by}{caveat}"
-    rows = [(advice.standing(one), *_cells(advice, one)) for one in shown]
-    console.print_table(title, columns, rows, numbers=numbers, whole=columns)
-    lines = step_lines(advice) if advice.choice else obstacles(advice)
-    rough = [_is_rough(advice, one) for one in shown]
-    notes = [*target_notes(advice), *facet_notes(advice), *phase_notes(advice), *cost_notes(advice)]
-    notes += time_notes(advice.reference, rough)
-    for line in [*lines, *notes, *excluded_lines(advice)]:
+        return 0 if advice.choice is not None else 1
+    title, headings, rows = table(advice, info)
+    console.print_table(title, headings, rows, numbers=headings[2:-1], whole=headings)
+    for line in lines(advice):
         console.print_line(line)
-    console.print_line(
-        f"{len(advice.trials)} of {advice.space_size} specs measured; masks and pictures, by key, in {folder}"
-    )
-
-
-def _is_rough(advice: "Recommendation", one: "Trial") -> bool:
-    """Whether the rounds of a time varied much."""
-    from shadowbench.results.times import ROUGH
-
-    time = one.result.time
-    return advice.cost.unit == "ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]
-
-
-def _cells(advice: "Recommendation", one: "Trial") -> list[str]:
-    from shadowbench.advice.words import cost_text, relative_text
-    from shadowbench.scores.metrics import METRICS
-
-    row = one.result.score
-    value = row["metrics"][advice.target.metric]
-    return [
-        one.spec.sizeless_text,
-        str(one.spec.map_size or ""),
-        "" if value is None else METRICS[advice.target.metric].text(value, advice.target.digits, row),
-        "~" * _is_rough(advice, one) + cost_text(advice, one),
-        relative_text(advice, one),
-        f"{one.bytes / 2**20:.3g}",
-        str(row["key"]),
-    ]
+    measured = f"{len(advice.trials)} of {advice.space_size} specs measured"
+    console.print_line(f"{measured}; masks and pictures, by key, in {asked.output}")
+    if asked.export is not None and advice.choice is not None and not printed.quiet:
+        console.print_line(f"{asked.export}: parameters.json and the GLSL of the choice")
+    return 0 if advice.choice is not None else 1

@@ -14,7 +14,7 @@ from shadowbench.advice.search import (
     extrapolate,
     full_space,
     grid_of,
-    point_of,
+    group_of,
     prune,
     reads_of,
     specs_of,
@@ -31,19 +31,22 @@ KNOWN = techniques()
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "recommend.md"
 PIXELS = 256**2
 MARGINS = (1.8, 2.0)
-UNREAD = Result({}, None)
 FILTERS = {"hard": 1.0, "hardware": 1.0, "pcf": 1.3, "pcf(taps=5)": 1.8}
 
 
 def sun_space() -> list[Spec]:
     """The specs for which `Model` has formulas."""
     space = [spec for spec in full_space(KNOWN, "directional", 16384) if getattr(spec.params, "depth", "d16") == "d16"]
-    return [spec for spec in space if spec.map_size is None or point_of(spec).filter in FILTERS]
+    return [spec for spec in space if spec.map_size is None or group_of(spec)[1] in FILTERS]
 
 
 def read_once(spec: Spec) -> float:
     """Work of reading a map at each pixel."""
     return PIXELS * (1.0 + reads_of(spec))
+
+
+def tried(spec: Spec, cost: float, error: float, fixed: float = 0.0) -> Trial:
+    return Trial(spec, Result({"work": {}, "gpu_bytes": 0}, None), error, cost, fixed)
 
 
 class Model:
@@ -55,18 +58,18 @@ class Model:
         self.asked: list[Spec] = []
 
     def trial(self, spec: Spec) -> Trial:
-        point = point_of(spec)
-        if point.size is None:
+        group, filter = group_of(spec)
+        if spec.map_size is None:
             planar = spec.technique.name == "planar-projection"
             cost, error = (2.0 * PIXELS, 0.4) if planar else (self.volume * PIXELS, 0.0)
-            return Trial(spec, cost, 0.0, PIXELS, error, UNREAD)
+            return tried(spec, cost, error)
         # Groups differ, but always in the same way.
-        number = sum(map(ord, point.group)) % 7 / 7
+        number = sum(map(ord, group)) % 7 / 7
         layers = getattr(spec.params, "count", 1)
-        texels = layers * point.size**2 * (1 + number)
+        texels = layers * spec.map_size**2 * (1 + number)
         cost = read_once(spec) + self.vertices + texels
-        error = FILTERS[point.filter] * self.sharpness * (1 + self.spread * number) / layers / point.size**self.slope
-        return Trial(spec, cost, self.vertices, int(texels), error, UNREAD)
+        error = FILTERS[filter] * self.sharpness * (1 + self.spread * number) / layers / spec.map_size**self.slope
+        return tried(spec, cost, error, self.vertices)
 
     def measure(self, spec: Spec) -> Trial:
         self.asked.append(spec)
@@ -95,7 +98,7 @@ def test_no_map_is_drawn_where_something_costs_less_than_reading_one() -> None:
     model = Model(sharpness=1, spread=1, slope=1, vertices=0, volume=1.5)
     best = search_for(model, 0.1, sun_space())
     assert best is not None and best.spec.technique.name == "shadow-volume"
-    assert all(point_of(spec).size is None for spec in model.asked)
+    assert all(spec.map_size is None for spec in model.asked)
 
 
 def test_a_spec_with_unsuccessful_cells_is_skipped() -> None:
@@ -129,9 +132,9 @@ def test_another_filter_at_a_size_says_more_than_the_same_at_a_quarter_of_it() -
 
     def trial(spec: Spec) -> Trial:
         if spec is exact:
-            return Trial(spec, 1.2 * 1024**2 + 2 * PIXELS, 0.0, 0, 0.0, UNREAD)
+            return tried(spec, 1.2 * 1024**2 + 2 * PIXELS, 0.0)
         error = next(errors[key] for key, one in spec_of.items() if one == spec)
-        return Trial(spec, (spec.map_size or 0) ** 2 + 2.0 * PIXELS, 0.0, 0, error, UNREAD)
+        return tried(spec, (spec.map_size or 0) ** 2 + 2.0 * PIXELS, error)
 
     search = Search([exact, *spec_of.values()], 0.01, read_once, lambda spec: 512, trial, MARGINS)
     for key in errors.keys() - {("scene", "hard", 1024)}:
