@@ -28,20 +28,12 @@ def named(full_spec: str) -> tuple[Any, ...]:
     return identity({"full_spec": full_spec, **dict.fromkeys(IDENTITY)})
 
 
-def test_the_baseline_is_small() -> None:
-    assert sum(file.stat().st_size for file in BASELINE.iterdir()) < 400_000
-
-
 def test_the_baseline_has_the_cells_of_its_study() -> None:
     assert len({row["scene"] for row in ROWS}) == len(STUDY.scenes)
     for scene in {row["scene"] for row in ROWS}:
         cells = {named(cell.spec.full_text) for cell in STUDY.cells()}
         assert {named(row["full_spec"]) for row in ROWS if row["scene"] == scene} == cells
     assert not [row for row in ROWS if row["status"].startswith("failed")]
-
-
-def test_every_technique_of_its_study_is_successful_somewhere_in_the_baseline() -> None:
-    assert {cell.spec.technique.name for cell in STUDY.cells()} == {row["technique"] for row in HELD}
 
 
 @pytest.mark.parametrize("family", [Bias, Filter, Fit, Split])

@@ -3,7 +3,7 @@
 import json as json_module
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,7 +14,6 @@ from shadowbench.options import option
 
 if TYPE_CHECKING:
     from shadowbench.results.baseline import Findings
-    from shadowbench.results.frame import Run
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,9 @@ def check(
       × tolerance  the change as a multiple of the tolerance
       also         the other values of the cell that changed
     """
+    from shadowbench.files import make_folder, replace_file
     from shadowbench.measure.plugin_output import subjects_with, techniques_with
+    from shadowbench.reports.regressions import annotations, markdown, write_pictures
     from shadowbench.results.baseline import check as compared
     from shadowbench.results.baseline import write_baseline
     from shadowbench.studies.study_copy import copy_study
@@ -78,69 +79,40 @@ def check(
         raise InputError("--masks: found without --update; allowed: with it")
     tolerances = _tolerances(asked.tolerance)
     findings, run, baseline = compared(folder, asked.baseline, tolerances, asked.time, asked.update)
-    failed = bool(findings.of("regressed") or (asked.time and findings.of("slower")))
-    pictures = {} if asked.update else _write_files(folder, findings, run, baseline, asked, failed)
+    failed = bool(findings.of("regressed") or (asked.time and findings.of("slower"))) and not asked.update
+    files, pictures, last = folder / "check", dict[str, Path](), ""
+    for stale in [] if asked.update else [*files.glob("*.png"), *files.glob("summary.*")]:
+        stale.unlink()
+    if failed and baseline is not None:
+        make_folder(files)
+        pictures = write_pictures(findings, run, baseline, files)
+        last = f"{files}: summary.md, summary.json, {counted(len(pictures), 'picture')}"
+    values, summary = findings.json(pictures), markdown(findings, asked.baseline, folder, pictures, asked.time)
+    if failed:
+        text = json_module.dumps(values, indent=2, allow_nan=False, default=str)
+        for name, content in (("summary.md", summary), ("summary.json", f"{text}\n")):
+            with replace_file(files / name) as temporary:
+                temporary.write_text(content, encoding="utf-8", errors="replace")
     if json:
-        console.print_json(_json(findings, pictures))
+        console.print_json(values)
     else:
         _print(findings, asked.baseline, asked.time)
-    last = None
     if asked.update:
         write_baseline(run.results, asked.baseline, run.folder / "masks" if asked.masks else None)
         study = copy_study(run, asked.baseline, subjects_with(()))
-        cells = counted(len(run.results), "cell")
-        copied = f"; study.toml is a copy of {study}" if study else ""
-        last = f"{asked.baseline / 'rows.jsonl'}: {cells}, the baseline from now on{copied}"
-    elif failed:
-        last = f"{folder / 'check'}: summary.md, summary.json, {counted(len(pictures), 'picture')}"
-    if asked.github and not asked.update:
-        _annotate(findings, folder, asked, pictures)
-    if not quiet:
-        for note in findings.notes:
-            console.print_error(f"note: {note}")
-        if last and not json:
-            console.print_line(last)
-    return 1 if failed and not asked.update else 0
-
-
-def _write_files(
-    checked: Path, findings: "Findings", run: "Run", baseline: "Run | None", asked: CheckOptions, failed: bool
-) -> dict[str, Path]:
-    """Write the summaries and pictures of a check that failed, in place of an earlier one's; the pictures."""
-    from shadowbench.files import make_folder, replace_file
-    from shadowbench.reports.regressions import markdown, write_pictures
-
-    folder = checked / "check"
-    for stale in [*folder.glob("*.png"), *folder.glob("summary.*")]:
-        stale.unlink()
-    if not failed or baseline is None or asked.baseline is None:
-        return {}
-    make_folder(folder)
-    pictures = write_pictures(findings, run, baseline, folder)
-    text = markdown(findings, asked.baseline, checked, pictures, asked.time)
-    values = json_module.dumps(_json(findings, pictures), indent=2, allow_nan=False, default=str)
-    for name, content in (("summary.md", text), ("summary.json", values + "\n")):
-        with replace_file(folder / name) as temporary:
-            temporary.write_text(content, encoding="utf-8", errors="replace")
-    return pictures
-
-
-def _json(findings: "Findings", pictures: Mapping[str, Path]) -> dict[str, object]:
-    values = findings.json
-    for change, entry in zip(findings.of("regressed"), values["regressed"], strict=True):
-        entry["picture"] = pictures.get(change.score["key"])
-    return {**values, "notes": findings.notes, "pictures": list(pictures.values())}
-
-
-def _annotate(findings: "Findings", run: Path, asked: CheckOptions, pictures: Mapping[str, Path]) -> None:
-    """Print annotations of GitHub's log, and append the summary where a step's summary is collected."""
-    from shadowbench.reports.regressions import annotations, markdown
-
-    for line in annotations(findings, pictures, asked.time):
-        console.print_line(line)
-    if (summary := os.environ.get("GITHUB_STEP_SUMMARY")) and asked.baseline is not None:
-        with Path(summary).open("a", encoding="utf-8", errors="replace") as file:
-            file.write(markdown(findings, asked.baseline, run, pictures, asked.time))
+        last = f"{asked.baseline / 'rows.jsonl'}: {counted(len(run.results), 'cell')}, the baseline from now on"
+        last += f"; study.toml is a copy of {study}" if study else ""
+    elif asked.github:
+        for line in annotations(findings, pictures, asked.time):
+            console.print_line(line)
+        if step_summary := os.environ.get("GITHUB_STEP_SUMMARY"):
+            with Path(step_summary).open("a", encoding="utf-8", errors="replace") as file:
+                file.write(summary)
+    for note in () if quiet else findings.notes:
+        console.print_error(f"note: {note}")
+    if last and not json and not quiet:
+        console.print_line(last)
+    return int(failed)
 
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:

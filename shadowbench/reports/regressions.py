@@ -58,7 +58,7 @@ def tables(findings: Findings, time: bool) -> Iterator[tuple[str, list[tuple[str
 
 def _row(worst: Change, *others: Change) -> tuple[str, ...]:
     excess = "" if math.isinf(worst.excess) else f"{worst.excess:.1f}"
-    values = (worst.what, value_text(worst.before), "→", value_text(worst.after), excess)
+    values = (worst.what, change_text(worst.before), "→", change_text(worst.after), excess)
     score = worst.score
     return (_place(score), score["spec"], str(score["map_size"] or ""), *values, " ".join(one.what for one in others))
 
@@ -74,7 +74,7 @@ def cell_name(score: Record) -> str:
     return f"{score['spec']}{size} in {_place(score)}"
 
 
-def value_text(value: Any) -> str:
+def change_text(value: Any) -> str:
     """A value of a change: a number, a status, or None."""
     if value is None:
         return "none"
@@ -122,8 +122,8 @@ def _details(cell: Sequence[Change], picture: Path) -> list[str]:
     rows = [
         [
             change.what,
-            value_text(change.before),
-            value_text(change.after),
+            change_text(change.before),
+            change_text(change.after),
             "" if math.isinf(change.excess) else f"{change.excess:.1f}",
             ROW_METRICS[change.what].help if change.what in ROW_METRICS else "",
         ]
@@ -142,7 +142,7 @@ def annotations(findings: Findings, pictures: Mapping[str, Path], time: bool) ->
 
 def _annotation(kind: str, cell: Sequence[Change], picture: Path | None) -> str:
     worst, *others = cell
-    parts = [f"{worst.what} {value_text(worst.before)} → {value_text(worst.after)}"]
+    parts = [f"{worst.what} {change_text(worst.before)} → {change_text(worst.after)}"]
     parts += [f"{worst.excess:.1f} times its tolerance"] if not math.isinf(worst.excess) else []
     parts += [f"also {' '.join(one.what for one in others)}"] if others else []
     parts += [f"picture {picture}"] if picture else []
@@ -159,10 +159,10 @@ def _escaped(text: str) -> str:
 _MOST = 8  # pictures
 _SHOWN = 3  # changes of a cell above its picture
 _UNSAFE = re.compile(r"[^\w.+=-]+")  # not allowed in file names everywhere
-_GAP = 8  # white pixels between pictures
+WIDTH, GAP = 384, 8
+"""Pixels of each picture of a strip, and between them."""
 _ENLARGED = 8  # how many times the worst place is enlarged
 _LEAST_SIDE = 8  # pixels of what is enlarged
-_NARROWEST, _WIDEST = 320, 512  # pixels of a picture's width
 _FONT, _LINE, _MARGIN = 16, 22, 6  # pixels
 _FRAME = (230, 159, 0)  # Okabe & Ito 2008: orange
 _COLORS = {False: "false shadow is vermillion, false light blue", True: "too dark is vermillion, too light blue"}
@@ -192,42 +192,30 @@ def _strip(run: Run, baseline: Run, cell: Sequence[Change], old: Record) -> NDAr
     after, before = (_mask(folder, row) for folder, row in ((run.folder, score), (baseline.folder, old)))
     if not file.exists() or after is None:
         return None
-    truth = read_view(file, size)
-    now, then = (f"{worst.what} {value_text(value)}" for value in (worst.after, worst.before))
-    masks = {"ray-traced truth": truth, f"now: {now}": after}
-    wrong = np.abs(after - truth)
+    truth, apart = read_view(file, size), file.with_suffix(".undecided.png")
+    undecided = read_view(apart, size) >= 0.5 if apart.exists() else np.zeros((size, size), bool)
+    masks, wrong = {"ray-traced truth": truth}, np.abs(after - truth)
     if before is not None:
-        masks = {"ray-traced truth": truth, f"before: {then}": before, f"now: {now}": after}
+        masks[f"before: {worst.what} {change_text(worst.before)}"] = before
         more = np.maximum(wrong - np.abs(before - truth), 0)
         wrong = more if more.any() else wrong
-    apart = file.with_suffix(".undecided.png")
-    undecided = read_view(apart, size) >= 0.5 if apart.exists() else np.zeros((size, size), bool)
+    masks[f"now: {worst.what} {change_text(worst.after)}"] = after
     place = worst_place(np.where(undecided, 0, wrong))
     soft, facets = is_soft(score["metrics"]), read_facets(file, size)
     columns = []
-    for mask in masks.values():
-        shaded = _shaded(file, mask)
-        wrong_here = difference(mask, truth, undecided, soft, facets)
-        enlarged, below = (
-            np.asarray(Image.fromarray(one[place]).resize((size, size), Image.Resampling.NEAREST))
-            for one in (shaded, wrong_here)
-        )
-        gap = np.full((_GAP, size, 3), 255, dtype=np.uint8)
-        columns.append(_fitted(np.vstack([_framed(shaded, place), gap, enlarged, gap, below]), size))
-    width = columns[0].shape[1]
-    lines = max(len(_wrapped(label, width)) for label in masks)
-    labelled = [np.vstack([_text(label, width, lines), one]) for label, one in zip(masks, columns, strict=True)]
-    gap = np.full((len(labelled[0]), _GAP, 3), 255, dtype=np.uint8)
-    strip = np.hstack([part for one in labelled for part in (gap, one)][1:])
-    values = [f"{one.what} was {value_text(one.before)}, is {value_text(one.after)}" for one in cell[:_SHOWN]]
+    for label, mask in masks.items():
+        shaded, differing = _shaded(file, mask), difference(mask, truth, undecided, soft, facets)
+        parts = [_text(label, WIDTH), _fitted(shaded, place), _fitted(shaded[place]), _fitted(differing[place])]
+        columns.append(_joined(parts, axis=0))
+    strip = _joined(columns, axis=1)
+    values = [f"{one.what} was {change_text(one.before)}, is {change_text(one.after)}" for one in cell[:_SHOWN]]
     title = "; ".join([f"{cell_name(score)}: {values[0]}", *values[1:]])
     title += "" if before is not None else "; the baseline has no mask of it (--update --masks keeps them)"
     legend = (
         f"Framed in orange: where most became worse. Below it that place, enlarged {_ENLARGED} times, and its "
         f"difference from the truth: {_COLORS[soft]}."
     )
-    above, below_all = (_text(text, strip.shape[1], len(_wrapped(text, strip.shape[1]))) for text in (title, legend))
-    return np.vstack([above, strip, below_all])
+    return np.vstack([_text(title, strip.shape[1]), strip, _text(legend, strip.shape[1])])
 
 
 def _mask(folder: Path, row: Record) -> NDArray[np.float32] | None:
@@ -246,48 +234,36 @@ def worst_place(wrong: NDArray[np.floating]) -> tuple[slice, slice]:
     return slice(int(at[row]), int(at[row]) + side), slice(int(at[column]), int(at[column]) + side)
 
 
-def _framed(picture: NDArray[np.uint8], place: tuple[slice, slice]) -> NDArray[np.uint8]:
-    """A (N, N, 3) picture with a frame around a place."""
-    copy, line = picture.copy(), max(1, len(picture) // 256)
-    around = tuple(slice(max(0, part.start - line), part.stop + line) for part in place)
-    copy[around] = _FRAME
-    copy[place] = picture[place]
-    return copy
-
-
 def _shaded(truth_file: Path, mask: NDArray[np.float32]) -> NDArray[np.uint8]:
     """(N, N, 3) sRGB: the view between full shadow and none; the mask in greys without these pictures."""
     files = [truth_file.with_suffix(f".{name}.png") for name in ("ambient", "lit")]
-    if not all(file.exists() for file in files):
-        return np.repeat(np.rint(mask * 255).astype(np.uint8)[..., np.newaxis], 3, axis=2)
-    dark, lit = (_linear(np.asarray(Image.open(file).convert("RGB")) / 255) for file in files)
-    light = dark + mask[..., np.newaxis] * np.maximum(lit - dark, 0)
-    encoded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.maximum(light, 1e-9) ** (1 / 2.4) - 0.055)
-    return np.asarray(np.rint(255 * encoded), dtype=np.uint8)
+    share, dark, lit = mask[..., np.newaxis], np.zeros(3), np.full(3, 255)
+    if all(file.exists() for file in files):
+        dark, lit = (np.asarray(Image.open(file).convert("RGB"), dtype=float) for file in files)
+    return np.asarray(np.rint(dark + share * (lit - dark)), dtype=np.uint8)
 
 
-def _linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Linear light of sRGB in [0, 1] (IEC 61966-2-1)."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+def _fitted(picture: NDArray[np.uint8], place: tuple[slice, slice] | None = None) -> NDArray[np.uint8]:
+    """A picture WIDTH pixels wide, with a frame around a place of it."""
+    image = Image.fromarray(picture)
+    image = image.resize((WIDTH, WIDTH), Image.Resampling.NEAREST if len(picture) < WIDTH else Image.Resampling.BOX)
+    if place is not None:
+        top, bottom, left, right = (end * WIDTH / len(picture) for part in place for end in (part.start, part.stop))
+        ImageDraw.Draw(image).rectangle((left - 1, top - 1, right, bottom), outline=_FRAME, width=2)
+    return np.asarray(image)
 
 
-def _fitted(picture: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
-    """A column of pictures of `size` pixels a side, enlarged or reduced by a whole number so that text fits."""
-    if size < _NARROWEST:
-        times = math.ceil(_NARROWEST / size)
-        return picture.repeat(times, axis=0).repeat(times, axis=1)
-    return np.asarray(Image.fromarray(picture).reduce(math.ceil(size / _WIDEST)))
+def _joined(parts: Sequence[NDArray[np.uint8]], axis: int) -> NDArray[np.uint8]:
+    """Pictures below or beside each other, with gaps between them."""
+    gap = ((0, GAP), (0, 0), (0, 0)) if axis == 0 else ((0, 0), (0, GAP), (0, 0))
+    return np.concatenate([*(np.pad(part, gap, constant_values=255) for part in parts[:-1]), parts[-1]], axis=axis)
 
 
-def _wrapped(text: str, width: int) -> list[str]:
+def _text(text: str, width: int) -> NDArray[np.uint8]:
+    """Black text on white, wrapped to a width, (22 · lines + 12, width, 3) uint8."""
     font = ImageFont.load_default(_FONT)
-    return textwrap.wrap(text, max(8, int((width - 2 * _MARGIN) / font.getlength("n"))), break_on_hyphens=False)
-
-
-def _text(text: str, width: int, lines: int) -> NDArray[np.uint8]:
-    """Black text on white, (22 · lines + 12, width, 3) uint8."""
-    image = Image.new("RGB", (width, lines * _LINE + 2 * _MARGIN), "white")
-    draw, font = ImageDraw.Draw(image), ImageFont.load_default(_FONT)
-    for at, line in enumerate(_wrapped(text, width)):
-        draw.text((_MARGIN, _MARGIN + at * _LINE), line, "black", font)
+    lines = textwrap.wrap(text, int((width - 2 * _MARGIN) / font.getlength("n")), break_on_hyphens=False)
+    image = Image.new("RGB", (width, len(lines) * _LINE + 2 * _MARGIN), "white")
+    for at, line in enumerate(lines):
+        ImageDraw.Draw(image).text((_MARGIN, _MARGIN + at * _LINE), line, "black", font)
     return np.asarray(image)

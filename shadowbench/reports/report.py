@@ -43,7 +43,7 @@ from shadowbench.reports.texts import (
     value_text,
     verdict,
 )
-from shadowbench.results.frame import Run, csv_of
+from shadowbench.results.frame import Run
 from shadowbench.results.ranges import points_frame
 from shadowbench.results.summary import Summary, known, specs_of, targets_of
 from shadowbench.scores.metrics import METRICS
@@ -80,7 +80,7 @@ def write_report(runs: Runs, sweeps: Sequence[Run], target: Path, form: str) -> 
     texts: dict[str, Callable[[], str]] = {
         "html": lambda: html_report(runs, swept),
         "md": lambda: markdown_report(runs, swept),
-        "csv": lambda: csv_of(all_cells([run for run, _ in runs], swept)),
+        "csv": lambda: str(all_cells([run for run, _ in runs], swept).to_csv(index=False)),
         "tex": lambda: latex_tables(runs),
     }
     with replace_file(target) as temporary:

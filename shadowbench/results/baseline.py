@@ -60,24 +60,23 @@ class Findings:
         """Changes with a verdict: `slower` or `faster` in times, `regressed` or `improved` in anything else."""
         return [change for change in self.changes if change.verdict == verdict]
 
-    @property
-    def json(self) -> dict[str, Any]:
-        """JSON object of `check --json`."""
+    def json(self, pictures: Mapping[str, Path]) -> dict[str, Any]:
+        """JSON object of `check --json`; pictures: files by the key of a row, of changes that are regressions."""
         named = ("scene", "view", "light", "phase", "technique", "spec", "full_spec", "map_size", "view_size")
-        counts = {"compared": self.compared, "equal_masks": self.equal, "timed": self.timed}
-        return counts | {
-            verdict: [
+        values: dict[str, Any] = {"compared": self.compared, "equal_masks": self.equal, "timed": self.timed}
+        for verdict in get_args(Verdict):
+            values[verdict] = [
                 {
                     **{name: change.score[name] for name in named},
                     "what": change.what,
                     "before": change.before,
                     "after": change.after,
                     "tolerances": None if math.isinf(change.excess) else change.excess,
+                    **({"picture": pictures.get(change.score["key"])} if verdict == "regressed" else {}),
                 }
                 for change in self.of(verdict)
             ]
-            for verdict in get_args(Verdict)
-        }
+        return values | {"notes": self.notes, "pictures": list(pictures.values())}
 
 
 def check(
@@ -188,8 +187,6 @@ def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
 
 def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
     then, now = row_metrics(old), row_metrics(new)
-    if then == now:
-        return
     for name, tolerance in allowed.items():
         before, after = then.get(name), now.get(name)
         if before is not None and after is not None:
@@ -208,10 +205,7 @@ def _work(old: Result, new: Result) -> Iterator[Change]:
     before, after = ({**one.score.get("work", {}), "gpu_bytes": one.score.get("gpu_bytes")} for one in (old, new))
     for name in before.keys() & after.keys() - {"cost"}:  # the sum of others
         one, other = before[name], after[name]
-        if one is None or other is None:
-            continue
-        tolerance = 0.0 if name in EXACT else INVOCATIONS * one
-        if abs(other - one) > tolerance:
+        if one is not None and other is not None and abs(other - one) > (0 if name in EXACT else INVOCATIONS * one):
             verdict: Verdict = "regressed" if other > one else "improved"
             yield Change(new.score, name, one, other, verdict, abs(other - one) / max(INVOCATIONS * one, 1.0))
 

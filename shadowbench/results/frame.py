@@ -279,18 +279,7 @@ def write_cells(folder: Path, positions: "SweepPositions") -> Run:
 def write_table(file: Path, frame: pd.DataFrame) -> None:
     """Write a frame as CSV; missing values are empty fields."""
     with replace_file(file) as temporary:
-        temporary.write_text(csv_of(frame), encoding="utf-8", newline="")
-
-
-def csv_of(frame: pd.DataFrame) -> str:
-    """A frame as CSV. Texts that a spreadsheet would calculate, as formulas, have an apostrophe before them."""
-    texts = frame.select_dtypes(["object", "string"]).columns
-    safe = frame.assign(**{name: frame[name].map(_no_formula) for name in texts})
-    return str(safe.rename(columns=_no_formula).to_csv(index=False))
-
-
-def _no_formula(value: Any) -> Any:
-    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value
+        temporary.write_text(frame.to_csv(index=False), encoding="utf-8", newline="")
 
 
 # Bias sweeps
@@ -363,9 +352,7 @@ def read_sweep_positions(table: Path) -> SweepPositions:
                 _specs(swept), swept["bias_of"], swept["bias_factor"], others, strict=True
             )
         }
-    except OSError as error:
-        raise InputError(f"{table}: cannot be read ({error.strerror})") from None
-    except (ValueError, KeyError, OverflowError) as error:
+    except (OSError, ValueError, KeyError, OverflowError) as error:
         raise InputError(f"{table}: found no sweep in it ({short(error)}); allowed: what a command wrote") from None
 
 

@@ -33,11 +33,10 @@ def test_each_metric_has_its_direction_and_its_tolerance() -> None:
         assert verdicts(cell(metrics=GOOD | {name: 0.5}), cell(), **{name: 1.0}) == {}
 
 
-@pytest.mark.parametrize("after", [0.5, 1.0])
-def test_a_move_by_just_the_tolerance_is_no_change(after: float) -> None:
-    found, before = cell(metrics=GOOD | {"iou": after}), cell(metrics=GOOD | {"iou": 0.75})
-    assert verdicts(found, before, iou=0.25) == {}
-    assert list(verdicts(found, before, iou=0.2499)) == ["iou"]
+def test_a_move_by_just_the_tolerance_is_no_change() -> None:
+    now, before = cell(metrics=GOOD | {"iou": 0.5}), cell(metrics=GOOD | {"iou": 0.75})
+    assert verdicts(now, before, iou=0.25) == {}
+    assert list(verdicts(now, before, iou=0.2499)) == ["iou"]
 
 
 @pytest.mark.parametrize(
@@ -151,11 +150,3 @@ def test_the_significance_of_a_time_is_that_of_two_medians_of_normal_samples() -
         for sigma, side in zip(sigmas, sides, strict=True)
     ]
     assert 3 * change.excess == pytest.approx(math.log(2.5 / 2.0) / math.hypot(*errors), rel=1e-4)
-
-
-def test_the_worst_comes_first() -> None:
-    moved = GOOD | {"iou": 0.8, "ssim": 0.85, "acne": 0.1005}
-    findings = compare([cell(metrics=moved), cell(status="failed: x", size=64)], [cell(), cell(size=64)])
-    assert [change.what for change in findings.of("regressed")] == ["status", "iou", "ssim"]
-    assert math.isinf(findings.changes[0].excess)
-    assert findings.of("slower") == []
