@@ -1,4 +1,4 @@
-"""The engines' workflow and the demo name commands that exist; the citation is of this version."""
+"""Workflows and the citation are valid YAML, and name, as the demo does, commands that exist."""
 
 import os
 import re
