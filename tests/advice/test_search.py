@@ -18,7 +18,6 @@ from shadowbench.advice.search import (
     prune,
     reads_of,
     specs_of,
-    start_size,
     unavailable,
 )
 from shadowbench.measure.rows import Result
@@ -92,13 +91,6 @@ def test_smooth_errors_let_the_search_find_one_of_the_cheapest_with_a_fifth_of_t
         assert len(model.asked) == len(set(model.asked))
         assert len(model.asked) <= 0.2 * len(full_space(KNOWN, "directional", 16384))
     assert np.quantile(ratios, 0.95) <= 1.15
-
-
-def test_no_map_is_drawn_where_something_costs_less_than_reading_one() -> None:
-    model = Model(sharpness=1, spread=1, slope=1, vertices=0, volume=1.5)
-    best = search_for(model, 0.1, sun_space())
-    assert best is not None and best.spec.technique.name == "shadow-volume"
-    assert all(spec.map_size is None for spec in model.asked)
 
 
 def test_a_spec_with_unsuccessful_cells_is_skipped() -> None:
@@ -205,12 +197,6 @@ def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street:
     assert why_not(None, planes=0, planar=0.5, shadowed=0.1)
     told = "by `needs` it would leave 59.0% of the shadow lit: its IoU is at most about 0.41"
     assert why_not(0.99, planes=6, planar=0.146, shadowed=0.16, lost=0.59) == [told], "what `needs` says of it"
-
-
-def test_a_group_is_first_measured_at_the_predicted_map_size(street: Needs) -> None:
-    assert street.texels.edge_size is not None and street.cascades is not None and street.cascades.edge_size is not None
-    assert start_size(parse_spec("shadow-map", KNOWN), street) == street.texels.edge_size
-    assert start_size(parse_spec("cascades:count=3", KNOWN), street) == street.cascades.edge_size[3]
 
 
 def test_the_page_has_the_search_space() -> None:

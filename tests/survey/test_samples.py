@@ -19,7 +19,6 @@ from shadowbench.survey.samples import (
     BULB,
     HARD_RMSE,
     Penumbra,
-    Receivers,
     count_casters,
     penumbra_of,
     receivers_of,
@@ -41,20 +40,11 @@ def test_samples_are_the_receivers_of_the_truth_with_its_geometry(light: Light) 
 # Receivers
 
 
-def receivers(view: View) -> Receivers:
-    return receivers_of(sample_view(view))
-
-
-def test_planes_cover_a_box_on_a_ground_and_nothing_of_a_sphere() -> None:
-    assert receivers(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN)).planar == 1.0
-    assert receivers(looking([ball(4)], SUN)).planar < 0.2
-
-
 def test_planes_beyond_the_maximum_count_are_ignored() -> None:
     most = PlanarProjection.Params().count
     far = [plate(3.0, (0.0, -1.0 - k, 0.0)) for k in range(most)]
     for below, planar in ((far[1:], 1.0), (far, 0.0)):
-        seen = receivers(from_above([plate(2.0), *below], SUN, width=1.0))
+        seen = receivers_of(sample_view(from_above([plate(2.0), *below], SUN, width=1.0)))
         assert seen.planar == planar and seen.planes == planar
 
 

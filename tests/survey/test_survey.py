@@ -16,7 +16,7 @@ ALWAYS = {"light", "receivers", "closed casters", "silhouette", "texel", "map si
 EDGES = {"map size, edges", "bias", "thinnest gap", "depth bits", "penumbra"}
 
 
-@pytest.mark.parametrize("name", ["leaves", "room-with-lamp", "spot-lamp", "window"])
+@pytest.mark.parametrize("name", ["leaves", "room-with-lamp", "window"])
 def test_a_scene_of_each_kind_of_light_has_needs_in_words(name: str) -> None:
     needed = needs(chosen_view(name, 64))
     rows = explanations_of(needed)
@@ -73,11 +73,9 @@ def test_the_verdict_is_what_a_scene_needs_with_the_numbers_of_the_rows(view: Vi
         assert verdict.endswith("hard shadows suffice" if enough else "hard shadows are too sharp")
 
 
-@pytest.mark.parametrize("size", [1, 700])
-def test_views_of_any_size_have_needs(size: int) -> None:
-    needed = needs(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN, size=size))
-    assert needed.view_size == size and 1 <= needed.pixels <= 512**2
-    assert explanations_of(needed)
+def test_a_view_of_one_pixel_has_needs() -> None:
+    needed = needs(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN, size=1))
+    assert needed.view_size == needed.pixels == 1 and explanations_of(needed)
 
 
 def test_a_large_view_needs_what_its_sampled_pixels_say() -> None:
