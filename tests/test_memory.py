@@ -13,12 +13,12 @@ import pytest
 
 TRUTHS = """
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.truths import packets
+from shadowbench.truths import embree
 from shadowbench.truths.trace import trace
 
-device = packets.make_device(packets.load_library(), "sse4.2")
+device = embree.make_device("sse4.2")
 for width in (4, 16):  # native and emulated
-    packets.default_device = lambda: device._replace(width=width)
+    embree.default_device = lambda: device._replace(width=width)
     for scene in ("cube-on-plane", "room-with-lamp", "post"):
         print(trace(chosen_view(scene, 8), 1).visibility.sum())
 """

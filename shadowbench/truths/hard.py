@@ -19,7 +19,7 @@ from shadowbench.compiled import compiled
 from shadowbench.geometry.tree import LEAF, Tree, build_tree
 from shadowbench.scenes.triangles import Geometry, facet_normals
 from shadowbench.scenes.vectors import Floats
-from shadowbench.truths.embree import over_slices, rows_a_slice
+from shadowbench.truths.embree import over_rows
 from shadowbench.truths.packets import CutoutArrays, cutout_arrays, is_opaque_at
 from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ShadowRays, ViewRays
 
@@ -40,7 +40,7 @@ def hard_shadows(
         part = triangle[rows.start * rays.size : rows.stop * rays.size]
         return _decide(rays, near, rows, part, delta, pixel_samples)
 
-    parts = list(over_slices(decide, rays.size, rows_a_slice(rays.size)))
+    parts = list(over_rows(decide, rays.size))
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 

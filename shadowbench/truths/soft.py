@@ -21,7 +21,7 @@ from scipy import ndimage
 
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats
-from shadowbench.truths.embree import over_slices, rows_a_slice
+from shadowbench.truths.embree import over_rows, over_slices
 from shadowbench.truths.light_samples import LightSampler, scrambles_of
 from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ViewRays
 
@@ -146,7 +146,7 @@ def _receivers(
         found = rays.receivers(directions, hit)
         return found._replace(rays=found.rays + first), hit
 
-    parts, hits = zip(*over_slices(work, rays.size, rows_a_slice(rays.size)), strict=True)
+    parts, hits = zip(*over_rows(work, rays.size), strict=True)
     return Receivers.concatenate(parts), np.concatenate(hits)
 
 

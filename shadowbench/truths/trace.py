@@ -10,7 +10,7 @@ from shadowbench.errors import InputError
 from shadowbench.files import png_of
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.vectors import Floats
-from shadowbench.truths.embree import over_slices, rows_a_slice
+from shadowbench.truths.embree import over_rows
 from shadowbench.truths.rays import GRAZING, Indices, Mask, Receivers, ViewRays, dot
 
 Single = NDArray[np.float32]
@@ -137,7 +137,7 @@ def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float
         ends = np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
         return triangle, rays.edge_on(directions, triangle), ends
 
-    triangles, edge_on, ends = zip(*over_slices(trace_rows, view.size, rows_a_slice(view.size)), strict=True)
+    triangles, edge_on, ends = zip(*over_rows(trace_rows, view.size), strict=True)
     triangle = np.concatenate(triangles)
     if not (triangle >= 0).any():
         raise InputError(f"camera {view.camera.name!r} of {view.scene.name} shows nothing: no pixel shows a triangle")
@@ -222,5 +222,5 @@ def terminator(
         facets[faced.rays] = (nearest < 0) | (mesh_of(nearest) == mesh_of(faced.triangle))
         return cosine, facets
 
-    cosine, facets = zip(*over_slices(trace_rows, rays.size, rows_a_slice(rays.size)), strict=True)
+    cosine, facets = zip(*over_rows(trace_rows, rays.size), strict=True)
     return {"shading_cosine": np.concatenate(cosine), "facet_shadow": np.concatenate(facets)}
