@@ -1,11 +1,9 @@
 """Visibility of a light without a size: one shadow ray per sample, and tests of what that ray cannot decide.
 
 A pixel is undecided if its visibility changes within the rasteriser's subpixel grid or with the shadow ray's offset δ.
-
 A shadow ray that starts δ above the surface skips a segment of length δ/(N·L), which is long for grazing light; in
-float32 Embree cannot start lower. For N·L below LOW_LIGHT that segment is tested in float64, against triangles found in
-the tree. Above it, a receiver counts as lit even if a caster lower than δ/4 above its plane, at most 2.5 δ along L,
-blocks it.
+float32 Embree cannot start lower. For N·L below LOW_LIGHT that segment is tested in float64, by a tree. Above it, a
+receiver counts as lit even if a caster lower than δ/4 above its plane, at most 2.5 δ along L, blocks it.
 """
 
 from functools import cached_property, partial
@@ -190,9 +188,7 @@ def _find_nearest(  # type: ignore[no-untyped-def]
                     continue
                 face = faces[caster]
                 t = hit(vertices, face, point, way, corners, through, sides)
-                if not AT_SURFACE < t < length[i]:
-                    continue
-                if not is_opaque_at(cut, caster, sides):
+                if not AT_SURFACE < t < length[i] or not is_opaque_at(cut, caster, sides):
                     continue
                 if _rises(vertices, face, own_normals[i], way, own_corners[i]):
                     cross(vertices[face[1]] - vertices[face[0]], vertices[face[2]] - vertices[face[0]], normal)
