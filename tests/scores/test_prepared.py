@@ -1,14 +1,4 @@
 import numpy as np
-import pytest
-
-
-def test_undecided_pixels_and_non_receivers_are_in_no_set(truth, half_plane):
-    rng = np.random.default_rng(0)
-    receivers, undecided = rng.random((2, 128, 128)) < [[[0.9]], [[0.01]]]
-    prepared = truth(half_plane(64), receivers=receivers, undecided=undecided)
-    np.testing.assert_array_equal(prepared.valid, receivers & ~undecided)
-    for name in ("shadow", "lit", "edge", "boundary", "edge_zone", "lit_interior", "shadow_interior", "contact"):
-        assert not (getattr(prepared, name) & ~prepared.valid).any(), name
 
 
 def test_interiors_keep_four_pixels_from_the_other_class(truth, half_plane):
@@ -70,13 +60,3 @@ def test_contact_is_shadow_with_a_near_blocker(truth, half_plane):
     blocker[:, 10:64] = 0.21
     prepared = truth(half_plane(64), blocker=blocker)
     assert np.flatnonzero(prepared.contact[0]).tolist() == list(range(10))
-
-
-def test_a_truth_that_contradicts_itself_is_refused(truth):
-    for wrong, message in [
-        ({"area": np.ones((4, 5))}, r"area has shape \(4, 5\), visibility \(4, 4\)"),
-        ({"receivers": np.ones((4, 1), bool), "undecided": np.zeros((4, 1), bool)}, "undecided has shape"),
-        ({"visibility": np.full((4, 4), 2.0)}, "outside"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            truth(**({"visibility": np.ones((4, 4))} | wrong))

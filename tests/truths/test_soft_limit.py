@@ -1,24 +1,15 @@
-"""A light of size 0 casts hard shadows, and so, nearly, does a tiny one."""
+"""A tiny light casts the shadows of one without a size."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.scenes.scene_tables import light_from_table
 from shadowbench.scenes.vectors import vec3
 from shadowbench.truths.trace import trace
 
-SIZES: dict[str, dict[str, Any]] = {
-    "directional": {"angular_radius": 0},
-    "spot": {"radius": 0},
-    "point": {"radius": 0},
-    "disc": {"radius": 0},
-    "rectangle": {"size": [0, 0]},
-}
 TINY = 1e-9  # of the light's distance
 
 
@@ -50,12 +41,3 @@ def test_a_tiny_light_casts_the_shadows_of_one_without_a_size(kind, name) -> Non
         assert decided[hard.receivers].mean() > 0.97
         assert set(np.unique(hard.visibility[decided & hard.receivers])) == {0, 1}
         assert (hard.visibility == tiny.visibility)[decided].all()
-
-
-def test_a_size_of_zero_is_no_size() -> None:
-    unused = {"directional": ("position", "angle"), "point": ("direction", "angle"), "spot": ()}
-    for kind, size in SIZES.items():
-        table = {"kind": kind, "position": [0, 3, 0], "direction": [0, -1, 0], "angle": 60}
-        table = {name: value for name, value in table.items() if name not in unused.get(kind, ("angle",))}
-        zero = light_from_table(table | size, "here")
-        assert light_from_table(table, "here") == zero and not zero.soft
