@@ -78,6 +78,7 @@ def test_an_opaque_mask_whose_channels_are_equal_is_grey(tmp_path):
         grey.save(tmp_path / "grey.png")
         grey.convert(mode).save(tmp_path / "colour.png")
         assert np.array_equal(read_mask(tmp_path / "colour.png"), read_mask(tmp_path / "grey.png"))
+        assert mode == "1" or np.allclose(read_mask(tmp_path / "grey.png"), levels / 255, atol=1e-7)
 
 
 def test_one_pixel_that_is_coloured_or_transparent_makes_no_mask(tmp_path):

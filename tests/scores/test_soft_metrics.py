@@ -169,17 +169,6 @@ def test_a_smooth_wide_ramp_has_no_bands_however_flat(scored) -> None:
         assert scored(ramp(wide), ramp(6))["banding"] == 0
 
 
-def test_a_step_of_two_standard_errors_is_not_resolved(truth) -> None:
-    """Truth 0, ½ and 1 by column: only the middle one has neighbours that are 1 apart. The mask steps by row."""
-    for error, share in [(0.249, 1 / 3), (0.25, 0)]:
-        visibility = np.tile([0, 0.5, 1], (4, 1))
-        mask = np.full(visibility.shape, 0.5)
-        mask[3] = 1.0
-        bars = np.full(visibility.shape, error)
-        found = score(mask, truth(visibility, standard_error=bars))["banding"]
-        assert found == pytest.approx(share / 2)  # the two rows next to the mask's step are not flat
-
-
 def test_a_penumbra_of_twice_the_width_is_one_off(scored) -> None:
     for times, across in [(0.5, X), (0.75, DIAGONAL), (1.5, Y), (2.0, X)]:
         middle = float(across.mean())
