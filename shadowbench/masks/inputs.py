@@ -201,7 +201,7 @@ def stored_truth_of(scene: str | Path, options: ViewOptions) -> TruthOfView | No
     try:
         arrays = read_arrays(file)
         depth, about = arrays.pop("depth"), json.loads(str(arrays.pop("about")))
-        truth = truth_of(arrays, len(depth), np.iinfo(np.int32).max)
+        truth = truth_of(arrays, len(depth))
         if truth is None or depth.shape != truth.visibility.shape:
             raise ValueError("arrays of other names, types, shapes or ranges")
         return TruthOfView(truth, _view_of(about, len(depth)), str(about["digest"]), depth)
