@@ -16,7 +16,7 @@ from shadowbench.measure.flips import Step, Stepped, flips
 from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.machine import machine_key, write_run_file
 from shadowbench.measure.pictures import Pictures, Writer
-from shadowbench.measure.rows import Record, Result, RowStore, StudyFacts, identity
+from shadowbench.measure.rows import Record, Result, RowStore, identity
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import Rendering, Surface
 from shadowbench.measure.time_rows import time_row
@@ -257,7 +257,7 @@ class Campaign:
         """Keys of the cells of a block that will be drawn: those without a row, and those that failed."""
         return {cell: key for cell, key in self.keys(block).items() if self.store.finished_score(key) is None}
 
-    def finish(self, study: StudyFacts, notes: Sequence[str], keys: Iterable[str]) -> None:
+    def finish(self, study: Record, notes: Sequence[str], keys: Iterable[str]) -> None:
         """Write `run.json`; keys: of the cells that the command asked for."""
         write_run_file(self.folder / "run.json", self.drawer, notes, study, keys)
 

@@ -15,14 +15,14 @@ import numpy as np
 import psutil
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.files import check_outputs, replace_file
+from shadowbench.files import cache_folder, check_outputs, replace_file
 from shadowbench.gl.clock import WALL, Sample
-from shadowbench.measure.rows import SCHEMA, StudyFacts, command_line
+from shadowbench.measure.rows import SCHEMA, Record, command_line
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import CellFailed, DeviceInfo, Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
-from shadowbench.truths.cache import KEPT_BYTES, cache_folder
+from shadowbench.truths.cache import KEPT_BYTES
 from shadowbench.truths.embree import packet_width
 from shadowbench.versions import VERSION, installed
 
@@ -58,7 +58,7 @@ def versions() -> dict[str, str]:
     return {"shadowbench": VERSION, "python": platform.python_version(), **libraries}
 
 
-def write_run_file(file: Path, drawer: "Drawer", notes: Sequence[str], study: StudyFacts, keys: Iterable[str]) -> None:
+def write_run_file(file: Path, drawer: "Drawer", notes: Sequence[str], study: Record, keys: Iterable[str]) -> None:
     """Write `run.json`: command, versions, machine, clock, assumptions, study and the keys of its cells."""
     text = {
         "schema": SCHEMA,
@@ -145,7 +145,7 @@ def diagnosis() -> dict[str, dict[str, Any]]:
         "rays_at_once": f"{width}, native to this processor" if width > 1 else "1: Embree's library cannot be loaded",
         "instruction_set": os.environ.get("SHADOWBENCH_ISA") or "the processor's best; SHADOWBENCH_ISA chooses another",
     }
-    cache = cache_folder()
+    cache = cache_folder("truth")
     files = list(cache.glob("*.npz"))
     found["truth_cache"] = {
         "folder": str(cache),

@@ -15,7 +15,7 @@ from shadowbench.errors import InputError, printable
 from shadowbench.files import replace_file
 from shadowbench.measure.columns import COSTS, MORE, MORE_TIMES, SOMETIMES, TIMES
 from shadowbench.measure.columns import IDENTITY as FIRST
-from shadowbench.measure.rows import Record, Result, RunFile, read_run_file, stream_rows
+from shadowbench.measure.rows import Record, Result, read_run_file, stream_rows
 from shadowbench.plugin.params import parameters_of
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.strict import short
@@ -57,7 +57,7 @@ class Run:
 
     label: str
     folder: Path
-    about: RunFile
+    about: Record
     rows: tuple[Record, ...]
     times: Mapping[str, Record]
     earlier: frozenset[str]

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
 from shadowbench.measure.flips import row_metrics
-from shadowbench.measure.rows import Record, RunFile, StudyFacts, command_line, read_run_file, stream_rows
+from shadowbench.measure.rows import Record, command_line, read_run_file, stream_rows
 from shadowbench.results.frame import read_folders, read_sweep_positions, rows_file, write_cells, write_table
 from shadowbench.results.ranges import operating_ranges, points_frame, ranges_frame
 from shadowbench.techniques.unshadowed import Unshadowed
@@ -118,7 +118,7 @@ def _differing(scores: Sequence[_Score]) -> Iterator[dict[str, Any]]:
 
 
 def _write(
-    abouts: Mapping[Path, RunFile],
+    abouts: Mapping[Path, Record],
     cells: Mapping[str, _Score],
     times: Sequence[tuple[Path, int, str | None]],
     output: Path,
@@ -139,7 +139,8 @@ def _write(
         keys = dict.fromkeys(key for several in of_folders for key in several)
         most = Counter(machine for *_, machine in times)
         main = max(abouts.values(), key=lambda about: (most[about.get("machine_key")], len(about)))
-        about = main | {
+        about = {
+            **main,
             "command": command_line(),
             "assumptions": list(dict.fromkeys(note for one in abouts.values() for note in one.get("assumptions", ()))),
             "study": _shared([one["study"] for one in abouts.values() if "study" in one]),
@@ -184,11 +185,11 @@ def _write_tables(sources: Sequence[Path], folder: Path) -> None:
     write_table(folder / "table.csv", points_frame(sweeps[0].rows))
 
 
-def _shared(studies: Sequence[StudyFacts]) -> dict[str, Any]:
+def _shared(studies: Sequence[Record]) -> dict[str, Any]:
     """Scenes and specs of all studies, and the values in which they agree."""
     shared: dict[str, Any] = {}
     for name in dict.fromkeys(name for study in studies for name in study):
-        values = [study[name] for study in studies if name in study]  # type: ignore[literal-required]
+        values = [study[name] for study in studies if name in study]
         if name in ("scenes", "specs"):
             shared[name] = list(dict.fromkeys(value for several in values for value in several))
         elif all(value == values[0] for value in values):

@@ -2,17 +2,15 @@
 
 import hashlib
 import logging
-import os
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import platformdirs
 
 from shadowbench.errors import InputError
-from shadowbench.files import replace_file
+from shadowbench.files import cache_folder, replace_file
 from shadowbench.scenes.model import View, view_digest
 from shadowbench.truths.embree import answers_digest
 from shadowbench.truths.trace import STANDARD_ERROR, Truth, trace
@@ -63,13 +61,7 @@ def cached_truth(view: View, pixel_samples: int = PIXEL_SAMPLES, standard_error:
 def truth_file(view: View, pixel_samples: int = PIXEL_SAMPLES, standard_error: float = STANDARD_ERROR) -> Path:
     """File of a view's truth in the cache, whether or not it exists."""
     parts = (view_digest(view), pixel_samples, standard_error, of_truths(), answers_digest())
-    return cache_folder() / f"{hashlib.sha256(repr(parts).encode()).hexdigest()[:32]}.npz"
-
-
-def cache_folder() -> Path:
-    """Folder of the cache: $SHADOWBENCH_CACHE, or the platform's cache folder; created with the first truth."""
-    chosen = os.environ.get("SHADOWBENCH_CACHE")
-    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "truth"
+    return cache_folder("truth") / f"{hashlib.sha256(repr(parts).encode()).hexdigest()[:32]}.npz"
 
 
 def write_truth(file: Path, truth: Truth, **others: object) -> None:

@@ -17,7 +17,6 @@ BAD: dict[str, tuple[str, Any]] = {
     "a scene that leads out of the folder": ("scene", "../../secret"),
     "a map size of half a texel": ("map_size", 0.5),
     "another status": ("status", "fine"),
-    "bytes that are null": ("gpu_bytes", None),
     "another schema": ("schema", 2),
     "no kind": ("kind", None),
     "half a place on an axis": ("axis", "elevation"),
