@@ -28,7 +28,7 @@ from shadowbench.measure.campaign import (
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.machine import machine, versions
 from shadowbench.measure.plugin_output import techniques_with
-from shadowbench.measure.rows import Record, Result, stream_rows
+from shadowbench.measure.rows import Record, Result, read_rows
 from shadowbench.measure.worker import DeviceInfo, Limits, Worker, sigint_blocked
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import View
@@ -85,7 +85,7 @@ def measure_block(
         read = tuple(Cell(specs[spec], phase, specs.get(home or "")) for spec, phase, home in cells)
         with Campaign(folder, GLDrawer(worker_here(setup)), LogReporter(), **options) as campaign:
             list(campaign.measure([replace(block, cells=read)]))
-        rows = [row for row, _ in stream_rows(folder / "rows.jsonl")]
+        rows, _ = read_rows(folder / "rows.jsonl")
         return rows, {file.relative_to(folder).as_posix(): file.read_bytes() for file in folder.glob("*/*.png")}
 
 

@@ -181,19 +181,20 @@ IMAGES = ("masks", "pictures", "truth", "differences")
 _HEAD = b'{"schema": 1'  # prefix of every line, a truncated one included
 
 
-def stream_rows(file: Path) -> Iterator[tuple[Record, int]]:
-    """Each row of a `rows.jsonl`, and the position in bytes where it ends; after the last, a truncated one may follow.
+def read_rows(file: Path) -> tuple[list[Record], int]:
+    """The rows of a `rows.jsonl`, and the position in bytes where the last one ends; a truncated one may follow.
 
     Raises InputError, with the line number, for a line that is no row, and for a file that cannot be read.
     """
-    end = 0
+    rows, end = list[Record](), 0
     with _opened(file) as stream:
         for number, line in enumerate(stream, start=1):
             if line.endswith(b"\n"):
                 end += len(line)
-                yield _valid(_ROW, line[:-1], f"{file} line {number}"), end
+                rows.append(_valid(_ROW, line[:-1], f"{file} line {number}"))
             elif not (line.startswith(_HEAD) or _HEAD.startswith(line)):
                 raise InputError(f"{file} line {number}: found no valid row; allowed: a row of schema {SCHEMA}")
+    return rows, end
 
 
 def read_run_file(file: Path) -> Record:
@@ -270,14 +271,13 @@ class RowStore:
     def _open(self, sweep: bool) -> None:
         for images in IMAGES:  # written under the lock, so that whoever left one there is dead
             remove_temporaries(self.file.parent / images)
-        complete = 0
-        for row, end in stream_rows(self.file) if self.file.exists() else ():
+        rows, complete = read_rows(self.file) if self.file.exists() else ([], 0)
+        for row in rows:
             if row["kind"] == "score" and ("axis" in row) != sweep:
                 found, allowed = ("run", "stress") if sweep else ("stress", "run")
                 line = f"{self.file}: found cells of `{found}`; allowed: a folder of `{allowed}`, or a new one"
                 raise InputError(line)
             self._keep(row)
-            complete = end
         self._stream = self.file.open("ab", buffering=0)  # after a failed write, a buffer would be written on close
         self._stream.truncate(complete)  # drops a partial line of a killed run
 
