@@ -213,7 +213,7 @@ class Campaign:
         """
         self.reporter.stage("truth", len(blocks))
         shows: list[Shadows | None] = [None] * len(blocks)
-        for index, result in self._traced([block.view for block in blocks]):
+        for index, result in self._map(trace_view, [block.view for block in blocks]):
             name = blocks[index].view.name
             with self._attempt("truth", name):
                 shows[index] = result()
@@ -261,9 +261,9 @@ class Campaign:
         """Write `run.json`; keys: of the cells that the command asked for."""
         write_run_file(self.folder / "run.json", self.drawer, notes, study, keys)
 
-    def _traced(self, views: Sequence[View]) -> Iterable[tuple[int, Callable[[], Shadows]]]:
-        """The index of each view, and what says or raises what it shows."""
-        return enumerate(partial(trace_view, view) for view in views)
+    def _map(self, task: Callable[..., Any], *jobs: Sequence[Any]) -> Iterable[tuple[int, Callable[[], Any]]]:
+        """The index of each job, and what gives or raises the result of the task for it."""
+        return enumerate(partial(task, *job) for job in zip(*jobs, strict=True))
 
     @contextmanager
     def _attempt(self, what: str, where: str) -> Iterator[None]:

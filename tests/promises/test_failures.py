@@ -172,14 +172,6 @@ def test_a_failed_cell_is_tried_again_and_no_other(study: Study, half: Path, wil
     assert all(row["ratio"] > 0 for row in study.rows("time")[1:])
 
 
-def test_a_reference_that_crashes_costs_ratios_only(study: Study, half: Path, wild: Path) -> None:
-    study.plugins = (half, wild)
-    answer = study.run(study_text("half", "shadow-map:size=64", reference='"does:what=abort"'))
-    assert answer.err.count("no ratios to this reference: crashed: SIGABRT") == 1
-    for line in by_spec(study.folder).values():
-        assert (line["status"], line["ratio"]) == ("ok", "") and line["frame_ms"]
-
-
 @pytest.mark.slow
 def test_no_cell_fails_for_the_memory_that_others_took(study: Study, wild: Path, tmp_path: Path) -> None:
     """Whether they wait to be timed, are timed with it, or have left it behind."""
