@@ -240,7 +240,7 @@ def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, fa
     [
         ("shadow-map:fit=scene,size=64", ("shadow-map:fit=scene,size=64",) * 2 + ("cube-map:size=1024",)),
         ("cascades:size=512", ("cascades:size=512", "unshadowed", "cube-map:size=1024")),
-        ("cube-map:size=64", ("unshadowed", "unshadowed", "cube-map:size=64")),
+        ("cube-map:size=64", ("unshadowed", "cube-map:size=64", "cube-map:size=64")),
     ],
 )
 def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(chosen: str, names: tuple[str, ...]) -> None:
