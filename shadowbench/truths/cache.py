@@ -2,17 +2,15 @@
 
 import hashlib
 import logging
-import os
 from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import platformdirs
 
 from shadowbench.errors import InputError
-from shadowbench.files import replace_file
+from shadowbench.files import cache_folder, replace_file
 from shadowbench.scenes.model import View, view_digest
 from shadowbench.truths.embree import answers_digest
 from shadowbench.truths.trace import STANDARD_ERROR, Truth, trace
@@ -45,12 +43,6 @@ def cached_truth(view: View, pixel_samples: int = PIXEL_SAMPLES) -> Truth:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         _log.warning("truth cache %s: truths are traced and not kept (%s)", file.parent, reason)
     return truth
-
-
-def cache_folder() -> Path:
-    """Folder of the cache: $SHADOWBENCH_CACHE, or the platform's cache folder; created with the first truth."""
-    chosen = os.environ.get("SHADOWBENCH_CACHE")
-    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "truth"
 
 
 def write_truth(file: Path, truth: Truth, **others: object) -> None:
