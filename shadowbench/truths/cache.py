@@ -4,7 +4,6 @@ import hashlib
 import logging
 import os
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -72,11 +71,11 @@ def cache_folder() -> Path:
     return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "truth"
 
 
-def write_truth(file: Path, truth: Truth, **others: object) -> None:
-    """Write all arrays of a truth, and others by name, as a compressed .npz."""
+def write_truth(file: Path, truth: Truth) -> None:
+    """Write all arrays of a truth as a compressed .npz."""
     with replace_file(file) as temporary, temporary.open("wb") as stream:
         # The stub types allow_pickle alone.
-        np.savez_compressed(stream, **truth.arrays(), **others)  # type: ignore[arg-type]
+        np.savez_compressed(stream, **truth.arrays())  # type: ignore[arg-type]
 
 
 def read_truth(file: Path, view: View) -> Truth | None:
@@ -84,31 +83,20 @@ def read_truth(file: Path, view: View) -> Truth | None:
     if not file.is_file():  # reading a named pipe would block
         return None
     try:
-        arrays = read_arrays(file)
-    except Exception:
+        # Opened here, since np.load does not close a file that it fails to read.
+        with file.open("rb") as stream, np.load(stream) as entries:
+            arrays: dict[str, Any] = {name: np.asarray(entry) for name, entry in entries.items()}  # bytes if no array
+    except Exception:  # of many types in zipfile and NumPy, MemoryError included
         return None
-    truth = truth_of(arrays, view.size, view.scene.geometry.count)
-    return truth and replace(truth, view=view)
-
-
-def read_arrays(file: Path) -> dict[str, Any]:
-    """The arrays of an .npz by name. Damaged bytes raise many types in zipfile and NumPy, MemoryError included."""
-    # Opened here, since np.load does not close a file that it fails to read.
-    with file.open("rb") as stream, np.load(stream) as arrays:
-        return {name: np.asarray(array) for name, array in arrays.items()}  # an entry that is no array is read as bytes
-
-
-def truth_of(arrays: dict[str, Any], size: int, triangles: int) -> Truth | None:
-    """The truth of these arrays; None unless names, types, shapes and ranges are those of a view of some triangles."""
-    ranges = {**_RANGES, "triangle": (np.int32, -1, triangles - 1)}
+    ranges = {**_RANGES, "triangle": (np.int32, -1, view.scene.geometry.count - 1)}
     if (absent := ranges.keys() ^ arrays.keys()) and not absent <= _OF_SMOOTH:
         return None
     ranges = {name: ranges[name] for name in arrays}
     for name, (kind, low, high) in ranges.items():
-        array, shape = arrays[name], () if name == "diagonal" else (size, size)
+        array, shape = arrays[name], () if name == "diagonal" else (view.size, view.size)
         if array.dtype != kind or array.shape != shape or not ((array >= low) & (array <= high)).all():  # NaN neither
             return None
-    return Truth(**{**arrays, "diagonal": float(arrays["diagonal"])})
+    return Truth(**{**arrays, "diagonal": float(arrays["diagonal"]), "view": view})
 
 
 def _delete_oldest(folder: Path) -> None:
