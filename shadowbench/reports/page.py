@@ -43,7 +43,7 @@ from shadowbench.results.summary import (
 from shadowbench.versions import VERSION
 
 _PAGE = Path(__file__).parent / "page"
-_SCRIPTS = ("page.js", "charts.js", "table.js", "viewer.js", "report.js")
+_SCRIPTS = ("charts.js", "viewer.js", "report.js")
 _TIMES = {
     "IQR, ms": "frame_iqr_ms",
     "all still, ms": "still_ms",
@@ -79,9 +79,8 @@ def html_report(runs: Sequence[tuple[Run, Sequence[Summary]]], swept: Sequence[S
         pictures = gallery(one.sweep.folder, breaking_cells(one))
         data[f"stability-{index}"] = {"charts": charts, "gallery": pictures, "specs": one.specs}
     specs = list(styles_of([*specs_of(run for run, _ in runs), *(spec for one in swept for spec in one.specs)]))
-    named = ("id", "run", "title", "scenes", "start")
     page = {
-        "panels": [{name: panel[name] for name in named} for panel in panels],
+        "panels": [{name: panel[name] for name in ("id", "title", "scenes", "start")} for panel in panels],
         "specs": specs,
         "names": preset_names(),
         "colors": COLORS[:MAX_SHOWN],
@@ -154,21 +153,18 @@ def _panel_data(summary: Summary, ids: dict[str, str]) -> Data:
     """The JSON data of a panel: charts, table, and for a single scene pictures."""
     several, heading = bool(summary.scenes), texts.COST_HEADINGS[summary.cost]
     cost = f"cost, {heading}" if heading == "ms" else heading
-    metrics = dict.fromkeys([*(texts.COLUMNS[True].values() if summary.soft else ()), *ROW_METRICS])
+    metrics = dict.fromkeys([*texts.COLUMNS[summary.soft].values(), *ROW_METRICS])
     values = {name: name for name in metrics if name != summary.ranked_by.name}
     values |= (_TIMES if summary.cost == "frame_ms" else {}) | {"GPU bytes": "gpu_bytes"}
-    sizes: list[int | None] = sorted({one.map_size for one in summary.timed if one.map_size})
     first = [cost, "map", summary.ranked_by.error_label]
     return {
         "charts": {
             "front": front_chart(summary, None),
             "sizes": size_chart(summary, None),
             "biases": {} if several else bias_charts(summary),
-            "passes": [(size, chart) for size in sizes or [None] if (chart := pass_chart(summary, size)) is not None],
-            "pass_size": default_size(summary),
+            "passes": pass_chart(summary, default_size(summary)),
         },
         "columns": [*first, *(["worst scene", "scenes"] if several else []), *values, "cells"],
-        "shown": [*first, "worst scene", "scenes", *texts.COLUMNS[summary.soft].values()],
         "rows": [_row(summary, one, cost, values, ids) for one in summary.candidates],
         "gallery": None if several else gallery(summary.run.folder, scored_cells(summary)),
     }
@@ -194,7 +190,6 @@ def _row(summary: Summary, one: Setting, cost: str, values: dict[str, str], ids:
         "cells": (one.cells, str(one.cells)),
     }
     names = {
-        "technique": one.technique,
         "spec": one.spec,
         "label": one.name,
         "map": one.map_size,
