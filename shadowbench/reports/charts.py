@@ -3,7 +3,6 @@
 import io
 import json
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from PIL import Image
 from shadowbench.files import replace_file
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports.texts import COLUMNS, cost_text, digits, error_text, value_text
-from shadowbench.results.curves import curves
 from shadowbench.results.summary import Setting, Summary, known
 from shadowbench.techniques.unshadowed import Unshadowed
 
@@ -178,8 +176,6 @@ _PASS_TIMES = [
     "so that their sum may exceed the frame;",
     "tick: the whole frame, timed separately",
 ]
-_LEAST_SHARE = 1e-3  # axes of shares are linear below, so as to include 0, and logarithmic above
-_SHARES = (0.0, _LEAST_SHARE, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 _CHANGES = {"light": "when the light moves", "view": "when light or camera moves", "frame": "every frame"}
 # A label at the right edge goes below its point and to the left, where a Pareto front has no other.
 _NO_ROOM = "scale('x', datum.cost) + 8 + 6.5 * length(datum.label) > width"
@@ -276,53 +272,6 @@ def size_chart(summary: Summary, styles: Styles | None) -> Chart | None:
         mark("point", at | look | TOOLTIP, *mapped, filled=True, size=70),
     ]
     return chart_of(f"Error against map size in {summary.title}", points, layer, 400)
-
-
-def bias_charts(summary: Summary) -> dict[str, Chart]:
-    """Acne against contact over the factors of each bias sweep, by its spec; none for soft shadows."""
-    points: dict[str, list[Chart]] = {}
-    for curve in [] if summary.soft else curves(summary, summary.run.sweep_positions):
-        for factor, one in curve.points:
-            if not (known(one.contact) and known(one.acne)):
-                continue
-            point = chart_point(summary, one)
-            tooltip = {"spec": one.spec, "× bias": f"{factor:g}", "contact": digits(one.contact)} | point["tooltip"]
-            place = {"map": tooltip["map"], "contact": one.contact, "acne": one.acne}
-            point |= {**place, "factor": factor, "label": f"×{factor:g}", "best": factor == curve.best}
-            point["tooltip"] = tooltip
-            drawn = points.setdefault(curve.base, [])
-            if drawn and place.items() <= drawn[-1].items():  # one label where points coincide, as without acne
-                point["label"], drawn[-1]["label"] = f"{drawn[-1]['label']}, {point['label']}", ""
-            drawn.append(point)
-    return {base: _bias_chart(f"Acne against contact of {base} in {summary.title}", of) for base, of in points.items()}
-
-
-def _bias_chart(about: str, points: Sequence[Chart]) -> Chart:
-    """A line for each map size, and the factors beside its points."""
-    maps = list(dict.fromkeys(point["map"] for point in points))
-    color = {
-        "field": "map",
-        "title": "map size",
-        "scale": {"domain": maps, "range": [COLORS[index % len(COLORS)] for index in range(len(maps))]},
-        "legend": {"orient": "top"},
-    }
-    titles = {"x": ("contact", "contact shadow lost (peter-panning)"), "y": ("acne", "acne")}
-    at = {channel: _share(points, *names) for channel, names in titles.items()}
-    best = {"condition": {"test": "datum.best", "value": INK}, "value": None}
-    layer: list[Chart] = [
-        mark("line", {**at, "color": color, "order": {"field": "factor"}}, strokeWidth=1.5),
-        mark("point", {**at, "color": color, "stroke": best} | TOOLTIP, filled=True, size=70, strokeWidth=2),
-        mark("text", {**at, "text": {"field": "label"}}, align="left", dx=7, dy=-7, fontSize=11, color=INK),
-    ]
-    return chart_of(about, points, layer, 320)
-
-
-def _share(points: Sequence[Chart], field: str, title: str) -> Chart:
-    """A channel of shares from 0 to the first label beyond all of them."""
-    most = max(_LEAST_SHARE, *(point[field] for point in points))
-    ticks = [0.0, *(tick for below, tick in pairwise(_SHARES) if below < most)]
-    scale = {"type": "symlog", "constant": _LEAST_SHARE, "domain": [0, ticks[-1]], "nice": False}
-    return quantity(field, title, scale=scale, axis={"values": ticks, "format": "~g", "grid": True})
 
 
 def pass_chart(summary: Summary, size: int | None) -> Chart | None:

@@ -20,7 +20,6 @@ from shadowbench.reports.charts import (
     MAX_SHOWN,
     OUTLINES,
     SHAPES,
-    bias_charts,
     default_size,
     front_chart,
     pass_chart,
@@ -161,7 +160,6 @@ def _panel_data(summary: Summary, ids: dict[str, str]) -> Data:
         "charts": {
             "front": front_chart(summary, None),
             "sizes": size_chart(summary, None),
-            "biases": {} if several else bias_charts(summary),
             "passes": pass_chart(summary, default_size(summary)),
         },
         "columns": [*first, *(["worst scene", "scenes"] if several else []), *values, "cells"],

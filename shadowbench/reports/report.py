@@ -11,7 +11,6 @@ from shadowbench.extremes.model import NAMES
 from shadowbench.files import check_outputs, make_folder, replace_file
 from shadowbench.reports.charts import (
     Chart,
-    bias_charts,
     default_size,
     front_chart,
     pass_chart,
@@ -251,8 +250,8 @@ def _write_figures(folder: Path, runs: Runs, swept: Sequence[Stability], form: s
 def figures(runs: Runs, swept: Sequence[Stability]) -> Iterator[tuple[str, Chart]]:
     """Generate (name, chart) of every figure.
 
-    Per scene: SCENE.VIEW-SIZE.KIND, where KIND is front, sizes, passes, or bias-1, … for bias sweeps; per sweep:
-    stability and stability.AXIS. With several runs or sweeps, their label comes before the last part.
+    Per scene: SCENE.VIEW-SIZE.KIND, where KIND is front, sizes or passes; per sweep: stability and stability.AXIS. With
+    several runs or sweeps, their label comes before the last part.
     """
     styles = styles_of(specs_of(run for run, _ in runs))
     for run, summaries in runs:
@@ -267,8 +266,6 @@ def figures(runs: Runs, swept: Sequence[Stability]) -> Iterator[tuple[str, Chart
             ):
                 if chart is not None:
                     yield f"{stem}.{kind}", titled(chart, summary.title, *about)
-            for number, (spec, chart) in enumerate(bias_charts(summary).items(), start=1):
-                yield f"{stem}.bias-{number}", titled(chart, summary.title, f"bias of {spec}, multiplied", *about)
     for stability in swept:
         stem = "stability" + (f".{stability.sweep.label}" if len(swept) > 1 else "")
         styles = styles_of(stability.specs)

@@ -13,7 +13,7 @@ from shadowbench.results.frame import read_folders
 from shadowbench.results.summary import summaries
 from shadowbench.scores.difference import FACETS, FALSE_LIGHT
 from tests.reports.browsing import visiting
-from tests.reports.conftest import CELLS, POINTS, Cell, run_file, write_folder, write_sweep
+from tests.reports.conftest import CELLS, POINTS, Cell, run_file, write_folder
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -29,10 +29,9 @@ STAIRS = "stairs, 32² view"
 
 
 def write_page(page: Path) -> Path:
-    """The report on a run with these cells, a bias sweep among them, and a sweep of `stress`."""
+    """The report on a run with these cells and a sweep of `stress`."""
     rows = {"run": [row for cell in KNOWN for row in cell.records()], "sweep": [point.record() for point in POINTS]}
     folders = [write_folder(page.parent / name, rows[name], run_file(True, "A"), True) for name in rows]
-    write_sweep(folders[0], CELLS, "shadow-map", {"shadow-map:bias=none": 0.0, "shadow-map": 1.0})
     runs, sweeps = read_folders(folders)
     write_report([(run, summaries(run)) for run in runs], sweeps, page, "html")
     return page
@@ -128,9 +127,6 @@ def test_every_chart_is_drawn_with_all_of_its_points_inside(page) -> None:
                 assert box is not None
                 assert frame["x"] <= box["x"] and box["x"] + box["width"] <= frame["x"] + frame["width"]
                 assert frame["y"] <= box["y"] and box["y"] + box["height"] <= frame["y"] + frame["height"]
-    assert not page.locator("#biases").is_visible(), "a scene of soft shadows"
-    choose_scene(page, STAIRS)
-    assert marks(page.locator("#biases .chart")).count() == 5 and "×" in told(page, marks(page.locator(".bias")).first)
 
 
 def test_a_point_tells_what_it_is_and_a_click_shows_its_picture(page) -> None:

@@ -1,7 +1,6 @@
 """Charts of a report: every value lies on its axes, and times of different machines are never combined."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ from shadowbench.reports.charts import (
     COLORS,
     MAX_SHOWN,
     SHAPES,
-    bias_charts,
     default_size,
     front_chart,
     pass_chart,
@@ -20,9 +18,8 @@ from shadowbench.reports.charts import (
     styles_of,
 )
 from shadowbench.reports.report import figures
-from shadowbench.results.frame import read_runs
-from shadowbench.results.summary import Summary, specs_of, summaries
-from tests.reports.conftest import TRUTH_ERROR, Cell, marks, texts, write_sweep
+from shadowbench.results.summary import Summary, specs_of
+from tests.reports.conftest import TRUTH_ERROR, Cell, marks, texts
 
 Chart = dict[str, Any]
 TEXT_WIDTH = 6  # pixels of a letter, on average
@@ -116,22 +113,6 @@ def test_passes_are_those_of_one_map_size_stacked_as_each_spec_draws_them(measur
     bars = sorted(chart["data"]["values"], key=lambda bar: bar["rank"])
     assert {spec: tuple(bar["pass"] for bar in bars if bar["spec"] == spec) for spec in orders} == orders
     assert chart["layer"][0]["encoding"]["order"] == {"field": "rank"}
-
-
-def test_a_bias_sweep_of_hard_shadows_is_drawn_as_a_line_for_each_map_size(run_folder, measured) -> None:
-    factors = {"shadow-map:bias=texel(scale=4.0)": 4.0, "shadow-map": 1.0, "shadow-map:bias=texel(scale=0.5)": 0.5}
-    cells = [Cell(spec, size, 0.01 * factor, None) for spec, factor in factors.items() for size in (1024, 512)]
-    soft = [replace(cell, scene="post", rmse_pen=0.2) for cell in cells]
-    folder = run_folder([*cells, *soft, Cell("unshadowed", None, 1.0, None)])
-    write_sweep(folder, [*cells, *soft], "shadow-map", factors)
-    (run,) = read_runs([folder])
-    hard, other = summaries(run)
-    chart = bias_charts(hard)["shadow-map"]
-    drawn = [*zip(*(values(chart, name) for name in ("map", "factor", "best")), strict=True)]
-    assert drawn == [(size, factor, factor == 0.5) for size in ("512", "1024") for factor in (0.5, 1.0, 4.0)]
-    assert {"×0.5, ×1, ×4", "512", "1024", "acne"} <= set(texts(chart))
-    assert other.soft and bias_charts(other) == {} == bias_charts(measured()[0])
-    assert [name for name, _ in figures([(run, [hard, other])], []) if "bias" in name] == [f"{hard.file_stem}.bias-1"]
 
 
 def test_no_two_of_many_passes_or_specs_look_alike(measured) -> None:

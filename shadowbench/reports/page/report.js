@@ -82,22 +82,16 @@ function fillTable(table) {
   }));
 }
 
-function drawCharts({ front, sizes, biases, passes }) {
+function drawCharts({ front, sizes, passes }) {
   const chartElement = (kind) => document.querySelector(`.chart.${kind}`);
-  const sweeps = byId("biases"), swept = Object.entries(biases);
   const points = [front, sizes, passes].flatMap((chart) => chart?.data.values ?? []);
   fillLegend(legendOf(byId("charts")), new Set(points.map((point) => point.spec)), PAGE.specs);
   const rowOf = (point) => data(currentPanel).rows.find((row) => row.spec === point.spec && row.map === point.size);
   const onClick = (point) => showPicture(point.spec, point.size, rowOf(point)?.scene);
   chartElement("passes").closest("section").hidden = !passes;
-  sweeps.hidden = !swept.length;
-  sweeps.querySelector(".pair").replaceChildren(...swept.map(([spec]) => {
-    const caption = make("figcaption", {}, ...breakable(PAGE.names[spec] ?? spec));
-    return make("figure", {}, caption, make("div", { className: "chart bias" }));
-  }));
-  const elements = [chartElement("front"), chartElement("sizes"), ...sweeps.querySelectorAll(".chart")];
-  const jobs = [front, sizes, ...Object.values(biases)].map((chart, at) => draw(elements[at], chart, onClick));
-  return Promise.all([...jobs, draw(chartElement("passes"), passes)]);
+  return Promise.all([
+    draw(chartElement("front"), front, onClick), draw(chartElement("sizes"), sizes, onClick), draw(chartElement("passes"), passes),
+  ]);
 }
 
 async function begin() {
