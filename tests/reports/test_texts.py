@@ -10,8 +10,7 @@ import pytest
 from shadowbench.plugin.registry import engines, own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.reports.gallery import scored_cells
-from shadowbench.reports.page import html_report, panels_of
-from shadowbench.reports.report import markdown_report
+from shadowbench.reports.report import html_report, markdown_report, panels_of
 from shadowbench.reports.texts import (
     accuracy_text,
     answer_texts,
