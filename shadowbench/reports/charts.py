@@ -89,20 +89,10 @@ def quantity(field: str, title: str | Sequence[str] | None, **more: Any) -> Char
 
 
 def log_axis(channel: str, values: Sequence[float]) -> Chart:
-    """A logarithmic scale and axis with a margin; over many decades only powers of ten are labelled."""
-    decades = f"log(domain('{channel}')[1] / domain('{channel}')[0]) / LN10"
-    leading = "round(datum.value / pow(10, floor(log(datum.value) / LN10 + 1e-9)))"
-    labelled = f"{leading} == 1 || {decades} < 2.2 && indexof([2, 5], {leading}) >= 0 || {decades} < 0.8"
-    lowest = min(values) / (1.3 if channel == "x" else 2.4)
-    return {
-        "scale": {"type": "log", "domain": [lowest, max(values) * 1.8], "nice": False},
-        "axis": {
-            "grid": True,
-            "gridOpacity": {"condition": {"test": labelled, "value": 1}, "value": 0},
-            "labelExpr": f"{labelled} ? format(datum.value, '.6~r') : ''",
-            "labelOverlap": True,
-        },
-    }
+    """A logarithmic scale and axis with a margin."""
+    domain = [min(values) / (1.3 if channel == "x" else 2.4), max(values) * 1.8]
+    scale = {"type": "log", "domain": domain, "nice": False}
+    return {"scale": scale, "axis": {"grid": True, "format": ".6~r", "tickCount": 5, "labelOverlap": "greedy"}}
 
 
 def chart_point(summary: Summary, one: Setting) -> Chart:
@@ -136,11 +126,9 @@ def styles_of(specs: Iterable[str]) -> Styles:
     every = list(dict.fromkeys(specs))
     first = {spec.partition(":")[0]: spec for spec in reversed(every)}.values()
     order = sorted(every, key=lambda spec: (spec == Unshadowed.name, spec not in first))
+    colors = len(COLORS)  # where they repeat, shapes move on by one
     return {
-        spec: (
-            COLORS[index % len(COLORS)],
-            SHAPES[(index + index // len(COLORS)) % len(SHAPES)],
-        )  # where colours repeat
+        spec: (COLORS[index % colors], SHAPES[(index + index // colors) % len(SHAPES)])
         for index, spec in enumerate(order)
     }
 
@@ -274,11 +262,13 @@ def size_chart(summary: Summary, styles: Styles | None) -> Chart | None:
     return chart_of(f"Error against map size in {summary.title}", points, layer, 400)
 
 
-def pass_chart(summary: Summary, size: int | None) -> Chart | None:
-    """Stacked bars of the pass times of specs at one map size and of those without a map; None without times.
+def pass_chart(summary: Summary) -> Chart | None:
+    """Stacked bars of the pass times of specs at the median map size and of those without a map; None without times.
 
     Passes are stacked in the order in which they are drawn.
     """
+    sizes = sorted({one.map_size for one in summary.shown if one.map_size and known(one.cost)})
+    size = sizes[(len(sizes) - 1) // 2] if sizes else None
     passes = {one.Index: summary.passes(one) for one in summary.timed}
     shown = [one for one in summary.timed if passes[one.Index] and one.map_size in (None, size)]
     if not shown:
@@ -317,12 +307,6 @@ def pass_chart(summary: Summary, size: int | None) -> Chart | None:
     ]
     at_size = f"map size {size}" if size else "no maps"
     return chart_of(f"Time of each pass in {summary.title}, {at_size}", bars, layer, {"step": _BAR})
-
-
-def default_size(summary: Summary) -> int | None:
-    """The map size of charts that show one: the median size, rounded down; None without maps."""
-    sizes = sorted({one.map_size for one in summary.shown if one.map_size and known(one.cost)})
-    return sizes[(len(sizes) - 1) // 2] if sizes else None
 
 
 # Files

@@ -201,7 +201,7 @@ def _panel_data(summary: Summary, ids: dict[str, str]) -> Data:
         "charts": {
             "front": charts.front_chart(summary, None),
             "sizes": charts.size_chart(summary, None),
-            "passes": charts.pass_chart(summary, charts.default_size(summary)),
+            "passes": charts.pass_chart(summary),
         },
         "columns": [*first, *(["worst scene", "scenes"] if several else []), *values, "cells"],
         "rows": [_row(summary, one, cost, values, ids) for one in summary.candidates],
@@ -434,7 +434,7 @@ def figures(runs: Runs, swept: Sequence[Stability]) -> Iterator[tuple[str, Chart
             for kind, chart in (
                 ("front", charts.front_chart(summary, styles)),
                 ("sizes", charts.size_chart(summary, styles)),
-                ("passes", charts.pass_chart(summary, charts.default_size(summary))),
+                ("passes", charts.pass_chart(summary)),
             ):
                 if chart is not None:
                     yield f"{stem}.{kind}", charts.titled(chart, summary.title, *about)

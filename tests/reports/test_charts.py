@@ -11,7 +11,6 @@ from shadowbench.reports.charts import (
     COLORS,
     MAX_SHOWN,
     SHAPES,
-    default_size,
     front_chart,
     pass_chart,
     size_chart,
@@ -27,7 +26,7 @@ TEXT_WIDTH = 6  # pixels of a letter, on average
 
 def charts(summary: Summary) -> list[Chart]:
     styles = styles_of(specs_of([summary.run]))
-    drawn = front_chart(summary, styles), size_chart(summary, styles), pass_chart(summary, default_size(summary))
+    drawn = front_chart(summary, styles), size_chart(summary, styles), pass_chart(summary)
     return [chart for chart in drawn if chart is not None]
 
 
@@ -82,7 +81,7 @@ def test_only_what_was_measured_is_drawn(measured) -> None:
     for chart in charts(measured()[0]):
         assert not set(values(chart, "spec")) & {"planar-projection", "cube-map"}
     (untimed,) = measured(Cell("a", 512, 0.1, None))
-    assert front_chart(untimed, None) is None and pass_chart(untimed, 512) is None
+    assert front_chart(untimed, None) is None and pass_chart(untimed) is None
     phases = [Cell("a", 512, error, None, phase=phase) for phase, error in enumerate((0.1, 0.3, 0.2, 0.0))]
     (point,) = size_chart(measured(*phases)[0], None)["data"]["values"]
     assert point["low"] < point["drawn"] < point["high"], "an interval encloses its median"
@@ -102,13 +101,12 @@ def test_figures_say_whose_times_they_have_and_why_passes_do_not_add_up(measured
 
 
 def test_passes_are_those_of_one_map_size_stacked_as_each_spec_draws_them(measured) -> None:
-    (section,) = measured()
-    chart = pass_chart(section, 2048)
-    assert default_size(section) == 1024 and chart is not None
-    assert set(values(chart, "spec")) == {"shadow-map", "unshadowed", "ray-traced"}
+    chart = pass_chart(measured()[0])
+    assert chart is not None and chart["description"].endswith("map size 1024")
+    assert set(values(chart, "spec")) == {"shadow-map", "shadow-map:bias=none", "unshadowed", "ray-traced"}
     orders = {"a": ("depth", "blur", "resolve"), "b": ("resolve", "depth"), "c": ("blur", "again", "depth")}
     cells = [Cell(spec, 512, 0.1, 9.0, passes=tuple((one, 1.0) for one in order)) for spec, order in orders.items()]
-    chart = pass_chart(measured(*cells)[0], 512)
+    chart = pass_chart(measured(*cells)[0])
     assert chart is not None
     bars = sorted(chart["data"]["values"], key=lambda bar: bar["rank"])
     assert {spec: tuple(bar["pass"] for bar in bars if bar["spec"] == spec) for spec in orders} == orders
@@ -117,7 +115,7 @@ def test_passes_are_those_of_one_map_size_stacked_as_each_spec_draws_them(measur
 
 def test_no_two_of_many_passes_or_specs_look_alike(measured) -> None:
     names = [f"pass {number}" for number in range(16)]
-    chart = pass_chart(measured(Cell("a", 512, 0.1, 9.0, passes=tuple((name, 1.0) for name in names)))[0], 512)
+    chart = pass_chart(measured(Cell("a", 512, 0.1, 9.0, passes=tuple((name, 1.0) for name in names)))[0])
     assert chart is not None
     scale = chart["layer"][0]["encoding"]["color"]["scale"]
     assert scale["domain"] == names and len(set(scale["range"])) == 16

@@ -1,7 +1,7 @@
 "use strict";
 // Drawing of Vega-Lite charts in the theme's colours, limited to the specs enabled in the legend of their part of the page.
 
-// CSS variables, so that charts follow a change of theme, also for printing.
+// CSS variables, so that charts follow a change of theme.
 const SIGNALS = { ink: "currentColor", paper: "var(--paper)" }, RULE = "var(--rule)";
 const TEXT = { labelColor: "currentColor", titleColor: "currentColor" };
 
