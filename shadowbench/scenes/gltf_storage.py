@@ -1,8 +1,6 @@
 """The numbers of a glTF: its JSON, buffers, decompressed, elements of accessors, and primitives' vertices and indices.
 
-Buffers are a .glb's binary chunk, data URIs or files in its folder. Draco is decoded in a process of its own, meshopt's
-streams here: their decoder writes as many elements as it is asked for, whatever the stream says, and what it is asked
-for is checked against the stream's size and its bufferView's before.
+Buffers are a .glb's binary chunk, data URIs or files in its folder.
 """
 
 import base64
@@ -19,11 +17,10 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.files import read_beside
-from shadowbench.scenes.draco import Blob, Decoded, decode
-from shadowbench.scenes.gltf_layout import NUMBERS, Accessor, BufferView, Layout, Primitive, Range
+from shadowbench.scenes.compression import DracoBlob, DracoMesh, decode_draco, decode_meshopt
+from shadowbench.scenes.gltf_layout import NUMBERS, Accessor, Layout, Primitive, Range
 from shadowbench.scenes.polygons import fan_faces, strip_faces
 from shadowbench.scenes.vectors import Floats
-from shadowbench.strict import short
 
 BOUNDS_OFF = 0.01
 """Difference from an accessor's min and max, as a share of the largest extent, that exporters' rounding explains."""
@@ -130,28 +127,15 @@ def _wrong(data: Data, index: int, allowed: str) -> InputError:
 
 
 def decompressed(data: Data) -> Data:
-    """The same with each compressed bufferView in a buffer of its own. Raises InputError for an invalid stream."""
+    """The same with each compressed bufferView in a buffer of its own. Raises InputError or ValueError."""
     views, buffers = list(data.layout.bufferViews), list(data.buffers)
     for k, view in enumerate(views):
-        if view.compressed is not None:
+        if (packed := view.compressed) is not None:
+            stream = buffers[packed.buffer][packed.byteOffset : packed.end]
             views[k] = view.model_copy(update={"buffer": len(buffers), "byteOffset": 0, "compressed": None})
-            buffers.append(_decoded(view, data, f"{data.where}: bufferViews {k + 1}"))
+            rows = decode_meshopt(stream, packed.count, packed.byteStride, packed.mode, packed.filter, data.where)
+            buffers.append(rows)
     return Data(data.layout.model_copy(update={"bufferViews": views}), buffers, data.where)
-
-
-def _decoded(view: BufferView, data: Data, where: str) -> bytes:
-    import meshopt  # not on all platforms
-
-    packed = view.compressed
-    assert packed is not None
-    if not packed.count:
-        return b""
-    stream = data.buffers[packed.buffer][packed.byteOffset : packed.end]
-    try:
-        rows = meshopt.decode_gltf_buffer(stream, packed.count, packed.byteStride, packed.mode, packed.filter)
-    except ValueError as error:
-        raise InputError(f"{where}: cannot be decompressed: {short(error)}") from error
-    return bytes(rows)
 
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
@@ -278,15 +262,15 @@ def read_primitives(data: Data) -> Iterator[TrianglePrimitive]:
             yield TrianglePrimitive(number, each, faces, data, {})
 
 
-def _decompressed(data: Data) -> dict[tuple[Any, ...], Decoded]:
+def _decompressed(data: Data) -> dict[tuple[Any, ...], DracoMesh]:
     """All primitives of KHR_draco_mesh_compression, decoded once each, by bufferView and ids of the attributes."""
     blobs = {}
     for each in data.layout.primitives:
         if each.draco is not None and "POSITION" in each.draco_ids:
             view = data.layout.bufferViews[each.draco]
             blob = data.buffers[view.buffer][view.byteOffset : view.end]
-            blobs[each.draco, *each.draco_ids.items()] = Blob(blob, each.draco_ids)
-    return dict(zip(blobs, decode([*blobs.values()], data.where), strict=True)) if blobs else {}
+            blobs[each.draco, *each.draco_ids.items()] = DracoBlob(blob, each.draco_ids)
+    return dict(zip(blobs, decode_draco([*blobs.values()], data.where), strict=True)) if blobs else {}
 
 
 def _faces(data: Data, primitive: Primitive, count: int, where: str) -> NDArray[Any]:
