@@ -10,13 +10,11 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.cutouts import Cutout
 from shadowbench.scenes.model import GREY, Camera, Light, Mesh
 from shadowbench.scenes.scene_tables import LONGEST_NAME, name_from
-from shadowbench.scenes.triangles import MOST_TRIANGLES, Texture, Triangles, checked, transformed, with_area
+from shadowbench.scenes.triangles import MOST_TRIANGLES, Triangles, checked, transformed, with_area
 from shadowbench.scenes.vectors import Floats, Vec3, vec3
 
 BLEND_CUTOFF = 0.5
 """Alpha below which surfaces are cut out whose material mixes them with what is behind."""
-MOST_MASKED = 1 << 27
-"""Limit on the texels of a file's masks, thirty-two of 2048², which techniques hold in one texture."""
 OPAQUE = np.full((1, 1), 255, dtype=np.uint8)
 """Alphas of a material without an image."""
 
@@ -26,7 +24,6 @@ class Look(NamedTuple):
 
     color: Vec3 = GREY
     cutout: Cutout | None = None
-    texture: Texture | None = None
     coordinates: NDArray[np.float32] | None = None
     places: NDArray[np.float32] | None = None
     tints: NDArray[np.float32] | None = None

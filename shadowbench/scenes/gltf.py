@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.cutouts import Alphas, Cutout, Single, Wrap, cut_out, cut_out_triangles
+from shadowbench.scenes.cutouts import Alphas, Cutout, Single, Wrap, cut_out
 from shadowbench.scenes.file_contents import (
     BLEND_CUTOFF,
     BY_DEFAULT,
-    MOST_MASKED,
     OPAQUE,
     Chosen,
     Contents,
@@ -36,17 +35,15 @@ from shadowbench.scenes.gltf_storage import (
     read_primitives,
     read_uri,
 )
-from shadowbench.scenes.images import MOST_BYTES, read_image
-from shadowbench.scenes.model import GREY, WHITE, WIDEST_CONE, Camera, Light, Mesh
+from shadowbench.scenes.images import read_image
+from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
 from shadowbench.scenes.scene_tables import NARROWEST
-from shadowbench.scenes.triangles import Singles, Texture, Triangles, triangles_of
+from shadowbench.scenes.triangles import Singles, Triangles, triangles_of
 from shadowbench.scenes.vectors import Floats, unit, vec3
 from shadowbench.strict import validated
 
 _NEAREST = 9728  # GL_NEAREST
 _WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}  # GL_CLAMP_TO_EDGE, GL_MIRRORED_REPEAT, …
-_BILINEAR: tuple[bool, tuple[Wrap, Wrap]] = (False, ("repeat", "repeat"))
-_NOT_DRAWN = "drawn without this texture"
 
 
 class Materials:
@@ -59,11 +56,9 @@ class Materials:
     def __init__(self, data: Data, path: Path, coordinates: bool = False) -> None:
         self._data, self._path, self._all_coordinates = data, path, coordinates
         self._cutouts: dict[tuple[int, float], Cutout] = {}
-        self._textures: dict[tuple[object, ...], Texture] = {}
-        self._masks: dict[object, Alphas] = {}
-        self._contents: dict[object, bytes] = {}
+        self._masks: dict[int, Alphas] = {}
         self._blended: set[int] = set()
-        self._left_out = 0
+        self._left_out = self._fading = 0
         self._lines: set[str] = set()
 
     def look(self, primitive: TrianglePrimitive) -> Look | None:
@@ -73,111 +68,68 @@ class Materials:
         """
         number = primitive.primitive.material
         material = self._data.layout.materials[number] if number is not None else Material()
-        texture, (alpha, tints) = self._texture(material), self._of_vertices(primitive)
-        mapped = material.texture is not None and (texture is not None or material.alphaMode != "OPAQUE")
-        needed = self._all_coordinates or mapped
-        coordinates = self._coordinates(primitive, material.texture) if needed else None
-        cutout, places = self._cutout(number, material, coordinates, alpha)
+        alpha, tints = self._of_vertices(primitive)
+        cutout = None if number is None or material.alphaMode == "OPAQUE" else self._cutout(number, material, alpha)
         if cutout is not None and cutout.share == 0.0:
             self._left_out += 1
             return None
         if cutout is not None and cutout.share == 1.0:
-            cutout = places = None
-        texture = None if coordinates is None else texture
-        color = material.color or (GREY if texture is None else WHITE)
-        color = vec3(np.clip(color[:3], 0.0, 1.0))
-        return Look(color, cutout, texture, coordinates, places, tints)
+            cutout = None
+        needed = self._all_coordinates or (cutout is not None and material.texture is not None)
+        coordinates = self._coordinates(primitive, material.texture) if needed else None
+        places = None if cutout is None or coordinates is None else cutout.places(coordinates)
+        color = vec3(np.clip((material.color or GREY)[:3], 0.0, 1.0))
+        return Look(color, cutout, coordinates, places, tints)
 
     @property
     def notes(self) -> list[str]:
         """A line for each simplification."""
-        where, lines = self._data.where, []
-        if self._blended:
-            lines.append(f"{len(self._blended)} blended material(s) cut out where alpha is below {BLEND_CUTOFF:g}")
-        if self._left_out:
-            lines.append(f"{self._left_out} primitive(s) left out whose alpha is below the cutoff everywhere")
-        return [*(f"{where}: {line}" for line in lines), *sorted(self._lines)]
+        lines = [
+            (len(self._blended), f"blended material(s) cut out where alpha is below {BLEND_CUTOFF:g}"),
+            (self._left_out, "primitive(s) left out whose alpha is below the cutoff everywhere"),
+            (self._fading, "primitive(s) whose vertices differ in alpha cut out by the largest"),
+        ]
+        return [f"{self._data.where}: {count} {line}" for count, line in lines if count] + sorted(self._lines)
 
-    def _cutout(
-        self, number: int | None, material: Material, coordinates: Single | None, vertex_alpha: Single | None
-    ) -> tuple[Cutout | None, Single | None]:
-        """How a primitive is cut out, None for not at all, and the places of its corners in that."""
-        if number is None or material.alphaMode == "OPAQUE":
-            return None, None
+    def _cutout(self, number: int, material: Material, vertex_alpha: Single | None) -> Cutout:
+        """How a primitive is cut out."""
         if material.alphaMode == "BLEND":
             self._blended.add(number)
         cutoff = BLEND_CUTOFF if material.alphaMode == "BLEND" else material.alphaCutoff
         factor = 1.0 if material.color is None or len(material.color) < 4 else min(max(material.color[3], 0.0), 1.0)
-        mask, sampling = OPAQUE, _BILINEAR
-        if (image := self._image(material, "alpha not read, taken as 1")) is not None:
-            mask, sampling = self._mask(image), self._sampling(material)
-        least, most = (
-            (1.0, 1.0) if vertex_alpha is None else (vertex_alpha.min(initial=1.0), vertex_alpha.max(initial=0.0))
-        )
-        if vertex_alpha is not None and least < most:
-            return cut_out_triangles(mask, factor, cutoff, *sampling, coordinates, vertex_alpha)
-        factor *= float(most)
+        if vertex_alpha is not None and vertex_alpha.size:
+            factor *= float(vertex_alpha.max())
+            self._fading += bool(vertex_alpha.min() < vertex_alpha.max())
         if (number, factor) not in self._cutouts:
-            self._cutouts[number, factor] = cut_out(mask, factor, cutoff, *sampling)
-        cutout = self._cutouts[number, factor]
-        return cutout, None if coordinates is None else cutout.places(coordinates)
+            self._cutouts[number, factor] = cut_out(self._mask(material), factor, cutoff, *self._sampling(material))
+        return self._cutouts[number, factor]
 
-    def _texture(self, material: Material) -> Texture | None:
-        """The texture of a material's base colour, made once; None, with a note, for one that cannot be read."""
-        if (image := self._image(material, _NOT_DRAWN)) is None:
-            return None
-        where, source = f"{self._data.where}: images {image + 1}", self._source(image)
-        if source not in self._contents:
-            try:
-                content = self._content(image)
-                if sum(map(len, self._contents.values())) + len(content) > MOST_BYTES:
-                    raise InputError(f"{where}: above {MOST_BYTES >> 20} MiB of images")
-            except InputError as error:
-                self._lines.add(f"{error}: {_NOT_DRAWN}")
-                return None
-            self._contents[source] = content
-        wrap, opaque = self._sampling(material)[1], material.alphaMode == "OPAQUE"
-        texture = Texture(self._contents[source], where, wrap, opaque)
-        return self._textures.setdefault((source, *wrap, opaque), texture)
-
-    def _image(self, material: Material, lost: str) -> int | None:
-        """The number of the image of a material's base colour; None without one, with a note if it is not read."""
-        texture = None if material.texture is None else self._data.layout.textures[material.texture.index]
-        if texture is not None and texture.image is None:
+    def _mask(self, material: Material) -> Alphas:
+        """The alphas of a material's texture, decoded once; opaque without one, with a note if it is not read."""
+        if material.texture is None:
+            return OPAQUE
+        texture = self._data.layout.textures[material.texture.index]
+        if texture.image is None:
             kind = " or ".join(sorted(texture.extensions)) or "a texture without an image"
-            self._lines.add(f"{self._data.where}: {kind}: {lost}")
-        return None if texture is None else texture.image
+            self._lines.add(f"{self._data.where}: {kind}: alpha not read, taken as 1")
+            return OPAQUE
+        if texture.image not in self._masks:
+            where = f"{self._data.where}: images {texture.image + 1}"
+            texels = read_image(self._content(texture.image, where), where)
+            self._masks[texture.image] = np.ascontiguousarray(texels[..., 3])
+        return self._masks[texture.image]
 
     def _sampling(self, material: Material) -> tuple[bool, tuple[Wrap, Wrap]]:
         """Whether a material's texture is magnified to its nearest texel, and its wraps."""
-        assert material.texture is not None
-        number = self._data.layout.textures[material.texture.index].sampler
+        number = None if material.texture is None else self._data.layout.textures[material.texture.index].sampler
         if number is None:
-            return _BILINEAR
+            return False, ("repeat", "repeat")
         sampler = self._data.layout.samplers[number]
         return sampler.magFilter == _NEAREST, (_WRAPS[sampler.wrapS], _WRAPS[sampler.wrapT])
 
-    def _mask(self, number: int) -> Alphas:
-        """The alphas of an image, decoded once."""
-        source = self._source(number)
-        if source not in self._masks:
-            where = f"{self._data.where}: images {number + 1}"
-            self._masks[source] = np.ascontiguousarray(read_image(self._content(number), where)[..., 3])
-            if (total := sum(mask.size for mask in self._masks.values())) > MOST_MASKED:
-                raise InputError(f"{where}: {total} texels of masks by now; a file may have {MOST_MASKED}")
-        return self._masks[source]
-
-    def _source(self, number: int) -> object:
-        """Where the bytes of an image are, which several images may share."""
-        image = self._data.layout.images[number]
-        if image.bufferView is None:
-            return image.uri
-        view = self._data.layout.bufferViews[image.bufferView]
-        return view.buffer, view.byteOffset, view.end
-
-    def _content(self, number: int) -> bytes:
+    def _content(self, number: int, where: str) -> bytes:
         """The bytes of an image. Raises InputError."""
-        image, where = self._data.layout.images[number], f"{self._data.where}: images {number + 1}"
+        image = self._data.layout.images[number]
         if image.bufferView is not None:
             view = self._data.layout.bufferViews[image.bufferView]
             return self._data.buffers[view.buffer][view.byteOffset : view.end]

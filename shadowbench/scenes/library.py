@@ -16,7 +16,7 @@ from shadowbench.errors import InputError, NotInFile, alternatives
 from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
 from shadowbench.scenes.cutouts import Cutout, Wrap, cut_out
-from shadowbench.scenes.file_contents import BY_DEFAULT, MOST_MASKED, Chosen, check_count, placed
+from shadowbench.scenes.file_contents import BY_DEFAULT, Chosen, check_count, placed
 from shadowbench.scenes.images import mask_of, read_image
 from shadowbench.scenes.meshes import GLTF_SUFFIXES, MESH_SUFFIXES, USD_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene
@@ -188,7 +188,6 @@ class _Files:
         self._folders = [folder.resolve() for folder in (scene.parent, assets) if folder is not None]
         self.read: dict[tuple[Path, Chosen], Scene] = {}
         self._cutouts: dict[tuple[object, ...], Cutout] = {}
-        self._masked = 0  # texels of their images
 
     def meshes(self, table: MeshTable, where: str) -> tuple[tuple[Mesh, ...], int]:
         """The meshes of a table's file in object space, and the zero-area triangles of the file."""
@@ -205,10 +204,6 @@ class _Files:
         key = file, table.cutoff, table.mask_filter, wrap
         if key not in self._cutouts:
             alpha = mask_of(read_image(file.read_bytes(), f"{where}: {mask!r:.60}"))
-            self._masked += alpha.size
-            if self._masked > MOST_MASKED:
-                found = f"{self._masked} texels of masks by now"
-                raise InputError(f"{where}: {found}; a scene file may have {MOST_MASKED}")
             cutout = cut_out(alpha, 1.0, table.cutoff, table.mask_filter == "nearest", (wrap, wrap))
             if cutout.share == 0.0:
                 found = f"below the cutoff {table.cutoff:g} everywhere, so that nothing is left"
