@@ -7,7 +7,6 @@ camera's node.
 import math
 import re
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from shadowbench.scenes.file_contents import (
     unique_name,
 )
 from shadowbench.scenes.gltf_layout import Layout, Material, NodeTable, TextureInfo, TextureTransform
-from shadowbench.scenes.gltf_pose import Node, Posed, Poser, corner_normals, pose_at, scene_nodes
+from shadowbench.scenes.gltf_pose import Node, Posed, Poser, pose_at, scene_nodes
 from shadowbench.scenes.gltf_storage import (
     TRIANGLES,
     Data,
@@ -37,8 +36,6 @@ from shadowbench.scenes.gltf_storage import (
 )
 from shadowbench.scenes.images import read_image
 from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
-from shadowbench.scenes.scene_tables import NARROWEST
-from shadowbench.scenes.triangles import Singles, Triangles, triangles_of
 from shadowbench.scenes.vectors import Floats, unit, vec3
 from shadowbench.strict import validated
 
@@ -164,24 +161,16 @@ TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
 
 
 def instance_matrices(data: Data, node: NodeTable) -> Floats:
-    """(N, 4, 4) float64 matrices from each instance of a node's mesh to the node; the identity for one without.
-
-    Raises InputError for attributes that are not finite or no rotation.
-    """
+    """(N, 4, 4) float64 matrices from each instance of a node's mesh to the node; the identity for one without."""
     from scipy.spatial.transform import Rotation  # the import takes 0.3 s
 
     if not node.instances:
         return np.eye(4)[None]
-    where = f"{data.where}: node {node.name or ''!r:.60}: EXT_mesh_gpu_instancing"
     attributes = {
         name: floats_of(data, node.instances[name], kind) for name, kind in TYPES.items() if name in node.instances
     }
-    if not all(np.isfinite(rows).all() for rows in attributes.values()):
-        raise InputError(f"{where}: found infinite or undefined numbers; allowed are finite ones")
     matrices = np.tile(np.eye(4), (data.layout.instance_count(node), 1, 1))
     if "ROTATION" in attributes:
-        if not attributes["ROTATION"].any(axis=1).all():
-            raise InputError(f"{where}: found a rotation of four zeros; allowed: unit quaternions")
         matrices[:, :3, :3] = Rotation.from_quat(attributes["ROTATION"]).as_matrix()
     matrices[:, :3, :3] *= attributes.get("SCALE", np.ones((1, 3)))[:, None, :]
     matrices[:, :3, 3] = attributes.get("TRANSLATION", 0.0)
@@ -196,18 +185,6 @@ HONOURED = re.compile(
 """Extensions that are supported, or do not affect the geometry."""
 
 
-class Source(NamedTuple):
-    """A primitive: its triangles as a node's matrix moves them, None where all nodes deform it; and its material.
-
-    normals: of the triangles, None if it is flat; posed: by number of a node that deforms it.
-    """
-
-    triangles: Triangles | None
-    normals: Singles | None
-    posed: dict[int, Posed]
-    look: Look
-
-
 def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
     """The contents of a .gltf or .glb as chosen, in the order of its nodes.
 
@@ -220,54 +197,32 @@ def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
             raise InputError(
                 f"{where}: extensionsRequired: {extension!r:.60} is not supported; save the file without it"
             )
-    if layout.primitives and all(each.mode < TRIANGLES for each in layout.primitives):
-        kind = "Gaussian splats" if "KHR_gaussian_splatting" in layout.extensionsUsed else "points or lines"
-        found = f"holds {len(layout.primitives)} primitive(s) of {kind}, and no triangles"
-        raise InputError(f"{where}: {found}; at least one is needed")
     data = read_buffers(layout, chunk, path, where)
     pose, pose_notes = pose_at(data, chosen)
     nodes = scene_nodes(layout, pose)
     poser, materials = Poser(data, pose, nodes), Materials(data, path, chosen.coordinates)
-    sources: list[list[Source]] = [[] for _ in layout.meshes]
-    for each in read_primitives(data):
-        posed = poser.posed(each)
-        still = triangles_of(each.positions, each.faces, where) if poser.stands(each, posed) else None
-        if (look := materials.look(each)) is not None:
-            normals = None if still is None else corner_normals(each, each.floats("NORMAL", "VEC3"))
-            sources[each.mesh].append(Source(still, normals, posed, look))
-    instances = _instances(data, nodes, sources)
-    cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
-    notes += materials.notes + pose_notes + poser.notes
-    notes += cameras[1] + lights[1]
-    return Contents(instances, cameras[0], lights[0], notes)
-
-
-def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> list[tuple[Mesh, Floats]]:
-    """The primitives of visible nodes, as often as they are drawn, each with its matrix. sources: by mesh."""
-    layout = data.layout
-    instances: list[tuple[Mesh, Floats]] = []
-    hidden = 0
+    shapes: dict[int, list[tuple[Posed, Look]]] = {node.number: [] for node in nodes}
+    for primitive in read_primitives(data):
+        posed = poser.posed(primitive)
+        if posed and (look := materials.look(primitive)) is not None:
+            for number, shape in posed.items():
+                shapes[number].append((shape, look))
+    instances = []
     for node in nodes:
-        if node.data.mesh is None:
-            continue
-        rows = sources[node.data.mesh]
-        if not node.visible:
-            hidden += sum(len(source.triangles.faces) for source in rows if source.triangles)
+        own = shapes[node.number]
+        if node.data.mesh is None or not own:
             continue
         name = node.data.name or layout.meshes[node.data.mesh].name or "mesh"
         copies = instance_matrices(data, node.data)
-        for k, source in enumerate(rows, 1):
-            shape = source.triangles, node.matrix, source.normals
-            triangles, matrix, normals = source.posed.get(node.number, shape)
-            assert triangles is not None  # as some node does not deform it
-            title = name if len(rows) == 1 else f"{name} {k}"
+        for k, (shape, look) in enumerate(own, 1):
+            title = name if len(own) == 1 else f"{name} {k}"
             for number, copy in enumerate(copies, 1):
                 once = title if len(copies) == 1 else f"{title} {number}"
-                mesh = Mesh(once, *triangles, normals=normals, **source.look._asdict())
-                instances.append((mesh, matrix @ copy))
-    if hidden and not any(len(mesh.faces) for mesh, _ in instances):
-        raise InputError(f"{data.where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
-    return instances
+                mesh = Mesh(once, *shape.triangles, normals=shape.normals, **look._asdict())
+                instances.append((mesh, shape.matrix @ copy))
+    (cameras, camera_notes), (lights, light_notes) = _cameras(layout, nodes, where), _lights(layout, nodes, where)
+    notes = [*_notes(layout, nodes, where), *materials.notes, *pose_notes, *poser.notes, *camera_notes, *light_notes]
+    return Contents(instances, cameras, lights, notes)
 
 
 def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera], list[str]]:
@@ -277,19 +232,14 @@ def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera
     for node in nodes:
         if node.data.camera is None:
             continue
-        data = layout.cameras[node.data.camera]
-        if data.type == "orthographic":
+        camera = layout.cameras[node.data.camera]
+        if (lens := camera.perspective) is None:
             orthographic += 1
             continue
-        if data.yfov < (least := math.radians(NARROWEST)):
-            raise InputError(f"{where}: camera: perspective: yfov is {data.yfov:g} rad; allowed: from {least:.3g}")
-        if not 0.0 < data.znear < (math.inf if data.zfar is None else data.zfar):
-            found = f"znear is {data.znear:g} and zfar {data.zfar}"
-            raise InputError(f"{where}: camera: perspective: {found}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
-        name = unique_name(node.data.name or data.name, "camera", {camera.name for camera in cameras})
+        name = unique_name(node.data.name or camera.name, "camera", {camera.name for camera in cameras})
         up, target = vec3(unit(node.matrix[:3, 1])), target_of(position, forward)
-        cameras.append(Camera(name, vec3(position), target, data.yfov, up, data.znear, data.zfar))
+        cameras.append(Camera(name, vec3(position), target, lens.yfov, up, lens.znear, lens.zfar))
     left_out = f"{where}: {orthographic} orthographic camera(s) left out: cameras here are perspective"
     return cameras, [left_out] if orthographic else []
 
@@ -311,8 +261,6 @@ def _lights(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Light],
             lights.append(Light(name, "point", position=position))
         else:
             angle, widest = 2 * data.outerConeAngle, math.radians(WIDEST_CONE)
-            if not 0.0 < angle <= math.pi + 1e-6:
-                raise InputError(f"{light_where}: outerConeAngle {angle / 2:g}; allowed: above 0, to pi/2")
             if angle > widest:
                 notes.append(f"{light_where}: cone of {math.degrees(angle):.4g}° taken as {WIDEST_CONE:g}°")
             lights.append(Light(name, "spot", direction, position, min(angle, widest)))

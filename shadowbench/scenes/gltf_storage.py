@@ -22,9 +22,6 @@ from shadowbench.scenes.gltf_layout import NUMBERS, Accessor, Layout, Primitive,
 from shadowbench.scenes.polygons import fan_faces, strip_faces
 from shadowbench.scenes.vectors import Floats
 
-BOUNDS_OFF = 0.01
-"""Difference from an accessor's min and max, as a share of the largest extent, that exporters' rounding explains."""
-
 
 class Data(NamedTuple):
     """A glTF's layout, the bytes of its buffers, and the beginning of its error messages."""
@@ -37,12 +34,9 @@ class Data(NamedTuple):
 def floats_of(data: Data, index: int, *types: str) -> Floats:
     """(count, n) float64 elements of an accessor of one of the types, with normalised integers as fractions.
 
-    types: as in the specification, SCALAR, VEC2, VEC3, VEC4 or MAT4. Raises InputError for another one, and for
-    elements that the accessor's own min and max contradict.
+    types: as in the specification, SCALAR, VEC2, VEC3, VEC4 or MAT4. Raises InputError for another one.
     """
-    accessor, elements = data.layout.accessors[index], stored(data, index, *types)
-    _check_bounds(elements, accessor, f"{data.where}: accessors {index + 1}")
-    return as_floats(elements, accessor)
+    return as_floats(stored(data, index, *types), data.layout.accessors[index])
 
 
 def integers_of(data: Data, index: int, *types: str) -> NDArray[Any]:
@@ -75,28 +69,6 @@ def stored(data: Data, index: int, *types: str, rows: slice = slice(None)) -> ND
     chosen = (indices[:, 0] >= start) & (indices[:, 0] < stop)
     elements[indices[chosen, 0] - start] = values[chosen]
     return elements
-
-
-def _check_bounds(elements: NDArray[Any], accessor: Accessor, where: str) -> None:
-    """Raise InputError for elements that are not as their accessor's min and max say.
-
-    So they are where a byteStride or an offset is wrong, and triangles would go from anywhere to anywhere.
-    """
-    if accessor.min is None or accessor.max is None or not len(elements):
-        return
-    if {len(accessor.min), len(accessor.max)} != {elements.shape[1]}:
-        found = f"{len(accessor.min)} and {len(accessor.max)} numbers"
-        raise InputError(f"{where}: found min and max of {found}; allowed: {elements.shape[1]}, as its elements")
-    given = np.array([accessor.min, accessor.max])
-    read = np.array([elements.min(axis=0), elements.max(axis=0)])
-    off = BOUNDS_OFF * np.ptp(given, axis=0).max() + 1e-6 * np.abs(given).max()
-    # Some exporters give those of normalised integers as fractions. What is NaN is refused elsewhere, if it matters.
-    if all((np.abs(values - given) > off).any() for values in (read.astype(np.float64), as_floats(read, accessor))):
-        low, high, least, most = (f"({', '.join(f'{value:.6g}' for value in row)})" for row in (*read, *given))
-        raise InputError(
-            f"{where}: found elements from {low} to {high}, but min and max say {least} to {most}: its data, or the "
-            "byteStride or an offset, are wrong"
-        )
 
 
 def _range(data: Data, part: Range) -> NDArray[Any]:

@@ -81,16 +81,12 @@ def read_ply(data: bytes, where: str) -> Polygons:
 
 
 def _polygons(elements: list[Element], columns: dict[str, dict[str, Column]], notes: list[str], where: str) -> Polygons:
-    rows = {element.name: element.rows for element in elements}
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
-    splats = next((name for name in ("packed_position", "f_dc_0") if name in vertex), None)
-    if splats and not rows.get("face"):
-        raise InputError(f"{where}: holds {rows['vertex']} Gaussian splats, and no triangles; at least one is needed")
     if any(axis not in vertex or vertex[axis].counts is not None for axis in "xyz"):
         raise InputError(f"{where}: element vertex: the properties x, y and z are needed, a number each")
     vertices = np.stack([vertex[axis].values for axis in "xyz"], axis=1, dtype=np.float64)
     lists = [face[name] for name in (*INDICES, *face) if name in face and face[name].counts is not None]
-    if not lists and rows.get("face"):
+    if not lists and any(element.name == "face" and element.rows for element in elements):
         raise InputError(f"{where}: element face: found no list; {INDICES[0]} is needed")
     strips = _strips(columns.get("tristrips", {}))
     values = np.concatenate([strips.ravel(), *(column.values for column in lists[:1])])

@@ -217,20 +217,16 @@ def test_an_invalid_rig_is_one_line(tmp_path: Path) -> None:
         ("bent", ("skins", 0, "inverseBindMatrices"), np.eye(4)[None], ["4 joints, and 1 inverse"]),
         ("bent", JOINTS, 2, ["VEC4 of unsigned integers"]),
         ("bent", WEIGHTS, [[1, 0, 0, 0]], ["WEIGHTS_0 has 1 elements; allowed: 54"]),
-        ("bent", WEIGHTS, [[2, -1, 0, 0]] * 54, ["-1", "not below 0"]),
         ("bent", ATTRIBUTES, {"POSITION": 2, "JOINTS_0": 0}, ["JOINTS_0 without WEIGHTS_0"]),
         ("bent", (*CHANNEL, "sampler"), 4, ["animations 1: channels 1: found sampler 4 of 4"]),
         ("bent", (*SAMPLER, "input"), [0, np.nan, 1, 1], ["times that increase"]),
-        ("bent", (*SAMPLER, "input"), [0, 0, 1, np.inf], ["times from 0 to inf", "or the clip none"]),
-        ("bent", (*SAMPLER, "output"), [[0, 0, 0, 0]] * 4, ["rotation at 0.1 s", "not zero"]),
         ("bent", (*SAMPLER, "interpolation"), "CUBICSPLINE", ["needed are 3"]),
         ("morphing", (*TARGETS, 0, "POSITION"), [[1, 1, 1]], ["POSITION has 1 elements; allowed: 54"]),
-        ("morphing", TARGETS, [{"POSITION": 0}] * 400_000, ["morph targets move", "at most 300000000"]),
     ):
         rig = RIGS[name]()
         part: Any = rig.json
         for key in place[:-1]:
             part = part[key]
         data = isinstance(value, np.ndarray) or (isinstance(value, list) and value and "joints" not in place)
-        part[place[-1]] = rig.accessor(value) if data and not isinstance(value[0], dict) else value
+        part[place[-1]] = rig.accessor(value) if data else value
         refused(rig.write(tmp_path / "rig.glb"), "rig.glb", *words, chosen=Chosen(0.1))

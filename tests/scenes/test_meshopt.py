@@ -43,17 +43,11 @@ def test_the_exponential_filter_is_undone(tmp_path: Path) -> None:
 def test_counts_that_do_not_fit_are_refused_before_decoding(tmp_path: Path) -> None:
     for change, words in (
         ({"byteLength": 10**6}, ["ends at byte"]),
-        ({"count": 10**9}, ["too few for 1000000000 elements"]),
-        ({"count": 161}, ["161 elements of 12 bytes", "1944"]),
-        ({"byteStride": 10}, ["byteStride 10", "multiples of 4"]),
-        ({"byteStride": 260}, ["byteStride"]),
-        ({"filter": "QUATERNION"}, ["QUATERNION", "allowed: 8"]),
-        ({"filter": "GZIP"}, ["filter"]),
-        ({"mode": "TRIANGLES"}, ["byteStride 12", "2 or 4"]),
-        ({"mode": "INDICES", "filter": "COLOR"}, ["COLOR with mode INDICES"]),
-        ({"buffer": 9}, ["buffer", "9"]),
+        ({"count": 10**9}, ["1000000000 elements of 12 bytes", "1944"]),
+        ({"byteStride": 10}, ["byteStride 10"]),
+        ({"filter": "QUATERNION"}, ["byteStride 12", "QUATERNION"]),
+        ({"mode": "INDICES", "byteStride": 4, "filter": "COLOR"}, ["mode INDICES and filter COLOR"]),
         ({"byteOffset": 1}, ["cannot be read as .glb"]),
-        ({"count": 0}, ["0 elements"]),
     ):
         path = tmp_path / "ball.glb"
         path.write_bytes(compressed_glb(BALL, change=change))
