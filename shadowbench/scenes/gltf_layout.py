@@ -444,12 +444,9 @@ class Layout(JsonObject):
     def _not_too_many_triangles(self) -> Self:
         """Sharing of bufferViews and meshes allows many in a small file."""
         counts = [sum(self._corners(primitive) for primitive in mesh.primitives) for mesh in self.meshes]
-        corners = copies = 0
-        for node in self.nodes:
-            if node.mesh is not None:
-                corners += counts[node.mesh] * self.instance_count(node)
-                copies += max(len(self.meshes[node.mesh].primitives), 1) * self.instance_count(node)
-        corners = max(corners, sum(counts))
+        users = [(node.mesh, self.instance_count(node)) for node in self.nodes if node.mesh is not None]
+        corners = max(sum(counts), sum(counts[mesh] * count for mesh, count in users))
+        copies = sum(max(len(self.meshes[mesh].primitives), 1) * count for mesh, count in users)
         if corners > 3 * MOST_TRIANGLES:
             raise ValueError(f"its nodes draw {corners} vertices; allowed are {3 * MOST_TRIANGLES}, three a triangle")
         if copies > MOST_COPIES:

@@ -179,8 +179,7 @@ def scene_nodes(layout: Layout, pose: Pose) -> list[Node]:
 def joint_worlds(layout: Layout, pose: Pose, nodes: list[Node]) -> dict[int, Floats]:
     """(4, 4) node-to-world matrices by index: of the scene's nodes, and of all others if skins use those."""
     worlds = {node.number: node.matrix for node in nodes}
-    joints = {joint for node in nodes if node.data.skin is not None for joint in layout.skins[node.data.skin].joints}
-    if not joints <= worlds.keys():
+    if any(node.data.skin is not None for node in nodes):
         roots = [root for root in _roots(layout) if root not in worlds]
         worlds |= {node.number: node.matrix for node in _tree(layout, pose, roots, set(worlds))}
     return worlds

@@ -1,6 +1,7 @@
 """Triangles of strips and fans, as OpenGL and glTF order their corners."""
 
 from collections import Counter, defaultdict
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple, TypeVar
 
@@ -210,21 +211,31 @@ def _with_collinear_corners(triangulation: Integers, corners: Floats, flat: Floa
     _, first, index_of = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     ring = index_of.tolist()
     triangles = [[ring[k] for k in triangle] for triangle in triangulation.tolist()]
-    owner = {(t[k - 1], t[k]): number for number, t in enumerate(triangles) for k in range(3)}
-    # How often the triangles go along an edge more than the polygon does; back counts as less.
-    surplus = Counter((t[k - 1], t[k]) for t in triangles for k in range(3))
-    surplus.subtract(pairwise([*ring, ring[0]]))
-    loose = [(a, b) for a, b in list(surplus) if surplus[a, b] != surplus[b, a]]
+    # The difference of the triangulation's outline and the polygon's: edges of the first and reversed edges of the
+    # second, closed paths without area.
+    loose: Counter[tuple[int, int]] = Counter()
     near: defaultdict[int, set[int]] = defaultdict(set)
-    for a, b in loose:
-        near[a].add(b)
-        near[b].add(a)
-    waiting = [edge for edge in loose if edge in owner]
+
+    def walk(a: int, b: int) -> None:
+        if loose[b, a] > 0:
+            loose[b, a] -= 1
+        elif a != b:
+            loose[a, b] += 1
+            near[a].add(b)
+            near[b].add(a)
+
+    owner = {(t[k - 1], t[k]): number for number, t in enumerate(triangles) for k in range(3)}
+    for t in triangles:
+        for k in range(3):
+            walk(t[k - 1], t[k])
+    for a, b in pairwise([*ring, ring[0]]):
+        walk(b, a)
+    waiting = [edge for edge in owner if loose[edge] > 0]
     while waiting and len(triangles) < len(ring) - 2:
-        a, b = waiting.pop()
-        number = owner.get((a, b))
-        if number is None or surplus[a, b] <= surplus[b, a]:
+        a, b = edge = waiting.pop()
+        if loose[edge] <= 0 or edge not in owner:
             continue
+        number = owner[edge]
         others = np.array(sorted((near[a] | near[b]).difference(triangles[number])), dtype=np.int64)
         between = others[_on_segment(flat[first[others]] - flat[first[a]], flat[first[b]] - flat[first[a]])]
         if not len(between):
@@ -234,14 +245,34 @@ def _with_collinear_corners(triangulation: Integers, corners: Floats, flat: Floa
         triangles[number] = [a, middle, far]
         owner |= {(a, middle): number, (middle, b): len(triangles), (b, far): len(triangles)}
         triangles.append([middle, b, far])
-        del owner[a, b]
-        surplus.subtract([(a, b)])
+        del owner[edge]
+        loose[edge] -= 1
         for half in ((a, middle), (middle, b)):
-            surplus[half] += 1
-            near[half[0]].add(half[1])
-            near[half[1]].add(half[0])
+            walk(*half)
             waiting.append(half)
+    triangles += _degenerate_triangles(loose, near)
     return first[np.array(triangles, dtype=np.int64).reshape(-1, 3)]
+
+
+def _degenerate_triangles(loose: Counter[tuple[int, int]], near: Mapping[int, set[int]]) -> list[list[int]]:
+    """Fans over paths that are degenerate in the projection: empty in a planar polygon, else vertical triangles.
+
+    loose: how often each edge is on a path, which is used up; near: neighbours of each corner on paths.
+    """
+    triangles = []
+    for a, b in list(loose):
+        path = [a]
+        while len(path) > 1 or loose[a, b] > 0:
+            end = path[-1]
+            following = next(v for v in near[end] if loose[end, v] > 0)
+            loose[end, following] -= 1
+            if following in path:  # each loop separately, as two loops with a common corner may overlap
+                start = path.index(following)
+                triangles += [[following, path[k + 1], path[k]] for k in range(start + 1, len(path) - 1)]
+                del path[start + 1 :]
+            else:
+                path.append(following)
+    return triangles
 
 
 def _on_segment(points: Floats, edge: Floats) -> NDArray[np.bool_]:

@@ -85,8 +85,9 @@ def mirrors(matrix: Floats) -> bool:
 
 def with_area(triangles: Triangles) -> NDArray[np.bool_]:
     """(F,) bool, False for triangles of zero area."""
-    kept: NDArray[np.bool_] = heights(triangles)[0] > FLATTEST
-    return kept
+    vertices, faces = triangles
+    kept = [heights(Triangles(vertices, faces[part]))[0] > FLATTEST for part in in_slices(len(faces))]
+    return np.concatenate(kept) if kept else np.zeros(0, dtype=bool)
 
 
 def heights(triangles: Triangles) -> tuple[Floats, Floats]:
