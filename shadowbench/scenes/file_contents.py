@@ -1,6 +1,6 @@
 """What a mesh file holds: meshes with their materials, cameras and lights; and its meshes placed in the world."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +70,7 @@ def unique_name(name: str | None, default: str, taken: set[str]) -> str:
     return candidate
 
 
-def check_count(meshes: Iterable[Mesh], where: str) -> None:
+def check_count(meshes: Sequence[Mesh], where: str) -> None:
     """Raise InputError that begins with `where` if meshes, each copy counted, have more than MOST_TRIANGLES."""
     count = sum(len(mesh.faces) for mesh in meshes)
     if count > MOST_TRIANGLES:

@@ -116,7 +116,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
             raise InputError(f"{where}: {copies} meshes by now, each copy counted; allowed are at most {MOST_COPIES}")
         tables.append((list(_copies(table, sources)), where))
         dropped += lost
-    check_count((mesh for instances, _ in tables for mesh, _ in instances), path.name)
+    check_count([mesh for instances, _ in tables for mesh, _ in instances], path.name)
     meshes: list[Mesh] = []
     for instances, where in tables:
         more, flat = placed(instances, where)

@@ -24,7 +24,6 @@ from shadowbench.scenes.images import mask_of, read_image
 from shadowbench.scenes.lines import Lines, Rows, lines_of, numbers, with_newlines, without_comments
 from shadowbench.scenes.model import GREY
 from shadowbench.scenes.polygons import Integers, Polygons
-from shadowbench.scenes.scene_tables import MOST_COPIES
 from shadowbench.scenes.triangles import Singles, unit_normals
 from shadowbench.scenes.vectors import vec3
 
@@ -278,8 +277,6 @@ def _parts(objects: Lines, others: Lines, faces: Lines, folder: Path) -> tuple[_
     statement = np.searchsorted(uses.starts, faces.starts)
     pairs = owners * len(kinds) + np.array([number[id(looks[name])] for name in materials])[statement]
     distinct, parts = np.unique(pairs, return_inverse=True)
-    if len(distinct) > MOST_COPIES:
-        raise InputError(f"{faces.where}: {len(distinct)} objects by material; allowed are at most {MOST_COPIES}")
     if not len(distinct):
         return _Parts(parts, (None,), (Look(),)), files.notes
     keys = list(kinds)
@@ -299,8 +296,6 @@ def _values(statements: Lines) -> list[str]:
 
 def _objects(objects: Lines, faces: Lines) -> tuple[Integers, tuple[str | None, ...]]:
     """(P,) index of each face's object, and the distinct object names; statements with the same name are one object."""
-    if len(objects.starts) > MOST_COPIES:
-        raise InputError(f"{objects.where}: {len(objects.starts)} objects; allowed are at most {MOST_COPIES}")
     # A name may have a number sign.
     names = [None, *(name or None for name in _values(objects._replace(text=objects.file)))]
     number = {name: k for k, name in enumerate(dict.fromkeys(names))}

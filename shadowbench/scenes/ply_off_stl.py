@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes.lines import Lines, lines_of, numbers, with_newlines, without_comments
 from shadowbench.scenes.polygons import Integers, Polygons, gather, strip_faces
-from shadowbench.scenes.scene_tables import MOST_COPIES
 from shadowbench.scenes.triangles import check_indices, unit_normals
 from shadowbench.scenes.vectors import Floats
 
@@ -309,8 +308,6 @@ def _solids(text: bytes, where: str) -> Polygons:
     lines = lines_of(text, where)
     is_a = {keyword: lines.begin_with(keyword) for keyword in KEYWORDS}
     solids, ends, facet, vertex = (np.flatnonzero(is_a[kind]) for kind in ("solid", "endsolid", "facet", "vertex"))
-    if len(solids) > MOST_COPIES:
-        raise InputError(f"{where}: {len(solids)} solids; allowed are at most {MOST_COPIES}, or a binary file")
     outside = np.searchsorted(solids, facet) != np.searchsorted(ends, facet) + 1
     if len(solids) != len(ends) or (solids > ends).any() or (solids[1:] < ends[:-1]).any() or outside.any():
         raise InputError(f"{where}: cut short: a solid without its endsolid")

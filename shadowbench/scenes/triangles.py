@@ -85,7 +85,7 @@ def mirrors(matrix: Floats) -> bool:
 
 def with_area(triangles: Triangles) -> NDArray[np.bool_]:
     """(F,) bool, False for triangles of zero area."""
-    vertices, faces = triangles
+    vertices, faces = triangles.vertices, triangles.faces
     kept = [heights(Triangles(vertices, faces[part]))[0] > FLATTEST for part in in_slices(len(faces))]
     return np.concatenate(kept) if kept else np.zeros(0, dtype=bool)
 

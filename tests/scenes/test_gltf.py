@@ -1,5 +1,6 @@
 """glTF files: cameras, lights, nodes, notes and errors."""
 
+import base64
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -203,3 +204,32 @@ def test_a_glb_whose_json_ends_with_nul_is_read(gltf_file: Gltf) -> None:
     padded[12:16], padded[8:12] = (end - 16).to_bytes(4, "little"), len(padded).to_bytes(4, "little")
     path.write_bytes(padded)
     assert len(load_scene(path).meshes) == 2
+
+
+@pytest.mark.parametrize("base", [True, False], ids=["a bufferView", "zeros"])
+def test_a_sparse_accessor_replaces_elements_of_its_base(gltf_file: Gltf, base: bool) -> None:
+    values, places = np.array([[0, 1, 2], [4, 5, 6]], np.float32), np.array([1, 4], np.uint8)
+    points = np.arange(15, dtype=np.float32).reshape(5, 3) ** 2
+    blob = points.tobytes() + np.array([0, 1, 4, 2, 4, 1], np.uint32).tobytes() + values.tobytes() + places.tobytes()
+    views = [(0, 60), (60, 24), (84, 24), (108, 2)]
+
+    def written(**changed: Any) -> Path:
+        sparse = {"count": 2, "indices": {"bufferView": 3, "componentType": 5121}, "values": {"bufferView": 2}}
+        position = {"componentType": 5126, "count": 5, "type": "VEC3", "sparse": sparse | changed}
+        return gltf_file(
+            accessors=[
+                position | ({"bufferView": 0} if base else {}),
+                {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR"},
+            ],
+            bufferViews=[{"buffer": 0, "byteOffset": start, "byteLength": length} for start, length in views],
+            buffers=[{"byteLength": 110, "uri": "data:;base64," + base64.b64encode(blob).decode()}],
+        )
+
+    expected = points if base else np.zeros((5, 3))
+    expected[places] = values
+    (mesh,) = read_meshes(written()).meshes
+    assert np.array_equal(mesh.vertices[mesh.faces], expected[[[0, 1, 4], [2, 4, 1]]])
+    refused(written(count=3), "accessors 1: 3 elements end at byte 3 of a bufferView of 2")
+    refused(written(indices={"bufferView": 3, "componentType": 5126}), "componentType")
+    views[3] = (59, 2)
+    refused(written(), "sparse: found index")
