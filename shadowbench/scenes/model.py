@@ -329,10 +329,8 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     distance = float(np.abs(position - target).max())
     least = NEAREST_TARGET * float(np.abs([position, target, (low + high) / 2]).max())
     if distance < least:
-        raise InputError(
-            f"camera {camera.name!r} of {scene.name}: position and target are only {distance:.3g} m apart, so that "
-            f"rounding may change the direction; they must be at least {least:.3g} m apart here"
-        )
+        apart = f"position and target are {distance:.3g} m apart; allowed here: {least:.3g} m or more"
+        raise InputError(f"camera {camera.name!r} of {scene.name}: {apart}")
     farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
     nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
     nearest /= np.sqrt(1 + 2 * np.tan(camera.fov_y / 2) ** 2)

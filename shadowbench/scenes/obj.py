@@ -174,7 +174,7 @@ def read_obj(data: bytes, where: str, folder: Path, coordinates: bool = False) -
     corners = faces.references(0, vertex_lines, "vertex")[1]
     others = lines.select(~(is_a["v"] | is_a["f"] | is_a["vn"] | is_a["vt"]))
     parts, notes = _parts(lines.select(is_a["o"], skip=1), others, face_lines, folder)
-    notes = [*(f"{where}: {note}" for note in (_more_numbers(vertices), _left_out(others)) if note), *notes]
+    notes = [*_left_out(others), *notes]
     normals = _normals(faces, lines.select(is_a["vn"], skip=2))
     needed = coordinates or any(look is not None and look.cutout is not None for look in parts.looks)
     places = _coordinates(faces, lines.select(is_a["vt"], skip=2)) if needed else None
@@ -187,18 +187,6 @@ def read_obj(data: bytes, where: str, folder: Path, coordinates: bool = False) -
         notes.append(f"{where}: {len(seen) - len(counts)} face(s) left out whose material is opaque nowhere")
     looks = tuple(look or Look() for look in parts.looks)
     return Polygons(vertices.vectors, corners, counts, owners, parts.names, notes, normals, places, looks)
-
-
-def _more_numbers(vertices: Rows) -> str:
-    """A note on numbers of vertices after x y z, which are left out; empty without.
-
-    A fourth is the weight of a rational curve, not of a polygon: as in Blender and tinyobjloader, no coordinate is
-    divided by it.
-    """
-    more = vertices.counts > 3
-    more[more] = (vertices.counts[more] > 4) | (vertices.values[vertices.starts[more] + 3] != 1)
-    count = int(np.count_nonzero(more))
-    return f"weights or colours of {count} vertices left out: the first three numbers are x y z" if count else ""
 
 
 class _Faces:
@@ -303,11 +291,8 @@ def _objects(objects: Lines, faces: Lines) -> tuple[Integers, tuple[str | None, 
     return owners[np.searchsorted(objects.starts, faces.starts)], tuple(number)
 
 
-def _left_out(others: Lines) -> str:
-    """A note with the numbers of unsupported statements, such as curves or damaged lines; empty without."""
-    words = (printable(others.line(k).split(None, 1)[0]) for k in range(len(others.starts)))
-    statements = Counter(word for word in words if word.lower() not in NO_SHAPE)
-    counts = ", ".join(f"{count} {word:.20}" for word, count in statements.most_common(5)) + ", ..." * (
-        len(statements) > 5
-    )
-    return f"{statements.total()} statement(s) left out that make no face: {counts}" if statements else ""
+def _left_out(others: Lines) -> list[str]:
+    """A note on unsupported statements, such as curves or damaged lines, if there are any."""
+    words = Counter(printable(others.line(k).split(None, 1)[0]) for k in range(len(others.starts)))
+    counts = [f"{count} {word:.20}" for word, count in words.most_common() if word.lower() not in NO_SHAPE]
+    return [f"{others.where}: left out, as they make no face: {', '.join(counts[:5])}"] if counts else []

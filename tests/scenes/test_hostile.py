@@ -82,7 +82,6 @@ def test_few_bytes_do_not_stand_for_more_triangles_than_a_scene_has(gltf_file: W
 def test_a_mesh_file_that_would_take_too_long_to_read_is_refused(mesh_file: Write) -> None:
     for name, data, words in (
         ("a.stl", f"solid a\n{FACET}endsolid a\n" * 50_001, ["50001 objects", "50000"]),
-        ("a.obj", OBJ + "o a\nf 1 2 3\n" * 9 + ("f" + " 1 2 3 1" * 2_000 + "\n") * 20, ["take too long"]),
         ("a.obj", OBJ + (" " * 90_000 + "v 0 0 0\n") * 100 + "f 1 1 1 x\n", ["line 105", "'x'"]),
     ):
         refused(mesh_file(name, data), name, *words)

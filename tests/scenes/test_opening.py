@@ -183,11 +183,3 @@ def test_without_free_space_inside_is_refused(tmp_path: Path) -> None:
     (tmp_path / "flat.toml").write_text('[[mesh]]\nshape = "plane"\n')
     with pytest.raises(InputError, match="--camera inside: flat encloses no free space; allowed: a side, or X,Y,Z"):
         opened(tmp_path / "flat.toml", SceneOptions(camera="inside"))
-
-
-def test_an_interior_seen_from_outside_is_noted_and_a_solid_is_none(room: Callable[..., Path], box: Path) -> None:
-    noted = [["--camera inside" in note for note in opened(file, SceneOptions()).notes] for file in (room(), box)]
-    assert noted[0][0] and not any(noted[0][1:]) and not any(noted[1]), "before all other notes"
-    assert not any("--camera" in note for note in opened(room(), SceneOptions(camera="front")).notes)
-    scene = opened(room(), SceneOptions())
-    assert opened(scene, SceneOptions()).notes == scene.notes  # not twice
