@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from shadowbench import options
 from shadowbench.advice.recommend import Recommendation, target_of
-from shadowbench.advice.recommend import recommend as measure_recommendation
+from shadowbench.advice.recommend import recommend as measured
 from shadowbench.advice.search import technique_names
 from shadowbench.campaigns import campaign_in, shared_worker
 from shadowbench.campaigns import close as close
@@ -247,19 +247,14 @@ def recommend(
     `choice` is None if nothing meets it. Raises InputError.
     """
     limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "max_rmse": max_rmse, "budget_ms": budget_ms}
-    least, edges, rmse, budget = (
-        None if value is None else options.number(value, name) for name, value in limits.items()
-    )
-    target = target_of(least, edges, rmse)
+    *values, budget = (None if value is None else options.number(value, name) for name, value in limits.items())
+    target = target_of(*values)
     files = _paths(plugins)
     known = techniques_with(files)
     among = technique_names(options.as_list(techniques, "techniques", "names of techniques", str), known)
     chosen = _view(scene, view_size, view, light)
     with shared_worker(files) as worker, campaign_in(_kept_in(folder), worker=worker) as made:
-        advice, _ = measure_recommendation(
-            chosen, target, known, made, by=by, device=device, budget_ms=budget, among=among
-        )
-        return advice
+        return measured(chosen, target, known, made, by=by, device=device, budget_ms=budget, among=among)[0]
 
 
 def stress(
