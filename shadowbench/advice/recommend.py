@@ -54,7 +54,9 @@ def target_of(
         if value is not None
     }
     if len(targets) > 1:
-        raise InputError(f"{' and '.join(targets)}: found {len(targets)}; allowed: one of them")
+        raise InputError(
+            f"{' and '.join(targets)}: found {'both' if len(targets) == 2 else 'all'}; allowed: one of them"
+        )
     for option, target in targets.items():
         most = MOST[target.metric]
         if not 0 <= target.limit <= most or math.isinf(target.limit):

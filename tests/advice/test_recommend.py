@@ -268,7 +268,7 @@ BAD_OPTIONS = [
     (("--budget-ms", "0"), "--budget-ms: found 0; allowed: above 0"),
     (("--min-iou", "0.9", "--max-edge-px", "1"), "allowed: one of them"),
     (("--max-rmse", "nan"), "--max-rmse: found nan; allowed: 0 to 1"),
-    (("--max-rmse", "0.1", "--min-iou", "0.9"), "--min-iou and --max-rmse: found 2; allowed: one of them"),
+    (("--max-rmse", "0.1", "--min-iou", "0.9"), "--min-iou and --max-rmse: found both; allowed: one of them"),
     (("--view", "nowhere"), "nowhere"),
     (("-t", "shadowmap"), "unknown technique 'shadowmap'; did you mean 'shadow-map'?"),
     (("-t", "shadow-map:size=512"), "technique 'shadow-map:size=512': found parameters"),
