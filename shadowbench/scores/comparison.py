@@ -33,10 +33,7 @@ WEIGHTS = tuple(map(float, _gaussian / _gaussian.sum()))
 
 
 class PreparedTruth(ThresholdedMask):
-    """The truth of one view, prepared for metrics. Only `valid` pixels, decided receivers, are in any of the sets.
-
-    Derived arrays are computed on first use and kept, about 30 MB at 1024², 45 MB if there is a penumbra.
-    """
+    """The truth of one view, prepared for metrics. Only `valid` pixels, decided receivers, are in any of the sets."""
 
     def __init__(self, arrays: Mapping[str, Any], positions: Callable[[], NDArray[np.float64]] | None = None) -> None:
         """The truth of the (H, W) arrays of a `Truth`, by name; `irradiance` and `triangle` are ignored.
@@ -225,9 +222,9 @@ class Comparison(ThresholdedMask):
 
     @cached_property
     def edge_distances(self) -> NDArray[np.float64] | None:
-        """(E,) distances in pixels from the edge pixels of either mask to the other's edge; None if neither has one.
+        """(E,) pixels from the edge pixels of either mask to the other's edge; if only one has any, the diagonal.
 
-        The image's diagonal, once, if only one of them has an edge.
+        None if neither has one.
         """
         both = self.truth.squared_edge_distance[self.edge], self._around_edge[1]
         if not all(squared.size for squared in both):
