@@ -215,7 +215,7 @@ def inverse_of(part):  # type: ignore[no-untyped-def]
 def hit(vertices, face, point, way, corners, through, sides):  # type: ignore[no-untyped-def]
     """How far along a line from a point a triangle is met, −1 if it is not.
 
-    Fills in its corners as seen from the point, the planes through the point and its edges, and the line's side of them.
+    Fills in, seen from the point, its corners, the planes through its edges, and the line's side of these.
     """
     for j in range(3):
         for k in range(3):
