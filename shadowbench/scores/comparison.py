@@ -70,11 +70,6 @@ class PreparedTruth(ThresholdedMask):
         return max(1, round(BOUNDARY_WIDTH * self.image_diagonal))
 
     @cached_property
-    def squared_edge_distance(self) -> NDArray[np.int32]:
-        """Squared distance to `edge` in pixels; NOWHERE if there is no edge."""
-        return squared_distance(self.edge)
-
-    @cached_property
     def boundary(self) -> Mask:
         """Strip of shadow, `boundary_width` pixels wide, along the inside of its edge."""
         return self.shadow & (self.squared_edge_distance < self.boundary_width**2)
@@ -212,13 +207,7 @@ class Comparison(ThresholdedMask):
     @property
     def boundary(self) -> NDArray[np.bool_]:
         """Strip of shadow, as wide as the truth's, along the inside of its edge."""
-        return self._around_edge[0]
-
-    @cached_property
-    def _around_edge(self) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
-        """`boundary`, and squared distances from the truth's edge pixels to `edge`; the image of them is not kept."""
-        squared = squared_distance(self.edge)
-        return self.shadow & (squared < self.truth.boundary_width**2), squared[self.truth.edge]
+        return self.shadow & (self.squared_edge_distance < self.truth.boundary_width**2)
 
     @cached_property
     def edge_distances(self) -> NDArray[np.float64] | None:
@@ -226,7 +215,7 @@ class Comparison(ThresholdedMask):
 
         None if neither has one.
         """
-        both = self.truth.squared_edge_distance[self.edge], self._around_edge[1]
+        both = self.truth.squared_edge_distance[self.edge], self.squared_edge_distance[self.truth.edge]
         if not all(squared.size for squared in both):
             return np.array([self.truth.image_diagonal]) if any(squared.size for squared in both) else None
         pooled: NDArray[np.float64] = np.sqrt(np.concatenate(both), dtype=np.float64)

@@ -117,15 +117,6 @@ def test_a_straight_edge_that_moved_by_k_pixels(truth, half_plane):
         assert scores["boundary_iou"] == max(width - abs(k), 0) / min(width + abs(k), 2 * width)
 
 
-def test_acne_is_the_share_of_dark_pixels_in_the_lit_interior(truth, half_plane):
-    mask, prepared = half_plane(64), truth(half_plane(64))
-    speckled = np.random.default_rng(2).random(mask.shape) < 0.05
-    mask[speckled] = 0
-    interior = prepared.lit_interior
-    assert score(mask, prepared)["acne"] == speckled[interior].mean()
-    assert score(mask, prepared)["leak"] == 0
-
-
 def test_partial_acne_shows_in_the_soft_scores_only(truth, half_plane):
     mask = np.where(half_plane(64) == 1, 0.6, 0)
     scores = score(mask, truth(half_plane(64)))

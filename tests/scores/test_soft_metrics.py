@@ -168,12 +168,6 @@ def test_a_penumbra_of_twice_the_width_is_one_off(scored) -> None:
         assert scores["width"] == pytest.approx(abs(math.log2(times)), abs=0.04)
 
 
-def test_a_hard_edge_is_as_wide_as_a_pixel(scored) -> None:
-    truth = ramp(20)
-    assert scored((truth > 0.5).astype(float), truth)["width"] == pytest.approx(4, abs=0.05)
-    assert scored(np.ones_like(truth), truth)["width"] == pytest.approx(4, abs=0.05)
-
-
 def test_without_positions_no_width_is_known(truth) -> None:
     scores = score(WEDGE, truth(WEDGE))
     assert {name for name in ("width", "hardening", "hardening_intercept", "noise") if scores[name] is None} == {
