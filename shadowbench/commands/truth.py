@@ -35,23 +35,18 @@ def truth(scene: options.Scene, asked: TruthOptions, quiet: options.Quiet = Fals
       diagonal        one number: diagonal of casters and receivers in metres
       shading_cosine  N·L by the smooth normal, where a surface has one
       facet_shadow    whether a smooth surface's own triangles shadow it there
-      depth           distance of the visible point along the camera's axis
-      about           names, camera and light of the view, as JSON text
 
-    Scenes of flat surfaces lack the last two before depth; facet_shadow is
-    also absent under a light with a size.
-
-    `shadowbench score` takes the file in place of the scene.
+    Scenes of flat surfaces lack the last two; facet_shadow is also absent
+    under a light with a size.
     """
     from shadowbench.files import check_outputs
-    from shadowbench.masks.inputs import write_stored_truth
-    from shadowbench.truths.cache import cached_truth
+    from shadowbench.truths.cache import cached_truth, write_truth
 
     check_outputs(".npz", asked.output)
     with console.Reporter(quiet) as reporter:
         chosen = reporter.view(scene, asked.view_size, view)
         traced = cached_truth(chosen, asked.pixel_samples)
-    write_stored_truth(asked.output, traced, chosen)
+    write_truth(asked.output, traced)
     if not quiet:
         receivers, shadowed = int(traced.receivers.sum()), int((traced.receivers & (traced.visibility < 0.5)).sum())
         undecided = int((traced.receivers & traced.undecided).sum())

@@ -2,17 +2,15 @@
 
 import hashlib
 import logging
-import os
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import platformdirs
 
 from shadowbench.errors import InputError
-from shadowbench.files import replace_file
+from shadowbench.files import cache_folder, replace_file
 from shadowbench.scenes.model import View, view_digest
 from shadowbench.truths.embree import answers_digest
 from shadowbench.truths.trace import STANDARD_ERROR, Truth, trace
@@ -30,7 +28,7 @@ def cached_truth(view: View, pixel_samples: int = PIXEL_SAMPLES) -> Truth:
     A cache that cannot be written is a logged warning.
     """
     parts = (view_digest(view), pixel_samples, STANDARD_ERROR, of_truths(), answers_digest())
-    file = cache_folder() / f"{hashlib.sha256(repr(parts).encode()).hexdigest()[:32]}.npz"
+    file = cache_folder("truth") / f"{hashlib.sha256(repr(parts).encode()).hexdigest()[:32]}.npz"
     kept = read_truth(file, view)
     if kept is not None:
         with suppress(OSError):  # read-only caches are usable
@@ -47,17 +45,11 @@ def cached_truth(view: View, pixel_samples: int = PIXEL_SAMPLES) -> Truth:
     return truth
 
 
-def cache_folder() -> Path:
-    """Folder of the cache: $SHADOWBENCH_CACHE, or the platform's cache folder; created with the first truth."""
-    chosen = os.environ.get("SHADOWBENCH_CACHE")
-    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "truth"
-
-
-def write_truth(file: Path, truth: Truth, **others: object) -> None:
-    """Write all arrays of a truth, and others by name, as a compressed .npz."""
+def write_truth(file: Path, truth: Truth) -> None:
+    """Write all arrays of a truth as a compressed .npz."""
     with replace_file(file) as temporary, temporary.open("wb") as stream:
         # The stub types allow_pickle alone.
-        np.savez_compressed(stream, **truth.arrays(), **others)  # type: ignore[arg-type]
+        np.savez_compressed(stream, **truth.arrays())  # type: ignore[arg-type]
 
 
 def read_truth(file: Path, view: View) -> Truth | None:
@@ -65,32 +57,21 @@ def read_truth(file: Path, view: View) -> Truth | None:
     if not file.is_file():  # reading a named pipe would block
         return None
     try:
-        arrays = read_arrays(file)
-    except Exception:
+        # Opened here, since np.load does not close a file that it fails to read.
+        with file.open("rb") as stream, np.load(stream) as entries:
+            arrays: dict[str, Any] = {name: np.asarray(entry) for name, entry in entries.items()}  # bytes if no array
+    except Exception:  # of many types in zipfile and NumPy, MemoryError included
         return None
-    truth = truth_of(arrays, view.size)
-    return truth and replace(truth, view=view)
-
-
-def read_arrays(file: Path) -> dict[str, Any]:
-    """The arrays of an .npz by name. Damaged bytes raise many types in zipfile and NumPy, MemoryError included."""
-    # Opened here, since np.load does not close a file that it fails to read.
-    with file.open("rb") as stream, np.load(stream) as arrays:
-        return {name: np.asarray(array) for name, array in arrays.items()}  # an entry that is no array is read as bytes
-
-
-def truth_of(arrays: dict[str, Any], size: int) -> Truth | None:
-    """The truth of these arrays; None unless names, shapes and ranges are those of a view."""
     names = {field.name for field in fields(Truth)} - {"view"}
     if not names - {"shading_cosine", "facet_shadow"} <= arrays.keys() <= names:
         return None
     for name, array in arrays.items():
-        if array.shape != (() if name == "diagonal" else (size, size)):
+        if array.shape != (() if name == "diagonal" else (view.size, view.size)):
             return None
         is_share = array.dtype == np.float32 and name != "blocker"
         if is_share and not ((array >= 0) & (array <= 1 + 1e-6)).all():  # cosines are rounded; NaN is in no range
             return None
-    return Truth(**{**arrays, "diagonal": float(arrays["diagonal"])})
+    return Truth(**{**arrays, "diagonal": float(arrays["diagonal"]), "view": view})
 
 
 def _delete_oldest(folder: Path) -> None:

@@ -302,7 +302,7 @@ def test_list_tells_parameters_presets_values_and_plug_ins(shadowbench: Shadowbe
 def test_doctor_names_the_device_and_the_clock(
     shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(measure_machine, "SERIES", 1)
+    monkeypatch.setattr(measure_machine, "ROUNDS", 3)
     monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path))  # Doctor counts truths, and other tests trace meanwhile.
     found = json.loads(shadowbench("doctor", "--json").out)
     assert {"machine", "versions", "opengl", "embree", "truth_cache"} == set(found)

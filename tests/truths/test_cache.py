@@ -22,7 +22,7 @@ class TracedAgainError(Exception):
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The cache's folder, not made yet."""
     monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "a" / "b"))
-    return tmp_path / "a" / "b"
+    return tmp_path / "a" / "b" / "truth"
 
 
 @pytest.fixture
@@ -120,4 +120,4 @@ def test_where_no_folder_can_be_made_a_truth_is_traced_and_that_is_said(view, tm
     monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "file" / "cache"))
     assert_equal(cached_truth(view), trace(view))
     (line,) = caplog.messages
-    assert f"{tmp_path / 'file' / 'cache'}: truths are traced and not kept" in line
+    assert f"{tmp_path / 'file' / 'cache' / 'truth'}: truths are traced and not kept" in line
