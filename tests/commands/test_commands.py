@@ -14,7 +14,6 @@ import pandas as pd
 import pytest
 from PIL import Image
 from rich.console import Console
-from scipy.ndimage import binary_dilation
 
 from shadowbench import __version__
 from shadowbench.commands import console
@@ -248,23 +247,6 @@ def test_truth_writes_the_promised_arrays(shadowbench: Shadowbench, tmp_path: Pa
         counts = f"{receivers.sum()} of {48 * 48} pixels show a receiver, {shadowed} in shadow"
         assert answer.out == f"{file}: {counts}, {(receivers & undecided).sum()} undecided\n"
     assert shadowbench("truth", "cube-on-plane", "-o", file, "--view-size", "48", "-q").out == ""
-
-
-def test_truth_says_how_sure_it_is_of_the_penumbra(shadowbench: Shadowbench, tmp_path: Path) -> None:
-    file = tmp_path / "truth.npz"
-    answer = shadowbench("truth", "post", "-o", file, "--view-size", "48", "--pixel-samples", "1")
-    said = r" undecided, (\d+) \((\d+)%\) in penumbra, where the standard error is (\S+) \(median\), (\S+) \(95%\)$"
-    found = re.search(said, answer.out)
-    assert found is not None, answer.out
-    with np.load(file) as arrays:
-        decided = arrays["receivers"] & ~arrays["undecided"]
-        inside = decided & (arrays["visibility"] > 0.02) & (arrays["visibility"] < 0.98)
-        penumbra = decided & binary_dilation(inside, np.ones((5, 5)))
-        assert int(found[1]) == penumbra.sum() > 100
-        assert float(found[2]) == pytest.approx(100 * penumbra.sum() / arrays["receivers"].sum(), abs=0.5)
-        seen_in_part = penumbra & (arrays["visibility"] > 0) & (arrays["visibility"] < 1)  # elsewhere it is a bound
-        errors = np.percentile(arrays["standard_error"][seen_in_part], [50, 95])
-        assert [float(found[3]), float(found[4])] == pytest.approx(list(errors), rel=0.05)
 
 
 KEYS = {
