@@ -26,11 +26,10 @@ from pathlib import Path
 from threading import Thread
 from typing import IO, Any
 
-import platformdirs
 import psutil
 
 from shadowbench.errors import InputError, ShadowbenchError, quoted
-from shadowbench.files import make_folder
+from shadowbench.files import cache_folder, make_folder
 from shadowbench.plugin.engine import Engine
 
 HERE = Path(__file__).parent
@@ -53,10 +52,8 @@ _WITH_PIPE = ("sh", "-c", 'exec "$@" 3<&0 4>/dev/null', "sh")
 
 
 def environment(engine: type[Engine]) -> Path:
-    """Folder of an engine's environment, in $SHADOWBENCH_ENGINES or the platform's cache folder; it may not exist."""
-    chosen = os.environ.get("SHADOWBENCH_ENGINES")
-    folder = Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "engines"
-    return folder / f"{engine.name}-{hashlib.sha256(_lock(engine).encode()).hexdigest()[:12]}"
+    """Folder of an engine's environment; it may not exist."""
+    return cache_folder("engines") / f"{engine.name}-{hashlib.sha256(_lock(engine).encode()).hexdigest()[:12]}"
 
 
 def _lock(engine: type[Engine]) -> str:

@@ -259,7 +259,7 @@ class Accuracy:
     def errors(self) -> dict[str, str]:
         """A line for each metric, or fault of a soft shadow, that says what is wrong, the leading one first."""
         if self.comparison.truth.soft:
-            return {fault.name: fault.line for fault in soft_faults(self.metrics, self.comparison.width_bias)}
+            return soft_faults(self.metrics, self.comparison.width_bias)
         leading = leading_error(self.metrics)
         lines = {
             name: line.format(factor * value)

@@ -159,7 +159,7 @@ def test_an_engine_that_is_not_installed_or_cannot_be_says_how(
         drawn(engine, view)
     shutil.rmtree(environment(engine))
     assert what_lacks(engine) == "not installed: shadowbench engines install fake"
-    monkeypatch.setenv("SHADOWBENCH_ENGINES", f"{__file__}/engines")
+    monkeypatch.setenv("SHADOWBENCH_CACHE", __file__)
     with pytest.raises(InputError, match="cannot be created"):
         install(engine)
 

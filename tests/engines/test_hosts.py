@@ -26,7 +26,7 @@ def host(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[WebHost]:
         def folder(cls) -> Path:
             return cls.files
 
-    monkeypatch.setenv("SHADOWBENCH_ENGINES", str(tmp_path / "engines"))
+    monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
     (tmp_path / "chromium").write_text("#!/bin/sh\nexec sleep 600\n")
     (tmp_path / "chromium").chmod(0o755)
