@@ -18,7 +18,6 @@ from skimage.registration import phase_cross_correlation
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.masks.inputs import ExternalMask, decode_srgb
-from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.rows import IMAGES, RowStore, identity
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.scenes.model import View, view_digest
@@ -394,7 +393,9 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
             (folder / kind).mkdir(exist_ok=True)
         write_mask(folder / "masks" / f"{key}.png", accuracy.external.visibility)
         write_difference(folder / "differences" / f"{key}.png", difference_picture(accuracy.comparison))
-        Pictures(folder).write_truth(view, accuracy.truth)
+        truth = accuracy.truth
+        for end, mask in (("", truth.visibility), (".undecided", truth.undecided), (".facets", truth.facets)):
+            write_mask(folder / "truth" / f"{view.name}{end}.png", mask.astype(np.float32))
         if accuracy.external.picture is not None:
             with replace_file(folder / "pictures" / f"{key}.png") as temporary:
                 shutil.copyfile(accuracy.external.picture, temporary)
