@@ -173,7 +173,7 @@ def test_a_bad_scene_file_is_one_line(scene_file: SceneFile) -> None:
             ["triangles"],
         ),
         ("[camera]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\n" + BOX, ["position", "target"]),
-        (CAMERA + "fov_y = 0\n" + BOX, ["fov_y: found 0.0; allowed: greater than or equal to 0.01"]),
+        (CAMERA + "fov_y = 0\n" + BOX, ["fov_y: found 0; allowed: greater than or equal to 0.01"]),
         (CAMERA + "up = [0, 0, 0]\n" + BOX, ["up"]),
         (CAMERA + "near = 5\nfar = 2\n" + BOX, ["near", "5"]),
         (2 * "[[camera]]\nname = 'a'\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n" + BOX, ["'a'", "differ"]),
