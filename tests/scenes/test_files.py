@@ -183,7 +183,7 @@ def test_a_bad_scene_file_is_one_line(scene_file: SceneFile) -> None:
         *((SUN + f"angular_radius = {size}\n" + BOX, ["angular_radius", size]) for size in ("-1", "90")),
         (SUN + "radius = 1\n" + BOX, ["'radius'", "did you mean 'angular_radius'"]),
         (LAMP + "radius = -0.1\n" + BOX, ["radius", "-0.1"]),
-        (PANEL + "size = [0, 1]\n" + BOX, ["size", "[0, 1]"]),
+        (PANEL + "size = [0, 1]\n" + BOX, ["size", "found [0.0, 1.0]"]),
         ('[light]\nkind = "spot"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\nangle = 171\n' + BOX, ["angle", "171"]),
     ):
         refused(scene_file(text), "scene.toml", *words)
