@@ -111,13 +111,7 @@ class MaterialFiles:
 
     def _separate(self, names: str) -> list[str]:
         """The files of a statement: one whose name may have blanks, or several."""
-        if len(names.split()) < 2:
-            return [names]
-        try:
-            read_beside(names, self._folder, "")
-        except InputError:
-            return names.split()
-        return [names]
+        return [names] if (self._folder / names).is_file() else names.split() or [names]
 
 
 def _statements(text: str) -> Iterator[tuple[str, str, str]]:
