@@ -141,3 +141,12 @@ def data_folder(kind: str) -> Path:
     """
     packed = PACKAGE / "_data" / kind
     return packed if packed.is_dir() else PACKAGE.parent / kind
+
+
+def cache_folder(kind: str) -> Path:
+    """Folder of what is kept of a kind, "truth" or "engines"; it may not exist.
+
+    It is in $SHADOWBENCH_CACHE, else in $XDG_CACHE_HOME/shadowbench, else in ~/.cache/shadowbench.
+    """
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(os.environ.get("SHADOWBENCH_CACHE") or f"{caches}/shadowbench") / kind
