@@ -99,20 +99,15 @@ def joined(meshes: Sequence[Mesh]) -> Geometry:
         casts=np.repeat([mesh.casts for mesh in meshes], counts),
         receives=np.repeat([mesh.receives for mesh in meshes], counts),
         planar=np.repeat([mesh.planar for mesh in meshes], counts),
-        colors=_triangle_colors(meshes),
+        colors=np.concatenate([_tinted(mesh) for mesh in meshes]),
         cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.places) for mesh in meshes]),
         corner_normals=_normals(meshes),
     )
 
 
-def _triangle_colors(meshes: Sequence[Mesh]) -> Floats:
-    """(F, 3) linear RGB of the triangles of meshes."""
-    counts = [len(mesh.faces) for mesh in meshes]
-    rows = np.repeat(np.array([mesh.color for mesh in meshes], dtype=np.float64), counts, axis=0)
-    for mesh, own in zip(meshes, np.split(rows, np.cumsum(counts[:-1], dtype=np.int64)), strict=True):
-        if mesh.tints is not None:
-            own *= mesh.tints
-    return rows
+def _tinted(mesh: Mesh) -> Floats:
+    """(F, 3) linear RGB of the triangles of a mesh."""
+    return np.ones((len(mesh.faces), 3)) * mesh.color * (1.0 if mesh.tints is None else mesh.tints)
 
 
 def _normals(meshes: Sequence[Mesh]) -> NDArray[np.float32] | None:

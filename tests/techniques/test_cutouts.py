@@ -111,17 +111,6 @@ def test_hybrid_traces_where_a_texture_changes_between_triangles(size, kind, stu
     assert (mask(f"hybrid:size={size}", view) != truth.visibility)[decided].sum() == 0
 
 
-def test_hybrid_traces_fewer_rays_where_texels_are_opaque_or_clear_throughout(studio, build) -> None:
-    view = leaves_view(LIGHTS["spot"], cards(20, cut_out(alpha_of("leaf"), wrap=("clamp", "clamp"))))
-    shot, rays = studio.shot(view), {}
-    for spec in ("ray-traced", "hybrid:rest=embree,size=64", "hybrid:rest=embree,size=2048"):
-        one = build(spec, shot)
-        one.draw(shot)
-        rays[spec] = one.technique.facts()["rays"]
-    every, coarse, fine = rays.values()
-    assert 0 < fine < 0.5 * coarse < 0.5 * every
-
-
 MAPS = [
     ("directional", "shadow-map:filter=pcss"),
     ("directional", "cascades:layers=geometry,filter=esm"),
