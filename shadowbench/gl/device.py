@@ -4,8 +4,6 @@ Where moderngl is not installed there are only its names, so that techniques are
 """
 
 import ctypes
-import os
-import re
 import sys
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -181,7 +179,6 @@ def open_device() -> Device:
     """A new context without a window. Raises NoGLError, which names the packages to install."""
     if isinstance(moderngl, MissingModule):
         raise NoGLError(NOT_INSTALLED.format("moderngl"))
-    before_context()
     options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         context = moderngl.create_context(standalone=True, require=410, **options)
@@ -193,27 +190,8 @@ def open_device() -> Device:
     return device_of(context)
 
 
-def before_context() -> None:
-    """Keep the driver from shaders that were compiled for another processor; called before a context is made."""
-    if "LP_NATIVE_VECTOR_WIDTH" in os.environ:
-        # Mesa's cache of compiled shaders is keyed by the processor, not by this (update_cache_sha1_cpu in llvmpipe's
-        # lp_screen.c, 22.3.6 and later). From it, a vertex shader compiled for 8 lanes writes 8 vertices into a buffer
-        # for 4: malloc aborts.
-        os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
-
-
 def device_of(context: moderngl.Context) -> Device:
-    """The device of a context that exists, such as a window's, made after `before_context`.
-
-    Raises NoGLError for a vector width that the driver cannot draw with.
-    """
-    device = Device(context)
-    bits = re.search(r"llvmpipe .*\b(\d+) bits", device.renderer)
-    if bits and bits[1] not in ("128", "256"):
-        # The code for depth and stencil has arrays for 4 or 8 lanes, as assertions say that a package leaves out
-        # (lp_build_depth_stencil_load_swizzled in lp_bld_depth.c, 22.3.6): LLVM is handed a null pointer.
-        context.release()
-        raise NoGLError(f"LP_NATIVE_VECTOR_WIDTH: found {bits[1]}, with which llvmpipe cannot draw; allowed: 128, 256")
+    """The device of a context that exists, such as a window's."""
     context.gc_mode = "auto"
     context.enable_direct(_CUBE_MAP_SEAMLESS)  # filters read across the edges of cube faces
-    return device
+    return Device(context)

@@ -2,7 +2,6 @@
 
 import logging
 import math
-from dataclasses import asdict, dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,35 +9,13 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device, moderngl
-from shadowbench.gl.gbuffer import GBuffer, download
-from shadowbench.gl.geometry import TRIANGLE_DEFINES, TRIANGLE_ROW, DeviceGeometry, triangle_texels
-from shadowbench.gl.program import SHADERS, Drawable, Sampling, Textures, compose, link
+from shadowbench.gl.gbuffer import TRIANGLE_ROW, DeviceGeometry, GBuffer, download, triangle_texels
+from shadowbench.gl.program import Sampling, Textures, fullscreen
 from shadowbench.scenes.cutouts import WRAPS
 from shadowbench.scenes.images import opened_image, read_square
 from shadowbench.scenes.model import View
-from shadowbench.scenes.triangles import Geometry, Texture, in_slices
-from shadowbench.scenes.vectors import Vec3, unit, vec3
-
-
-@dataclass(frozen=True)
-class Shading:
-    """Coefficients of Blinn-Phong, the exponent of its highlight, and linear RGB colours.
-
-    sky, ground: of ambient light from above and from below; horizon, zenith: behind the scene.
-    """
-
-    ambient: float = 1.0
-    diffuse: float = 1.0
-    specular: float = 0.12
-    shininess: float = 32.0
-    light_color: Vec3 = (0.86, 0.82, 0.76)
-    sky: Vec3 = (0.13, 0.17, 0.25)
-    ground: Vec3 = (0.085, 0.075, 0.06)
-    horizon: Vec3 = (0.28, 0.36, 0.46)
-    zenith: Vec3 = (0.11, 0.18, 0.32)
-
-
-DEFAULT_SHADING = Shading()
+from shadowbench.scenes.triangles import Texture, in_slices
+from shadowbench.scenes.vectors import unit, vec3
 
 
 class PicturePass:
@@ -46,25 +23,12 @@ class PicturePass:
 
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
         self._device, self._geometry = device, geometry
-        self._textures = shown_textures(geometry.geometry)
+        textures = {id(each.texture): each.texture for each in geometry.geometry.textured}
+        self._textures = list(textures.values())[:_MOST_LAYERS]
         self._white = device.context.texture((1, 1), 4, b"\xff" * 4)
-        self._shade, self._antialias = (self._fullscreen(name) for name in ("shade", "antialias"))
-
-    def _fullscreen(self, fragment: str) -> Drawable:
-        defines = {**TRIANGLE_DEFINES, **self._geometry.smooth_defines, **({"TEXTURED": "1"} if self._textures else {})}
-        vertex, text = compose("fullscreen.vert", SHADERS), compose(f"picture/{fragment}.frag", SHADERS, defines)
-        program = link(self._device, vertex, text)
-        return Drawable(program, self._device.context.vertex_array(program.linked, []), count=3)
-
-    @cached_property
-    def _layers(self) -> Textures:
-        """Images of `picture/texture.glsl`, from the first picture on."""
-        return base_color_layers(self._device, self._textures) if self._textures else {}
-
-    @cached_property
-    def _places(self) -> Textures:
-        """Where they lie on the triangles."""
-        return base_color_places(self._device, self._geometry.geometry, self._textures) if self._textures else {}
+        defines = {**geometry.defines, **({"TEXTURED": "1"} if self._textures else {})}
+        self._shade = fullscreen(device, "picture/shade.frag", defines)
+        self._antialias = fullscreen(device, "picture/antialias.frag")
 
     def draw(
         self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
@@ -76,12 +40,7 @@ class PicturePass:
         return picture
 
     def shade(
-        self,
-        surface: GBuffer,
-        view: View,
-        visibility: moderngl.Texture,
-        tint: moderngl.Texture | None = None,
-        shading: Shading = DEFAULT_SHADING,
+        self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
     ) -> moderngl.Texture:
         """A texture (N, N) of sRGB bytes, which the caller releases: ambient + visibility · (diffuse + specular).
 
@@ -93,7 +52,6 @@ class PicturePass:
             eye=view.camera.position,
             cone_axis=vec3(unit(view.light.direction)),
             cos_half_angle=view.light.cos_half_angle,
-            **asdict(shading),
         )
         if self._textures:
             right, up, back = view.camera.basis()
@@ -107,8 +65,7 @@ class PicturePass:
             "colors": (self._geometry.colors, Sampling()),
             "visibility": (visibility, Sampling()),
             "tint": (tint or self._white, Sampling()),
-            **self._layers,
-            **self._places,
+            **self._base_colors,
         }
         self._shade.draw(targets[0], inputs)
         self._antialias.draw(targets[1], {**surface.inputs, "shaded": (shaded, Sampling(linear=True))})
@@ -125,12 +82,41 @@ class PicturePass:
             self._device.free((visibility,))
         return pictures[0], pictures[1]
 
+    @cached_property
+    def _base_colors(self) -> Textures:
+        """Textures of `picture/texture.glsl`, decoded for the first: images, and where they lie on triangles."""
+        if not (shown := self._textures):
+            return {}
+        context, geometry = self._device.context, self._geometry.geometry
+        largest = max(max(_size(texture)) for texture in shown)
+        side = min(largest, LARGEST_SIDE, math.isqrt(MOST_TEXELS // len(shown)))
+        layers = context.texture_array(
+            (side, side, len(shown)), 4, b"".join(_texels(one, side).tobytes() for one in shown)
+        )
+        layers.build_mipmaps()
+        numbers = np.zeros(len(geometry.faces), dtype=np.int32)
+        maps = np.zeros((len(geometry.faces), 2, 4), dtype=np.float32)
+        for first, texture, coordinates in geometry.textured:
+            if texture in shown:
+                wraps = [WRAPS.index(wrap) for wrap in texture.wrap]
+                numbers[first : first + len(coordinates)] = 1 + 9 * shown.index(texture) + 3 * wraps[0] + wraps[1]
+            for part in in_slices(len(coordinates)):
+                triangles = slice(first + part.start, first + part.stop)
+                maps[triangles] = _affine_maps(geometry.vertices[geometry.faces[triangles]], coordinates[part])
+        number_texels, map_texels = triangle_texels(numbers), triangle_texels(maps)
+        size = TRIANGLE_ROW, len(number_texels)
+        return {
+            "textures": (layers, Sampling(linear=True, wrap="repeat", mips=True)),
+            "texture_numbers": (context.texture(size, 1, number_texels.tobytes(), dtype="i4"), Sampling()),
+            "texture_maps": (context.texture((2 * size[0], size[1]), 4, map_texels.tobytes(), dtype="f4"), Sampling()),
+        }
+
     def release(self) -> None:
         """Free the programs and textures."""
-        drawables = (self._shade, self._antialias)
-        for name in ("_layers", "_places"):
-            self._device.free(texture for texture, _ in self.__dict__.pop(name, {}).values())
-        self._device.free((*(part for one in drawables for part in (one.vertices, one.program.linked)), self._white))
+        self._shade.release()
+        self._antialias.release()
+        decoded = self.__dict__.pop("_base_colors", {})
+        self._device.free((self._white, *(texture for texture, _ in decoded.values())))
 
 
 LARGEST_SIDE = 1024
@@ -139,40 +125,6 @@ MOST_TEXELS = 1 << 25
 """Limit on the texels of all of them: 32 of LARGEST_SIDE."""
 _MOST_LAYERS = 2048  # what OpenGL 4.1 guarantees
 _NOT_READ = np.array([128, 128, 128, 255], dtype=np.uint8)
-
-
-def shown_textures(geometry: Geometry) -> list[Texture]:
-    """The textures of triangles that `base_color_layers` takes."""
-    return list({id(each.texture): each.texture for each in geometry.textured}.values())[:_MOST_LAYERS]
-
-
-def base_color_layers(device: Device, shown: list[Texture]) -> Textures:
-    """Images of `picture/texture.glsl`, decoded now. A line in the log, and grey, for one that is not read."""
-    side = _side(shown)
-    texels = b"".join(_texels(one, side).tobytes() for one in shown)
-    layers = device.context.texture_array((side, side, len(shown)), 4, texels)
-    layers.build_mipmaps()
-    return {"textures": (layers, Sampling(linear=True, wrap="repeat", mips=True))}
-
-
-def base_color_places(device: Device, geometry: Geometry, shown: list[Texture]) -> Textures:
-    """Textures of `picture/texture.glsl` by triangle: which of the images it has, and where they lie on it."""
-    context = device.context
-    numbers = np.zeros(len(geometry.faces), dtype=np.int32)
-    maps = np.zeros((len(geometry.faces), 2, 4), dtype=np.float32)
-    for first, texture, coordinates in geometry.textured:
-        if texture in shown:
-            wraps = [WRAPS.index(wrap) for wrap in texture.wrap]
-            numbers[first : first + len(coordinates)] = 1 + 9 * shown.index(texture) + 3 * wraps[0] + wraps[1]
-        for part in in_slices(len(coordinates)):
-            triangles = slice(first + part.start, first + part.stop)
-            maps[triangles] = _affine_maps(geometry.vertices[geometry.faces[triangles]], coordinates[part])
-    number_texels, map_texels = triangle_texels(numbers), triangle_texels(maps)
-    size = TRIANGLE_ROW, len(number_texels)
-    return {
-        "texture_numbers": (context.texture(size, 1, number_texels.tobytes(), dtype="i4"), Sampling()),
-        "texture_maps": (context.texture((2 * size[0], size[1]), 4, map_texels.tobytes(), dtype="f4"), Sampling()),
-    }
 
 
 def _affine_maps(corners: NDArray[np.float64], coordinates: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -190,12 +142,6 @@ def _affine_maps(corners: NDArray[np.float64], coordinates: NDArray[np.float32])
     gradients = np.einsum("kwc,kwi->kci", steps, weights) / np.where(squares > 0.0, squares, 1.0)[:, None, None]
     values = places[:, 0] - np.einsum("kci,ki->kc", gradients, corners[:, 0])
     return np.concatenate([gradients, values[..., None]], axis=2)
-
-
-def _side(textures: list[Texture]) -> int:
-    """The side of all textures: the largest of theirs, as far as the limits allow."""
-    largest = max(max(_size(texture)) for texture in textures)
-    return min(largest, LARGEST_SIDE, math.isqrt(MOST_TEXELS // len(textures)))
 
 
 def _size(texture: Texture) -> tuple[int, int]:

@@ -67,7 +67,6 @@ class Bias(Component):
     swept: ClassVar[tuple[str, ...]] = ()
     effects: ClassVar[dict[str, str]] = {}
     shader = "bias/none.glsl"
-    of_number = "constant"
 
     @classmethod
     def from_value(cls, value: "Component | str | Call") -> "Bias":

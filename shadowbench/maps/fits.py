@@ -192,7 +192,6 @@ class Split(Component):
     """Base class of the split schemes. slices: how many a scheme always has; None if any number."""
 
     slices: ClassVar[int | None] = None
-    of_number = "practical"
 
     @abstractmethod
     def depths(self, near: float, far: float, count: int) -> Floats:

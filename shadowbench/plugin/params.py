@@ -11,12 +11,11 @@ Grammar of a spec:
 
 import inspect
 import re
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
 from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError, alternatives
@@ -131,21 +130,13 @@ def parse_value(text: str) -> Any:
     return value
 
 
-def param(
-    default: Any,
-    help: str,
-    *,
-    metres: bool = False,
-    values: str = "",
-    **limits: Any,
-) -> Any:
+def param(default: Any, help: str, *, metres: bool = False, values: str = "", **limits: Any) -> Any:
     """A parameter: default, one line of help, and pydantic limits (ge, gt, le, lt).
 
     metres: the value is a length in file units, converted to a local length when its uniform is set; values: the
     allowed ones in words, if the type does not say them.
     """
-    extra: dict[str, Any] = {"metres": metres, "values": values}
-    return Field(default, description=help, json_schema_extra=extra, **limits)
+    return Field(default, description=help, json_schema_extra={"metres": metres, "values": values}, **limits)
 
 
 def allowed(info: FieldInfo) -> str:
@@ -182,7 +173,6 @@ class Component(Strict):
     shader: ClassVar[str] = ""  # file that fills the include slot of the parameter, or its text of several lines
     table: ClassVar[dict[str, type[Self]]]
     lifts: ClassVar[bool] = False  # whether shadows are received on the smooth surface, not on its triangles
-    of_number: ClassVar[str] = ""  # of a family, the member that a number alone suggests
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -190,9 +180,9 @@ class Component(Strict):
         if Component in cls.__bases__:
             cls.table = {}
         elif "name" in cls.__dict__:
-            found = cls.table.get(cls.name, cls)
-            if (found.__module__, found.__qualname__) != (cls.__module__, cls.__qualname__):  # else imported again
-                places = " and ".join(inspect.getfile(one) for one in (found, cls))
+            other = cls.table.get(cls.name, cls)
+            if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):  # else imported again
+                places = " and ".join(inspect.getfile(one) for one in (other, cls))
                 raise InputError(f"two {cls.family().__name__.lower()}s are called {cls.name!r}: {places}")
             cls.table[cls.name] = cls  # type: ignore[assignment]  # Self is a subclass of the family here
 
@@ -200,11 +190,6 @@ class Component(Strict):
     def family(cls) -> "type[Component]":
         """The family of a component: `Bias`, `Filter`, `Fit` or `Split`."""
         return next(base for base in cls.__mro__ if Component in base.__bases__)
-
-    @classmethod
-    def missing(cls) -> list[str]:
-        """What a subclass still has to define, besides abstract methods."""
-        return []
 
     @classmethod
     def plugin_files(cls) -> list[Path]:
@@ -223,20 +208,9 @@ class Component(Strict):
         if call.name == "+":
             raise ValueError(f"{family}s cannot be added, only biases can; allowed: one of {', '.join(cls.table)}")
         if call.name not in cls.table:
-            hint = cls._hint_of_number(value)
-            raise ValueError(f"unknown {family} {call.name!r}{alternatives(call.name, cls.table)}{hint}")
+            raise ValueError(f"unknown {family} {call.name!r}{alternatives(call.name, cls.table)}")
         component = cls.table[call.name]
         return component(**call.keywords(list(component.model_fields)))
-
-    @classmethod
-    def _hint_of_number(cls, value: object) -> str:
-        """How a number alone is written, if it can be; empty otherwise."""
-        component = cls.table.get(cls.of_number)
-        if component is not None and type(value) in (int, float):
-            with suppress(ValidationError):  # out of its range
-                component(**{next(iter(component.model_fields)): value})
-                return f"; a number alone is written {component.name}({value})"
-        return ""
 
     @model_validator(mode="wrap")
     @classmethod

@@ -14,14 +14,14 @@ from shadowbench.errors import Unsupported
 from shadowbench.files import data_folder
 from shadowbench.gl import targets
 from shadowbench.gl.device import Device, Releasable, moderngl
-from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_DEFINES, DeviceGeometry
+from shadowbench.gl.gbuffer import CUTOUTS, DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, Textures, compose, link
 from shadowbench.gl.targets import FACES, Color, DepthFormat, DepthTarget, DepthTexture, Kind, StencilTarget
 from shadowbench.plugin.params import Component, TechniqueParams, components_of, in_metres
 from shadowbench.scenes.model import Placement, Scene
 
 Resource = TypeVar("Resource", bound=Releasable)
-MAP_DEFINES = {"LAYERS": "1", "ARRAY": "0", "PARALLEL": "0", "REVERSED": "0", "ON_PLANE": "0"}
+MAP_DEFINES = {"LAYERS": "1", "ARRAY": "0", "PARALLEL": "0", "REVERSED": "0", "ON_PLANE": "0", "MIPMAPPED": "0"}
 """Defines of `map.glsl`: of one map of a sun or a spot."""
 _COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4, "nu2": 2}
 
@@ -83,18 +83,28 @@ class Stage:
         names, slots, uniforms = _shader_values(params, self.placement)
         plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
         roots = [*self._roots[:-1], *plugins, self._roots[-1]]
-        own = {name: str(value) for name, value in defines.items()}
-        names = {**MAP_DEFINES, **TRIANGLE_DEFINES, **self._geometry.smooth_defines, **names, **own}
+        names = {
+            **MAP_DEFINES,
+            **self._geometry.defines,
+            **names,
+            **{key: str(value) for key, value in defines.items()},
+        }
         slots = {"projection": "matrix", **slots, **includes}
         uniforms |= {"metre": self.placement.length(1.0), "subpixel": 2.0**-self.device.subpixel_bits}
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
-        texts = {stage: compose(source, roots, names, slots) for stage, source in stages.items()}
-        program = link(self.device, *texts.values())
-        self._resources.append(program.linked)
+
+        def linked(more: Mapping[str, str]) -> tuple[dict[str, str], Program]:
+            texts: dict[str, str] = {
+                stage: compose(source, roots, {**names, **more, stage.upper(): "1"}, slots)
+                for stage, source in stages.items()
+            }
+            program = link(self.device, *texts.values())
+            self._resources.append(program.linked)
+            return texts, program
+
+        texts, program = linked({})
         if self.cutouts and not CUTOUTS.keys() & names and any("CUTOUTS" in text for text in texts.values()):
-            cut = (compose(source, roots, names | CUTOUTS, slots) for source in stages.values())
-            program.cut = link(self.device, *cut)
-            self._resources.append(program.cut.linked)
+            _, program.cut = linked(CUTOUTS)
         used = {name: value for name, value in uniforms.items() if program.has(name)}
         program.set(**used)
         self._programs += 1
@@ -167,7 +177,7 @@ class Stage:
         return self._geometry.cutouts
 
     def casters(self, program: Program) -> Drawable:
-        """The scene's caster triangles, with `in vec3 position`; cut out if the shaders include `cutout/….glsl`."""
+        """The scene's caster triangles, with `in vec3 position`; cut out if the shaders include `cutout.glsl`."""
         return self._drawable(self._geometry.casters(program))
 
     def surfaces(self, program: Program) -> Drawable:

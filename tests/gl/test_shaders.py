@@ -20,24 +20,12 @@ def test_version_comes_first_then_the_defines_that_are_used_then_text(tmp_path) 
     assert text.splitlines() == [VERSION, "#define SIZE 1024", "#define REVERSED 0", code]
 
 
-def test_includes_nest_and_a_file_is_included_once_at_its_first_include(tmp_path) -> None:
-    write(tmp_path, a='#include "c.glsl"\nfrom a', b='#include "c.glsl"\n#include "b.glsl"\nfrom b', c="from c")
-    lines = compose('#include "a.glsl"\n#include "b.glsl"\n#include "c.glsl"\n', [tmp_path]).splitlines()
-    assert [line for line in lines if line] == [VERSION, "from c", "from a", "from b"]
-
-
 def test_a_slot_in_a_path_takes_a_name(tmp_path) -> None:
     """Also one that an include renames."""
     write(tmp_path, wide="wide", narrow="narrow", bias='#include "<bias_of>.glsl"\nbias_max')
     slots = {"bias_of": "wide", "bias_a_of": "narrow"}
     text = '#include "bias.glsl"\n#include "bias.glsl" with bias = bias_a\n'
     assert compose(text, [tmp_path], slots=slots).split("\n")[1:] == ["wide", "bias_max", "narrow", "bias_a_max", ""]
-
-
-def test_a_file_without_the_name_that_an_include_renames_is_included_once(tmp_path) -> None:
-    write(tmp_path, units="uniform float metre;", bias='#include "units.glsl"\nfloat bias_max;')
-    text = compose('#include "bias.glsl" with bias = a\n#include "bias.glsl" with bias = b\n', [tmp_path])
-    assert text.split("\n")[1:] == ["uniform float metre;", "float a_max;", "", "float b_max;", ""]
 
 
 def test_a_file_may_be_included_with_renamed_identifiers(tmp_path) -> None:

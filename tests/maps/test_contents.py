@@ -25,11 +25,11 @@ def stored(one, level: int = 0) -> np.ndarray:
     """(layers, size, size, components) of a built technique's map."""
     contents = one.technique.map.contents
     size = one.technique.params.size >> level
-    if contents.kind == "cube":
+    if one.technique.name == "cube-map":
         faces = [contents.texture.read(face) for face in range(6)]
         data = b"".join(faces)
     else:
-        data = contents.texture.read(level=level) if contents.kind == "2d" else contents.texture.read()
+        data = contents.texture.read(level=level) if one.technique.name == "shadow-map" else contents.texture.read()
     return np.frombuffer(data, dtype=np.float32).reshape(-1, size, size, contents.texture.components).astype(float)
 
 
