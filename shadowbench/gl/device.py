@@ -5,7 +5,7 @@ Where moderngl is not installed there are only its names, so that techniques are
 
 import ctypes
 import sys
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
@@ -30,49 +30,14 @@ except ModuleNotFoundError:  # no wheel for this platform: docs/how-to/install.m
 _SUBPIXEL_BITS, _CUBE_MAP_SEAMLESS = 0x0D50, 0x884F
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "warp", "basic render")
 
-_ENUM = _UINT = ctypes.c_uint
-_INT = _SIZE = ctypes.c_int
-_BOOL = ctypes.c_ubyte
-_POINTER = ctypes.c_void_p
-
-SIGNATURES: Mapping[str, tuple[Any, ...]] = {
-    "glActiveTexture": (_ENUM,),
-    "glBeginQuery": (_ENUM, _UINT),
-    "glBindFramebuffer": (_ENUM, _UINT),
-    "glBindTexture": (_ENUM, _UINT),
-    "glClear": (_UINT,),
-    "glClearStencil": (_INT,),
-    "glClipControl": (_ENUM, _ENUM),
-    "glColorMask": (_BOOL, _BOOL, _BOOL, _BOOL),
-    "glDeleteQueries": (_SIZE, _POINTER),
-    "glDeleteTextures": (_SIZE, _POINTER),
-    "glDepthMask": (_BOOL,),
-    "glEndQuery": (_ENUM,),
-    "glFramebufferTexture": (_ENUM, _ENUM, _UINT, _INT),
-    "glFramebufferTexture2D": (_ENUM, _ENUM, _ENUM, _UINT, _INT),
-    "glFramebufferTextureLayer": (_ENUM, _ENUM, _UINT, _INT, _INT),
-    "glGenQueries": (_SIZE, _POINTER),
-    "glGenTextures": (_SIZE, _POINTER),
-    "glGetIntegerv": (_ENUM, _POINTER),
-    "glGetQueryObjectui64v": (_UINT, _ENUM, _POINTER),
-    "glGetTexImage": (_ENUM, _INT, _ENUM, _ENUM, _POINTER),
-    "glGetTexLevelParameteriv": (_ENUM, _INT, _ENUM, _POINTER),
-    "glGetUniformLocation": (_UINT, ctypes.c_char_p),
-    "glStencilFunc": (_ENUM, _INT, _UINT),
-    "glStencilOpSeparate": (_ENUM, _ENUM, _ENUM, _ENUM),
-    "glTexImage2D": (_ENUM, _INT, _INT, _SIZE, _SIZE, _INT, _ENUM, _ENUM, _POINTER),
-    "glTexImage3D": (_ENUM, _INT, _INT, _SIZE, _SIZE, _SIZE, _INT, _ENUM, _ENUM, _POINTER),
-    "glUniform1i": (_INT, _INT),
-    "glUseProgram": (_UINT,),
-}
-"""Types of the arguments of each entry point; the results that there are fit into an int."""
-
 
 class RawGL:
-    """Calls by name, `raw("glUniform1i", location, 0)`. Raises NotImplementedError for one that the driver lacks."""
+    """Calls by name of entry points that return nothing or an int: `raw("glUniform1i", location, 0)`.
 
-    def __init__(self, context: moderngl.Context, signatures: Mapping[str, tuple[Any, ...]] = SIGNATURES) -> None:
-        self._signatures = signatures
+    Arguments: ints, and pointers of ctypes. Raises NotImplementedError for an entry point that the driver lacks.
+    """
+
+    def __init__(self, context: moderngl.Context) -> None:
         self._load: Callable[[str], int] = context.mglo._context.load_opengl_function
         self._functions: dict[str, Callable[..., int]] = {}
 
@@ -82,13 +47,13 @@ class RawGL:
             address = self._load(name)
             if not address:
                 raise NotImplementedError(f"the OpenGL driver has no {name}")
-            self._functions[name] = ctypes.CFUNCTYPE(_INT, *self._signatures[name])(address)
+            self._functions[name] = ctypes.CFUNCTYPE(ctypes.c_int)(address)
         return self._functions[name](*arguments)
 
-    def integer(self, name: int) -> int:
-        """An integer limit or state (glGetIntegerv)."""
+    def integer(self, name: str, *arguments: int) -> int:
+        """The integer that an entry point writes to its last argument, such as glGetIntegerv."""
         value = ctypes.c_int()
-        self("glGetIntegerv", name, ctypes.byref(value))
+        self(name, *arguments, ctypes.byref(value))
         return value.value
 
 
@@ -137,7 +102,7 @@ class Device:
     @cached_property
     def subpixel_bits(self) -> int:
         """Bits of the rasteriser's subpixel grid: usually 8; OpenGL requires 4."""
-        return self.raw.integer(_SUBPIXEL_BITS)
+        return self.raw.integer("glGetIntegerv", _SUBPIXEL_BITS)
 
     def has(self, extension: str, core: int) -> bool:
         """Whether the driver has an extension, or the core version (450 for 4.5) that includes it."""

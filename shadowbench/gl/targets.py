@@ -54,7 +54,7 @@ class DepthTexture:
         depths = np.empty((self.layers, self.size, self.size), dtype=np.float32)
         self.use()
         for target, image in zip(_image_targets(self.kind), depths if self.kind == "cube" else [depths], strict=True):
-            self.device.raw("glGetTexImage", target, 0, _DEPTH_COMPONENT, _FLOAT, image.ctypes.data)
+            self.device.raw("glGetTexImage", target, 0, _DEPTH_COMPONENT, _FLOAT, image.ctypes.data_as(ctypes.c_void_p))
         return depths
 
     def attach(self, framebuffer: moderngl.Framebuffer, layer: int | None = None) -> None:
@@ -167,10 +167,9 @@ def map_bytes(size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1)
 def unsupported_map(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:
     """Why the driver does not support such a map; None if it does. Uses proxy textures, which allocate nothing."""
     _specify(device, _PROXIES[kind], kind, size, layers, depth)
-    width = ctypes.c_int()
-    device.raw("glGetTexLevelParameteriv", _PROXIES[kind], 0, _TEXTURE_WIDTH, ctypes.byref(width))
+    width = device.raw.integer("glGetTexLevelParameteriv", _PROXIES[kind], 0, _TEXTURE_WIDTH)
     what = {"2d": "a map", "array": f"{layers} maps", "cube": "a cube"}[kind]
-    return None if width.value == size else f"the driver refuses {what} of {size}² texels in {depth}"
+    return None if width == size else f"the driver refuses {what} of {size}² texels in {depth}"
 
 
 def _specify(device: Device, target: int, kind: Kind, size: int, layers: int, depth: DepthFormat) -> None:
@@ -217,8 +216,7 @@ def stencil_target(device: Device, size: tuple[int, int], *colors: moderngl.Text
 
 
 def _check(device: Device, target: int, query: int, bits: int, name: str) -> None:
-    found = ctypes.c_int()
-    device.raw("glGetTexLevelParameteriv", target, 0, query, ctypes.byref(found))
+    given = device.raw.integer("glGetTexLevelParameteriv", target, 0, query)
     device.check(name)
-    if found.value != bits:
-        raise RuntimeError(f"asked the driver for {bits} bits in {name}, got {found.value}")
+    if given != bits:
+        raise RuntimeError(f"asked the driver for {bits} bits in {name}, got {given}")

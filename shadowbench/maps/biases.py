@@ -30,15 +30,8 @@ class Effect:
     along_normal: float = 0.0
 
     def __add__(self, other: "Effect") -> "Effect":
-        return Effect(
-            self.factor + other.factor,
-            self.units + other.units,
-            self.cull or other.cull,
-            self.depth + other.depth,
-            self.metres + other.metres,
-            self.texels + other.texels,
-            self.along_normal + other.along_normal,
-        )
+        sums = {key: value + getattr(other, key) for key, value in vars(self).items() if key != "cull"}
+        return Effect(cull=self.cull or other.cull, **sums)
 
     def lengths(self, radius: float, texel_m: float, depth_range_m: float) -> dict[str, float]:
         """A sun's smallest bias along the light and largest offset along the normal, in metres and in texel widths.
@@ -49,9 +42,11 @@ class Effect:
             "bias": self.depth * depth_range_m + self.metres + self.texels * texel_m,
             "normal_offset": self.along_normal * radius * math.sqrt(2) * texel_m,
         }
-        found = {name: length for name, length in lengths.items() if length}
-        return {f"{name}_m": length for name, length in found.items()} | {
-            f"{name}_texels": length / texel_m for name, length in found.items()
+        return {
+            f"{name}_{unit}": length / scale
+            for unit, scale in (("m", 1.0), ("texels", texel_m))
+            for name, length in lengths.items()
+            if length
         }
 
 
@@ -78,7 +73,7 @@ class Bias(Component):
 
     @property
     def terms(self) -> "tuple[Bias, ...]":
-        """The biases of a sum; the bias itself otherwise."""
+        """The biases of a sum; else the bias itself."""
         return (self,)
 
     @property

@@ -58,11 +58,6 @@ def test_a_walk_through_the_boxes_around_a_point_meets_every_triangle_there(seed
         assert face in walk(tree, hits)
 
 
-def test_a_walk_that_enters_nothing_ends_after_the_first_box() -> None:
-    tree = build_tree(*random_triangles(0, 300, 0.1))
-    assert tree.words[0, 3] == len(tree.words)
-
-
 def test_triangles_in_one_place_are_divided_by_number() -> None:
     for count in (7, 8, 100):
         tree = build_tree(np.zeros((3, 3)), np.tile(np.arange(3, dtype=np.int32), (count, 1)))

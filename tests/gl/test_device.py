@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from shadowbench.gl.device import SIGNATURES, Device
+from shadowbench.gl.device import Device
 from shadowbench.gl.program import arithmetic
 
 
@@ -27,12 +27,6 @@ def test_an_extension_is_available_by_name_or_by_version(device) -> None:
     assert not device.has("GL_nobody_has_this", device.version + 10)
     some = min(device.context.extensions)
     assert device.has(some, device.version + 10)
-
-
-def test_every_declared_entry_point_that_4_1_promises_can_be_loaded(device) -> None:
-    newer = {"glClipControl"}
-    for name in SIGNATURES.keys() - newer:
-        assert device.context.mglo._context.load(name), name
 
 
 def test_an_opengl_error_names_the_activity(device) -> None:
