@@ -57,10 +57,6 @@ class DepthTexture:
             self.device.raw("glGetTexImage", target, 0, _DEPTH_COMPONENT, _FLOAT, image.ctypes.data_as(ctypes.c_void_p))
         return depths
 
-    def attach(self, framebuffer: moderngl.Framebuffer, layer: int | None = None) -> None:
-        """Attach the whole texture (layered if it has several layers), or one layer, to a framebuffer as its depth."""
-        _attach(self.device, framebuffer, _DEPTH_ATTACHMENT, self.glo, self.kind, layer)
-
     def release(self) -> None:
         """Free the texture."""
         self.device.raw("glDeleteTextures", 1, ctypes.byref(ctypes.c_uint(self.glo)))
@@ -87,7 +83,7 @@ class DepthTarget:
 
 
 def _image_targets(kind: Kind) -> Sequence[int]:
-    """The texture targets by which OpenGL addresses the images of a texture."""
+    """What OpenGL addresses the images of a texture by."""
     return range(_FIRST_FACE, _FIRST_FACE + FACES) if kind == "cube" else [_BINDINGS[kind]]
 
 
@@ -100,7 +96,7 @@ def framebuffer_of(depth: DepthTexture, colors: Sequence[Color] = (), layer: int
     framebuffer = _with_colors(device, colors, depth.kind, layer, placeholder)
     placeholder.release()
     framebuffer.viewport = (0, 0, side, side)
-    depth.attach(framebuffer, layer)
+    _attach(device, framebuffer, _DEPTH_ATTACHMENT, depth.glo, depth.kind, layer)
     return framebuffer
 
 
@@ -147,11 +143,7 @@ def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d
     for image_target in _image_targets(kind):
         _specify(device, image_target, kind, size, layers, depth)
     what = f"a {depth} target of {size}²" if kind == "2d" else f"{layers} layers of {size}² in {depth}"
-    try:
-        _check(device, _image_targets(kind)[0], _DEPTH_SIZE, bits, what)
-    except RuntimeError:
-        texture.release()
-        raise
+    _check(device, _image_targets(kind)[0], _DEPTH_SIZE, bits, what)
     whole = framebuffer_of(texture)
     layer_targets = tuple(framebuffer_of(texture, layer=layer) for layer in range(0 if kind == "2d" else layers))
     device.check(what)
@@ -189,10 +181,9 @@ class StencilTarget:
     target: moderngl.Framebuffer
     bytes: int
 
-    def clear_stencil(self, value: int = 0) -> None:
+    def clear_stencil(self) -> None:
         """Clear the stencil, which moderngl's clear leaves unchanged."""
         self.target.use()
-        self.device.raw("glClearStencil", value)
         self.device.raw("glClear", _STENCIL_BUFFER)
 
     def release(self) -> None:

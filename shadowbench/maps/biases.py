@@ -4,8 +4,6 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
 
-from pydantic import model_validator
-
 from shadowbench.plugin.params import Call, Component, param, parse_value
 
 MapKind = Literal["2d", "array", "cube"]
@@ -232,18 +230,12 @@ class Texel(Bias):
 class Sum(Bias):
     """The sum of two biases, `polygon-offset(2,4)+before-divide(0.01)`: the second applies to what the first has left.
 
-    Not in the table of biases; specs form it with `+`. `second` may be a sum.
+    Not in the table of biases; specs form it with `+`. `second` may be a sum, and `first` is none.
     """
 
     shader = "bias/sum.glsl"
     first: Bias
     second: Bias
-
-    @model_validator(mode="after")
-    def _has_one_form(self) -> Self:
-        if isinstance(self.first, Sum):
-            raise ValueError("first: found a sum; allowed: one bias")
-        return self
 
     @property
     def terms(self) -> tuple[Bias, ...]:

@@ -128,8 +128,8 @@ class MapLayout:
 class MapContents:
     """A filter's contents of a map of one or more layers; its shader's `filter_contents` writes them with the depth.
 
-    texture: the contents, of the map's kind; far: (4,) contents where no caster is, which also surround the map; reads:
-    texels read by the blur, and by the first mip level.
+    texture, sampling: the contents, of the map's kind, and how they are read; far: (4,) contents where no caster is,
+    which also surround the map; reads: texels read by the blur, and by the first mip level.
     """
 
     def __init__(
@@ -150,6 +150,7 @@ class MapContents:
         values = np.frombuffer(far.draw({}).read(), dtype=np.float32)
         x, y, z, w = np.pad(values, (0, 4 - contents.components)).tolist()
         self.far = x, y, z, w
+        self.sampling = Sampling(linear=contents.linear, wrap=layout.wrap, border=self.far, mips=contents.mips)
         self.reads = layers * size**2 * (2 * self._taps * (contents.blur > 1) + contents.mips)
         self._passes: list[tuple[Drawable, list[moderngl.Framebuffer], Color, Sampling]] = []
         if contents.blur > 1:  # separable, through a scratch texture that has the rows beyond a layer's edges too
@@ -180,12 +181,6 @@ class MapContents:
                 drawable.draw(target, {"source": (source, sampling)})
         if self._contents.mips:
             self.texture.build_mipmaps()
-
-    def sampler(self) -> Textures:
-        """The sampler `map_contents` of shadow_map.glsl."""
-        contents, wrap = self._contents, self._layout.wrap
-        sampling = Sampling(linear=contents.linear, wrap=wrap, border=self.far, mips=contents.mips)
-        return {"map_contents": (self.texture, sampling)}
 
 
 class CasterMap:
@@ -242,12 +237,13 @@ class CasterMap:
         border = 0.0 if self.layout.reversed_depth else 1.0
         compare: Comparison = ">=" if self.layout.reversed_depth else "<="
         wrap = self.layout.wrap
-        stored = {} if self.contents is None else self.contents.sampler()
-        return {
+        samplers: dict[str, tuple[Texture, Sampling]] = {
             "map_depths": (self.texture, Sampling(wrap=wrap, border=border)),
             "map_compare": (self.texture, Sampling(linear=True, wrap=wrap, border=border, compare=compare)),
-            **stored,
         }
+        if self.contents is not None:
+            samplers["map_contents"] = self.contents.texture, self.contents.sampling
+        return samplers
 
     def draw(self, frame: Frame, views: Sequence[LightView], layered: bool = False) -> None:
         """Clear the map and draw the casters into each layer by its light view.

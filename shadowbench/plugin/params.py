@@ -63,8 +63,8 @@ class Reader:
         self.text, self.at = text, 0
 
     def fail(self, wanted: str) -> InputError:
-        found = self.text[self.at :].strip()
-        return InputError(f"spec {self.text!r}: expected {wanted}, found {repr(found[:20]) if found else 'its end'}")
+        rest = self.text[self.at :].strip()
+        return InputError(f"spec {self.text!r}: expected {wanted}, found {repr(rest[:20]) if rest else 'its end'}")
 
     def token(self, kind: str, text: str | None = None) -> str | None:
         """Consume and return the next token if it is of this kind (and text); None otherwise."""
@@ -82,22 +82,18 @@ class Reader:
         """A number, a word, or a Call. depth: number of calls around it."""
         if depth > DEEPEST:
             raise InputError(f"spec {self.text!r}: nested deeper than {DEEPEST} calls")
-        first = self._operand(depth)
-        return Call("+", ((None, first), (None, self.value(depth + 1)))) if self.token("mark", "+") else first
-
-    def _operand(self, depth: int) -> Any:
-        number = self.token("number")
-        if number is not None:
-            return int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
-        word = self.token("word")
-        if word is None:
+        value: Any
+        if number := self.token("number"):
+            value = int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
+        elif not (word := self.token("word")):
             raise self.fail("a number or a word")
-        if not self.token("mark", "("):
-            return {"true": True, "false": False}.get(word, word)
-        arguments = self.items(named=False, depth=depth + 1)
-        if not self.token("mark", ")"):
-            raise self.fail("')'")
-        return Call(word, arguments)
+        elif self.token("mark", "("):
+            value = Call(word, self.items(named=False, depth=depth + 1))
+            if not self.token("mark", ")"):
+                raise self.fail("')'")
+        else:
+            value = {"true": True, "false": False}.get(word, word)
+        return Call("+", ((None, value), (None, self.value(depth + 1)))) if self.token("mark", "+") else value
 
     def items(self, named: bool = True, depth: int = 0) -> Items:
         """Items separated by commas; named: whether each must have a key."""
@@ -130,19 +126,16 @@ def parse_value(text: str) -> Any:
     return value
 
 
-def param(default: Any, help: str, *, metres: bool = False, values: str = "", **limits: Any) -> Any:
+def param(default: Any, help: str, *, metres: bool = False, **limits: Any) -> Any:
     """A parameter: default, one line of help, and pydantic limits (ge, gt, le, lt).
 
-    metres: the value is a length in file units, converted to a local length when its uniform is set; values: the
-    allowed ones in words, if the type does not say them.
+    metres: the value is a length in file units, converted to a local length when its uniform is set.
     """
-    return Field(default, description=help, json_schema_extra={"metres": metres, "values": values}, **limits)
+    return Field(default, description=help, json_schema_extra={"metres": metres}, **limits)
 
 
 def allowed(info: FieldInfo) -> str:
     """The allowed values of a parameter as text: `d16, d24, d32f` or `≥ 0, metres`; empty for a component."""
-    if isinstance(info.json_schema_extra, dict) and info.json_schema_extra.get("values"):
-        return str(info.json_schema_extra["values"])
     if get_origin(info.annotation) is Literal:
         return ", ".join(map(str, get_args(info.annotation)))
     if info.annotation is bool:

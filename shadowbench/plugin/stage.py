@@ -1,14 +1,13 @@
 """The stage: the scene and device that a technique builds its GL resources from. It owns and releases them."""
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic.fields import FieldInfo
 
 from shadowbench.errors import Unsupported
 from shadowbench.files import data_folder
@@ -115,10 +114,9 @@ class Stage:
 
     def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:
         """A colour texture, by default of the image's size."""
-        width, height = size or self.size
-        create = self.device.context.texture
-        needed = width * height * components * _COMPONENT_BYTES[dtype]
-        return self._allocated(needed, lambda: create((width, height), components, dtype=dtype))
+        texture = self.map_texture(size or self.size, "2d", 1, components, dtype)
+        assert isinstance(texture, moderngl.Texture)
+        return texture
 
     def map_texture(
         self, size: tuple[int, int], kind: Kind, layers: int, components: int, dtype: str, mips: bool = False
@@ -259,23 +257,21 @@ def _shader_values(
     defines: dict[str, str] = {}
     slots: dict[str, str] = {}
     uniforms: dict[str, float] = {}
-    for name, field, value in _values(params) if params else ():
-        if isinstance(value, Component):
-            slots |= {name: value.shader} if value.shader else {}
-        elif isinstance(value, bool | int):
-            defines[name.upper()] = str(int(value))
-        elif isinstance(value, float):
-            uniforms[name] = placement.length(value) if in_metres(field) else value
-        else:
-            defines[f"{name}_{value}".upper().replace("-", "_")] = "1"
-            slots[name] = str(value)
+
+    def add(params: TechniqueParams | Component, prefix: str) -> None:
+        for key, field in type(params).model_fields.items():
+            name, value = prefix + key, getattr(params, key)
+            if isinstance(value, Component):
+                slots.update({name: value.shader} if value.shader else {})
+                add(value, f"{name}_")  # `bias_max`
+            elif isinstance(value, bool | int):
+                defines[name.upper()] = str(int(value))
+            elif isinstance(value, float):
+                uniforms[name] = placement.length(value) if in_metres(field) else value
+            else:
+                defines[f"{name}_{value}".upper().replace("-", "_")] = "1"
+                slots[name] = str(value)
+
+    if params is not None:
+        add(params, "")
     return defines, slots, uniforms
-
-
-def _values(params: TechniqueParams | Component, prefix: str = "") -> Iterator[tuple[str, FieldInfo, Any]]:
-    """Name, field and value of parameters, and of those of components: `bias`, `bias_max`."""
-    for key, field in type(params).model_fields.items():
-        value = getattr(params, key)
-        yield prefix + key, field, value
-        if isinstance(value, Component):
-            yield from _values(value, f"{prefix}{key}_")

@@ -150,9 +150,3 @@ def test_the_default_tolerance_holds_what_exporters_write() -> None:
                 assert plane.share == pytest.approx(1.0)
                 height = mesh.vertices @ plane.equation[:3] + plane.equation[3]
                 assert max(np.abs(height).max(), plane.thickness) < 0.5e-4 * 3**0.5, "half of the last digit of each"
-
-
-def test_terraces_of_rounding_are_not_taken_for_planes() -> None:
-    """Steps of nearly the tolerance: a plane must be one terrace, not all of them."""
-    (plane,) = planes_of(written(tilted(64, axis=(1, 0, 0)), ".5f"), least=0.0005)
-    assert plane.share == pytest.approx(1.0)

@@ -134,16 +134,6 @@ def test_esm_is_the_mean_exponential_over_the_receiver_s(halves, heights, c) -> 
     assert found(f"esm(blur={BLUR},c={c})") == pytest.approx(expected, abs=1e-4)
 
 
-@pytest.mark.parametrize(("filter_", "height"), [("vsm", 0.8), ("evsm", 1.2), ("msm", 2.0)])
-def test_a_single_caster_s_bound_is_the_lit_share(ground, filter_, height) -> None:
-    """Of a distribution of two depths, the farther one the receiver's: all bounds are sharp."""
-    found = ground(plate(height, x=(-2.2, 0.0)))
-    lit = found(f"{filter_}(blur={BLUR},bleed=0)")
-    inner = np.abs(found.x) < 0.4 * BLUR * TEXEL  # further out a share of 1 is compared with a share of nearly 1
-    assert lit[inner] == pytest.approx(share(found.x)[inner], abs=0.02)
-    assert lit[found.x > BLUR * TEXEL].min() > 0.999 and lit[found.x < -BLUR * TEXEL].max() < 0.01
-
-
 def test_msm_is_exact_for_three_depths_with_the_receiver_s(ground) -> None:
     """Four moments bound more sharply than two."""
     found = ground(plate(2.0, x=(-2.2, 0.0)), plate(1.4, x=(0.0, 2.2), z=(-2.2, 0.0)))
