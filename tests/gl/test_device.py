@@ -22,13 +22,6 @@ def test_software_is_known_by_its_name(renderer, software) -> None:
     assert device.software == software
 
 
-def test_an_extension_is_available_by_name_or_by_version(device) -> None:
-    assert device.has("GL_nobody_has_this", device.version)
-    assert not device.has("GL_nobody_has_this", device.version + 10)
-    some = min(device.context.extensions)
-    assert device.has(some, device.version + 10)
-
-
 def test_an_opengl_error_names_the_activity(device) -> None:
     device.raw("glBeginQuery", 0xFFFF, 1)
     with pytest.raises(RuntimeError, match="GL_INVALID_ENUM in a test"):

@@ -61,12 +61,6 @@ def test_every_kind_of_2d_sampler_reads_its_own_texture(device, program, paint) 
     device.free([decoy, plain, signed, depth])
 
 
-def test_a_texture_that_is_left_out_is_an_error(program, paint) -> None:
-    reads = program("uniform sampler2D map; out float value; void main() { value = texture(map, vec2(0.5)).r; }")
-    with pytest.raises(KeyError, match="map"):
-        paint(reads)
-
-
 def test_a_shader_error_says_where_and_why_in_its_first_line(device) -> None:
     fragment = f"{VERSION}\nout vec4 color;\nvoid main() {{\n    color = vec4(blurred);\n}}\n"
     with pytest.raises(
