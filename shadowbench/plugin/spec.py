@@ -92,11 +92,6 @@ class Spec:
         params = _validated(self.technique, values, self.technique.name)
         return replace(self, params=params, explicit=self.explicit | set(changes))
 
-    @property
-    def has_size(self) -> bool:
-        """Whether the technique has a `size` parameter."""
-        return has_size(self.technique)
-
 
 def has_size(technique: "type[Subject]") -> bool:
     """Whether a technique has a `size` parameter."""
