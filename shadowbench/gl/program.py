@@ -302,7 +302,7 @@ def compose(
 
     def include(name: str, old: str = "", new: str = "") -> None:
         """Append the lines of a file or text, with names that begin with `old` renamed to `new`."""
-        text, label, first = _found(name, roots)
+        text, label, first = _source_of(name, roots)
         text = _renamed(text, old, new) if old else text
         if (label, text) in taken:
             lines.append("")
@@ -330,7 +330,7 @@ def _renamed(text: str, old: str, new: str) -> str:
     return re.sub(rf"\b{old.upper()}(?=_)", new.upper(), text)
 
 
-def _found(name: str, roots: Sequence[Path]) -> tuple[str, str, int]:
+def _source_of(name: str, roots: Sequence[Path]) -> tuple[str, str, int]:
     """A text by its file's name, or the text itself; the file, for a text a Python file beside the shaders that has it.
 
     Last, the number of the text's first line in the file.
@@ -341,8 +341,8 @@ def _found(name: str, roots: Sequence[Path]) -> tuple[str, str, int]:
                 return (root / name).read_text(encoding="utf-8"), name, 1
         raise FileNotFoundError(f"no shader file {name!r} in {', '.join(str(root) for root in roots)}")
     for file in (file for root in roots for file in sorted(root.glob("*.py"))):
-        before, found, _ = file.read_text(encoding="utf-8").partition(name)
-        if found:
+        before, separator, _ = file.read_text(encoding="utf-8").partition(name)
+        if separator:
             return name, file.name, before.count("\n") + 1
     return name, "inline source", 1
 

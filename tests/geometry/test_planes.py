@@ -42,21 +42,21 @@ def rotation(quaternion) -> np.ndarray:
 
 
 def test_a_box_on_a_ground_has_six_planes_and_its_bottom_lies_on_the_grounds(shape) -> None:
-    found = planes_of(shape("plane", 8.0), shape("box", 1.0, (0.0, 0.5, 0.0)))
-    assert [len(plane.triangles) for plane in found] == [4, 2, 2, 2, 2, 2]
-    assert found[0].share == pytest.approx(65 / 70) and found[1].share == pytest.approx(1 / 70)
-    assert sum(plane.share for plane in found) == pytest.approx(1.0)
-    assert set(found[0].triangles) > {0, 1}
-    np.testing.assert_allclose(np.abs(found[0].equation), [0, 1, 0, 0], atol=1e-12)
+    planes = planes_of(shape("plane", 8.0), shape("box", 1.0, (0.0, 0.5, 0.0)))
+    assert [len(plane.triangles) for plane in planes] == [4, 2, 2, 2, 2, 2]
+    assert planes[0].share == pytest.approx(65 / 70) and planes[1].share == pytest.approx(1 / 70)
+    assert sum(plane.share for plane in planes) == pytest.approx(1.0)
+    assert set(planes[0].triangles) > {0, 1}
+    np.testing.assert_allclose(np.abs(planes[0].equation), [0, 1, 0, 0], atol=1e-12)
 
 
 def test_equations_hold_on_their_triangles_and_nowhere_else(shape) -> None:
     turn = rotation([0.3, -0.5, 0.7, 0.2])
     meshes = [turned(mesh, turn, 3.0, (50.0, -20.0, 7.0)) for mesh in (shape("plane", 8.0), shape("stairs", 2.0))]
     geometry = Scene("test", tuple(meshes), (), ()).geometry
-    found = planes_of(*meshes, least=0.001)
-    assert len(found) == 16, "of the stairs, one of whose treads lies in the ground"
-    for plane in found:
+    planes = planes_of(*meshes, least=0.001)
+    assert len(planes) == 16, "of the stairs, one of whose treads lies in the ground"
+    for plane in planes:
         height = geometry.vertices @ plane.equation[:3] + plane.equation[3]
         assert np.linalg.norm(plane.equation[:3]) == pytest.approx(1.0)
         on = (np.abs(height) < 1e-9)[geometry.faces].all(axis=1)
@@ -72,11 +72,11 @@ def test_coplanar_pieces_are_one_plane_connected_or_not_and_of_either_winding(sh
     assert len(planes_of(left, turned(right, shift=(0.0, 1e-4, 0.0)))) == 2
 
 
-@pytest.mark.parametrize(("bend", "planes"), [(1e-7, 1), (1e-4, 2)])
-def test_a_ridge_is_two_planes_unless_it_is_within_the_tolerance(bend, planes) -> None:
-    found = planes_of(grid(16, lambda x, z: -bend * np.abs(x)), least=0.2)
-    assert len(found) == planes
-    assert sum(plane.share for plane in found) == pytest.approx(1.0)
+@pytest.mark.parametrize(("bend", "count"), [(1e-7, 1), (1e-4, 2)])
+def test_a_ridge_is_two_planes_unless_it_is_within_the_tolerance(bend, count) -> None:
+    planes = planes_of(grid(16, lambda x, z: -bend * np.abs(x)), least=0.2)
+    assert len(planes) == count
+    assert sum(plane.share for plane in planes) == pytest.approx(1.0)
 
 
 def test_curved_surfaces_are_no_planes() -> None:
@@ -87,8 +87,8 @@ def test_curved_surfaces_are_no_planes() -> None:
 def test_a_stack_of_sheets_does_not_hide_the_ground_below_it() -> None:
     """There are more sheets than the maximum number of planes, with far more area than the ground in one cell."""
     sheets = [turned(grid(1, flat, 1.0), shift=(0.0, 0.5 + 1e-4 * k, 0.0)) for k in range(400)]
-    found = planes_of(grid(2, flat, 5.0), *sheets, least=0.0005)
-    assert list(found[0].triangles) == list(range(8)) and len(found) == 32
+    planes = planes_of(grid(2, flat, 5.0), *sheets, least=0.0005)
+    assert list(planes[0].triangles) == list(range(8)) and len(planes) == 32
 
 
 units = st.floats(-1.0, 1.0, allow_nan=False)

@@ -24,13 +24,13 @@ def leaf_of(word: int) -> range:
 
 def walk(tree: Tree, hits: np.ndarray) -> list[int]:
     """Faces reached by a walk that enters the nodes in `hits`, (N,) bool."""
-    node, found = 0, []
+    node, faces = 0, []
     while node < len(tree.words):
         word = int(tree.words[node, 3])
         if hits[node] and word >= LEAF:
-            found += [int(tree.order[k]) for k in leaf_of(word)]
+            faces += [int(tree.order[k]) for k in leaf_of(word)]
         node = node + 1 if hits[node] or word >= LEAF else word
-    return found
+    return faces
 
 
 def random_triangles(seed: int, count: int, spread: float) -> tuple[np.ndarray, np.ndarray]:

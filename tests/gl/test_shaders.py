@@ -82,8 +82,8 @@ def test_each_line_of_a_composed_text_knows_its_file_and_line(tmp_path) -> None:
     (tmp_path / "mine.py").write_text(f'# a comment\nTEXT = """{inline}"""\n')
     (tmp_path / "bias.glsl").write_text("bias1\n")
     text = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"})
-    found = dict(zip(text.splitlines(), text.places, strict=False))
+    places = dict(zip(text.splitlines(), text.places, strict=False))
     expected = {"a1": ("a.glsl", 1), "a3": ("a.glsl", 3), "a5": ("a.glsl", 5), "b1": ("b.glsl", 1), "b2": ("b.glsl", 2)}
     expected |= {"i2 SIZE": ("mine.py", 3), "i4": ("mine.py", 5), "i6": ("mine.py", 7), "bias1": ("bias.glsl", 1)}
-    assert {line: found[line] for line in expected} == expected
+    assert {line: places[line] for line in expected} == expected
     assert len(text.places) == text.count("\n") + 1

@@ -52,9 +52,9 @@ def test_a_box_weighs_its_texels_equally_and_a_gaussian_deviates_by_a_quarter_of
 @pytest.mark.parametrize("light", [SUN, SPOT], ids=lambda light: light.kind)
 def test_the_first_moment_is_the_linear_depth_of_the_map(contents, light) -> None:
     """For a spot too, whose depth buffer is not linear."""
-    found, one = contents("shadow-map:size=128,filter=vsm(blur=1)", light)
-    assert (found[0, ..., 0] < 0.9).mean() > 0.05
-    assert found[0, ::-1, :, 0] == pytest.approx(one.technique.map_image().astype(float), abs=2e-5)
+    values, one = contents("shadow-map:size=128,filter=vsm(blur=1)", light)
+    assert (values[0, ..., 0] < 0.9).mean() > 0.05
+    assert values[0, ::-1, :, 0] == pytest.approx(one.technique.map_image().astype(float), abs=2e-5)
 
 
 @pytest.mark.parametrize(
@@ -79,10 +79,10 @@ def test_the_blur_is_scipy_s_with_the_far_contents_around(contents, filter_, wid
 def test_the_blur_is_as_wide_in_the_scene_in_every_cascade(contents) -> None:
     """The variance of the edge of a half-plane is that of the kernel."""
     ground, half = plate(0.0, (-40.0, 40.0), (-40.0, 40.0)), plate(2.0, (-40.0, 0.0), (-40.0, 40.0))
-    found, one = contents("cascades:size=256,count=3,box=tight,filter=vsm(blur=41)", DOWN, ground, half)
+    values, one = contents("cascades:size=256,count=3,box=tight,filter=vsm(blur=41)", DOWN, ground, half)
     views = one.technique.light_views
     widths = []
-    for layer, view in zip(found[..., 0], views, strict=True):
+    for layer, view in zip(values[..., 0], views, strict=True):
         across = int(np.argmax(np.abs(view.to_map()[:2, 0])))  # the map's axis along x; the edge is at 0
         edge = round(256 * float(view.to_map()[across, 3]))
         assert 24 < edge < 256 - 24
@@ -101,10 +101,10 @@ def test_the_blur_crosses_the_edges_of_a_cube_s_faces(contents) -> None:
     corners = np.array([[1.0, -0.4, 1], [1, -0.4, 0], [1, 0.4, 0], [1, 0.4, 1]])
     caster = Mesh("caster", corners, np.array([[0, 1, 2], [0, 2, 3]]))
     ground = plate(-3.0)
-    found, _ = contents("cube-map:size=64,filter=vsm(blur=5)", lamp, ground, caster)
+    values, _ = contents("cube-map:size=64,filter=vsm(blur=5)", lamp, ground, caster)
     sharp, _ = contents("cube-map:size=64,filter=vsm(blur=1)", lamp, ground, caster)
     rows = slice(26, 38)
     nearer = 1 - sharp[0, rows, 0, 0]  # the column of +X at its edge, where s = −1, z = +1
     assert nearer.min() > 0.3 and (sharp[4, rows, -1, 0] == 1).all()
-    assert (1 - found[0, rows, 0, 0]) / nearer == pytest.approx(3 / 5, abs=0.02)
-    assert (1 - found[4, rows, -1, 0]) / nearer == pytest.approx(2 / 5, abs=0.02)
+    assert (1 - values[0, rows, 0, 0]) / nearer == pytest.approx(3 / 5, abs=0.02)
+    assert (1 - values[4, rows, -1, 0]) / nearer == pytest.approx(2 / 5, abs=0.02)

@@ -73,9 +73,9 @@ def test_the_reduction_is_the_least_and_greatest_over_the_g_buffer_of_any_size(
 
 def assert_bounds_are_of_the_receivers(shot, build, device) -> None:
     one, space = build("shadow-map:size=16", shot), light_space(shot.view.light)
-    found = VisibleBounds(one.stage)(Frame(shot.view, Phase(), 0, shot.surface, Clock(device)), space)
+    result = VisibleBounds(one.stage)(Frame(shot.view, Phase(), 0, shot.surface, Clock(device)), space)
     expected = space.box(receivers(shot))
-    assert found.low == pytest.approx(expected.low, abs=2e-6) and found.high == pytest.approx(expected.high, abs=2e-6)
+    assert result.low == pytest.approx(expected.low, abs=2e-6) and result.high == pytest.approx(expected.high, abs=2e-6)
 
 
 @pytest.mark.parametrize("aim", [0.0, 0.2])
@@ -121,8 +121,8 @@ def test_fixed_is_the_published_matrix_in_file_units(studio, build, builtin, kin
     points = np.random.default_rng(1).uniform(-2, 2, (50, 3))
     expected = np.column_stack([points, np.ones(50)]) @ published.T
     local = shot.placement.points(points)
-    found = np.column_stack([local, np.ones(50)]) @ light_view.to_map().T
-    assert found[:, :3] / found[:, 3:] == pytest.approx(expected[:, :3] / expected[:, 3:], abs=1e-9)
+    result = np.column_stack([local, np.ones(50)]) @ light_view.to_map().T
+    assert result[:, :3] / result[:, 3:] == pytest.approx(expected[:, :3] / expected[:, 3:], abs=1e-9)
     assert (light_view.near, light_view.far) == pytest.approx((near * shot.placement.scale, far * shot.placement.scale))
 
 
@@ -163,7 +163,7 @@ def test_corners_of_a_frustum_in_a_box(eye, ahead, slope, near, depth, seed) -> 
     basis = np.stack([right, np.cross(back, right), back])
     far = near + depth
     planes = np.vstack([box_planes(bounds), frustum_planes(np.asarray(eye), basis, slope, near, far)])
-    found = corners(planes, 1.0)
+    result = corners(planes, 1.0)
 
     # Brute force: points of the box that lie in the frustum, by its definition.
     points = np.random.default_rng(seed).uniform(*bounds, (4000, 3))
@@ -171,8 +171,8 @@ def test_corners_of_a_frustum_in_a_box(eye, ahead, slope, near, depth, seed) -> 
     inside = points[(near <= axial) & (axial <= far) & (np.maximum(np.abs(x), np.abs(y)) <= slope * axial)]
     toward = np.random.default_rng(seed).normal(size=(30, 3))
     if len(inside):
-        assert len(found) >= 4
-        assert ((inside @ toward.T).max(axis=0) <= (found @ toward.T).max(axis=0) + 1e-9).all()
+        assert len(result) >= 4
+        assert ((inside @ toward.T).max(axis=0) <= (result @ toward.T).max(axis=0) + 1e-9).all()
 
 
 @given(st.integers(0, 200))

@@ -71,11 +71,11 @@ def entry_point(monkeypatch: pytest.MonkeyPatch):
 def test_a_file_brings_its_technique_and_the_shaders_beside_it(tmp_path: Path, studio, builtin, build) -> None:
     (tmp_path / "dusk.frag").write_text(SHADER, encoding="utf-8")
     file = plugin(tmp_path, PLUGIN.format(name="dusk"))
-    found = techniques([file, file])
-    assert shader_folder(found["dusk"]) == tmp_path and source_file(found["dusk"]) == file
-    assert set(found) == {*techniques(), "dusk"}, "and only for those who asked for it"
+    known = techniques([file, file])
+    assert shader_folder(known["dusk"]) == tmp_path and source_file(known["dusk"]) == file
+    assert set(known) == {*techniques(), "dusk"}, "and only for those who asked for it"
     shot = studio.shot(builtin("cube-on-plane", 64))
-    assert set(build("dusk:level=0.75", shot, found).draw(shot).ravel().tolist()) == {0.75, 1.0}
+    assert set(build("dusk:level=0.75", shot, known).draw(shot).ravel().tolist()) == {0.75, 1.0}
 
 
 def test_a_file_may_bring_only_a_filter_for_every_technique_that_has_one(tmp_path: Path) -> None:
