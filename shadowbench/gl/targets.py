@@ -66,14 +66,13 @@ class DepthTexture:
 class DepthTarget:
     """A depth texture and its framebuffers: `target` of all layers, `layer_targets` of each, none for a 2-D texture.
 
-    step: spacing of stored values near 1; bytes: device memory.
+    step: spacing of stored values near 1.
     """
 
     texture: DepthTexture
     target: moderngl.Framebuffer
     layer_targets: tuple[moderngl.Framebuffer, ...]
     step: float
-    bytes: int
 
     def release(self) -> None:
         """Free the texture and its framebuffers."""
@@ -147,7 +146,7 @@ def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d
     whole = framebuffer_of(texture)
     layer_targets = tuple(framebuffer_of(texture, layer=layer) for layer in range(0 if kind == "2d" else layers))
     device.check(what)
-    return DepthTarget(texture, whole, layer_targets, step, map_bytes(size, depth, kind, layers))
+    return DepthTarget(texture, whole, layer_targets, step)
 
 
 def map_bytes(size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> int:
@@ -179,7 +178,6 @@ class StencilTarget:
     device: Device
     depth: moderngl.Texture
     target: moderngl.Framebuffer
-    bytes: int
 
     def clear_stencil(self) -> None:
         """Clear the stencil, which moderngl's clear leaves unchanged."""
@@ -203,7 +201,7 @@ def stencil_target(device: Device, size: tuple[int, int], *colors: moderngl.Text
     target = device.context.framebuffer(list(colors), depth)
     _attach(device, target, _DEPTH_STENCIL_ATTACHMENT, depth.glo, "2d", None)
     device.check("a stencil attachment")
-    return StencilTarget(device, depth, target, width * height * 4)
+    return StencilTarget(device, depth, target)
 
 
 def _check(device: Device, target: int, query: int, bits: int, name: str) -> None:

@@ -198,8 +198,6 @@ class Component(Strict):
         if isinstance(value, str):
             value = parse_value(value)
         call, family = value if isinstance(value, Call) else Call(f"{value!s:.60}"), cls.__name__.lower()
-        if call.name == "+":
-            raise ValueError(f"{family}s cannot be added, only biases can; allowed: one of {', '.join(cls.table)}")
         if call.name not in cls.table:
             raise ValueError(f"unknown {family} {call.name!r}{alternatives(call.name, cls.table)}")
         component = cls.table[call.name]

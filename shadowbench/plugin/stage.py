@@ -159,10 +159,8 @@ class Stage:
 
     def stencil_target(self, *textures: moderngl.Texture) -> StencilTarget:
         """A framebuffer of the image's size with colour textures and a depth-stencil buffer."""
-        target = targets.stencil_target(self.device, self.size, *textures)
-        self._resources.append(target)
-        self.bytes += target.bytes
-        return target
+        width, height = self.size
+        return self._allocated(4 * width * height, lambda: targets.stencil_target(self.device, self.size, *textures))
 
     def buffer(self, values: NDArray[np.generic]) -> moderngl.Buffer:
         """A buffer with these values."""

@@ -78,7 +78,7 @@ def write_technique(name: str, folder: Path) -> Path:
         words = f"letters, digits, _ and -, at most {LONGEST_NAME} of them, the first a letter"
         raise InputError(f"new-technique: found {name!r:.90}; allowed: {words}, and not a Python keyword")
     if name in techniques() or (name.isidentifier() and find_spec(name) is not None):
-        taken = "technique" if name in techniques() else "Python module, which the file would hide"
+        taken = "technique" if name in techniques() else "Python module (which the file would hide)"
         raise InputError(f"new-technique: there is a {taken} called {name!r}; allowed: another name")
     file = folder / f"{name}.py"
     if file.exists():

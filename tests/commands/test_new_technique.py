@@ -29,7 +29,7 @@ def test_a_bad_name_is_one_line(shadowbench: Shadowbench, tmp_path: Path) -> Non
     allowed = "allowed: letters, digits, _ and -"
     said = dict.fromkeys(("", "a/b", "True-", "é"), allowed) | {
         "shadow-map": "there is a technique called 'shadow-map'",
-        "numpy": "there is a Python module, which the file would hide, called 'numpy'",
+        "numpy": "there is a Python module (which the file would hide) called 'numpy'",
         "class": "and not a Python keyword",
     }
     for name, words in said.items():

@@ -65,7 +65,7 @@ MISTAKES = {
     "shadow-map:size=": "expected a number or a word, found its end",
     "shadow-map:size=512;wrap=edge": "expected a comma or the end, found ';wrap=edge'",
     "shadow-map:bias=slope+heavy": "bias.second: unknown bias 'heavy'; allowed: none, constant",
-    "shadow-map:fit=scene+view": "fit: fits cannot be added, only biases can; allowed: one of fixed, scene",
+    "shadow-map:fit=scene+view": r"fit: unknown fit '\+'; allowed: fixed, scene",
     "shadow-map:bias=slope(0.1": r"expected '\)'",
     "shadow-map:siz=512": r"unknown field 'siz'; did you mean 'size'\? allowed: fit, size",
     "shadow-map:size=512,size=1024": "size is given twice",
