@@ -126,16 +126,19 @@ def parse_value(text: str) -> Any:
     return value
 
 
-def param(default: Any, help: str, *, metres: bool = False, **limits: Any) -> Any:
+def param(default: Any, help: str, *, metres: bool = False, values: str = "", **limits: Any) -> Any:
     """A parameter: default, one line of help, and pydantic limits (ge, gt, le, lt).
 
-    metres: the value is a length in file units, converted to a local length when its uniform is set.
+    metres: the value is a length in file units, converted to a local length when its uniform is set; values: the
+    allowed ones in words, if the type does not say them.
     """
-    return Field(default, description=help, json_schema_extra={"metres": metres}, **limits)
+    return Field(default, description=help, json_schema_extra={"metres": metres, "values": values}, **limits)
 
 
 def allowed(info: FieldInfo) -> str:
     """The allowed values of a parameter as text: `d16, d24, d32f` or `≥ 0, metres`; empty for a component."""
+    if isinstance(info.json_schema_extra, dict) and info.json_schema_extra.get("values"):
+        return str(info.json_schema_extra["values"])
     if get_origin(info.annotation) is Literal:
         return ", ".join(map(str, get_args(info.annotation)))
     if info.annotation is bool:

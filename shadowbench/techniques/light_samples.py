@@ -59,7 +59,8 @@ class LightSamples(Technique):
     class Params(TechniqueParams):
         of: Annotated[InstanceOf[Spec], BeforeValidator(_inner_spec)] = param(
             Spec(ShadowVolume, ShadowVolume.Params()),
-            "the technique that draws the hard shadows, such as shadow-map(size=2048)",
+            "the technique that draws the hard shadows",
+            values="a technique, such as shadow-map(size=2048)",
         )
         n: int = param(16, "points of the light; 1 is its centre", ge=1, le=4096)
 
