@@ -77,7 +77,8 @@ class Stage:
         (`#include "select/<select>.glsl"`). The shader file of the chosen bias, filter, fit or split replaces `#include
         <parameter>` (`#include <bias>`), and its own parameters follow the same rules (FILTER_TAPS 3). Uniforms:
         `metre`, the length of one metre in local coordinates; `subpixel`, a step of the rasteriser's grid in pixels.
-        defines: further #defines, besides MAP_DEFINES; includes: further files, by name (`projection`: matrix).
+        defines: further #defines, besides MAP_DEFINES and that of the stage, VERT, GEOM or FRAG; includes: further
+        files, by name (`projection`: matrix).
         """
         names, slots, uniforms = _shader_values(params, self.placement)
         plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
