@@ -19,8 +19,7 @@ from shadowbench.commands import main
 from shadowbench.geometry.facing import cap_weights, wall_weights
 from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order
 from shadowbench.gl.device import Device, Releasable, open_device
-from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
-from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.gbuffer import DeviceGeometry, GBuffer, GBufferPass, download
 from shadowbench.measure import machine, worker
 from shadowbench.measure.worker import Limits, Worker
 from shadowbench.plugin.registry import forget_components

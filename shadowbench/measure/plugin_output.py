@@ -30,11 +30,7 @@ def forward_output(pipe: IO[bytes]) -> threading.Thread:
                 text.flush()
 
     thread = threading.Thread(target=read, daemon=True)
-    try:
-        thread.start()
-    except RuntimeError:  # no further thread is allowed
-        pipe.close()
-        raise
+    thread.start()
     return thread
 
 

@@ -21,8 +21,7 @@ from shadowbench.errors import Unsupported, quoted
 from shadowbench.files import png_of
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, moderngl, open_device
-from shadowbench.gl.gbuffer import FacetPass, GBuffer, GBufferPass, download
-from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.gbuffer import DeviceGeometry, FacetPass, GBuffer, GBufferPass, download
 from shadowbench.gl.picture import PicturePass
 from shadowbench.gl.program import arithmetic
 from shadowbench.maps.filters import Filter
@@ -138,7 +137,7 @@ class LoadedScene:
         self.geometry = DeviceGeometry(device, self.scene.geometry)
         self.surface_pass = GBufferPass(device, self.geometry)
         self.picture_pass = PicturePass(device, self.geometry)
-        self.facet_pass = FacetPass(device) if self.scene.geometry.smooth else None
+        self.facet_pass = FacetPass(device, self.geometry) if self.scene.geometry.smooth else None
 
     def matches(self, scene: Scene, coordinates: Coordinates) -> bool:
         """Whether it is a scene in these coordinates."""

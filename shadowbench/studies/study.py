@@ -233,7 +233,7 @@ class Study(SceneFields):
 
 def _takes_a_size(spec: Spec) -> bool:
     """Whether map sizes of a study apply to a spec: it has a map, and names no size."""
-    return spec.has_size and "size" not in spec.explicit
+    return has_size(spec.technique) and "size" not in spec.explicit
 
 
 def _chosen(
@@ -319,7 +319,7 @@ def _size_notes(map_size: Sequence[int], specs: Sequence[Spec], study: Study) ->
     sizes = f"--map-size {','.join(map(str, map_size))} leaves"
     yield from (f"{spec.text} names its size, which {sizes} as it is" for spec in specs if "size" in spec.explicit)
     for spec in study.specs:
-        if not spec.has_size and any(map(has_size, spec.techniques[1:])):
+        if not has_size(spec.technique) and any(map(has_size, spec.techniques[1:])):
             yield f"{spec.text}: {sizes} the map inside as it is; its size is written in the spec"
 
 

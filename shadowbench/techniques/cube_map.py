@@ -104,9 +104,6 @@ class CubeMap(Technique):
         planes = [np.column_stack([sides, -sides @ frame.light.position]) for sides in _SIDES]
         return [({"face": face}, [pyramid]) for face, pyramid in enumerate(planes)]
 
-    def texels(self) -> moderngl.Texture:
-        return self.map.debug("shadow-map/texels.frag")
-
     def map_image(self) -> NDArray[np.float32]:
         """The faces as an unfolded cross, (3·size, 4·size), seen from the light: +Z in front, +X to its left."""
         faces = self.map.texture.read()  # row 0 is the top of a cube's faces, the bottom of other maps

@@ -8,8 +8,7 @@ import numpy as np
 from shadowbench.geometry.convex import box_planes, corners, is_outside, view_planes
 from shadowbench.geometry.planes import LEAST_SHARE, MOST_PLANES, TOLERANCE, Plane, find_planes
 from shadowbench.gl.device import Device, moderngl
-from shadowbench.gl.gbuffer import view_projection
-from shadowbench.gl.geometry import triangle_texels
+from shadowbench.gl.gbuffer import triangle_texels, view_projection
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View

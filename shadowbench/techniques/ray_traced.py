@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from shadowbench.gl.device import Device, moderngl
-from shadowbench.gl.gbuffer import download
-from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_ROW, triangle_texels
+from shadowbench.gl.gbuffer import CUTOUTS, TRIANGLE_ROW, download, triangle_texels
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import Light, Scene, View

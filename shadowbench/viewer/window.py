@@ -18,7 +18,7 @@ from moderngl_window.context.glfw.window import Window as GlfwWindow
 from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
 
 from shadowbench.errors import InputError
-from shadowbench.gl.device import before_context, device_of
+from shadowbench.gl.device import device_of
 from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer import camera, controls
 from shadowbench.viewer.camera import Handle
@@ -390,7 +390,6 @@ class ViewerWindow:
 
 def _open(title: str) -> GlfwWindow:
     """A window with an OpenGL 4.1 context. Raises InputError without a display."""
-    before_context()
     with warnings.catch_warnings(record=True) as heard:  # GLFW's errors are warnings
         warnings.simplefilter("always")
         try:

@@ -1,6 +1,5 @@
 """The contract of every registered technique, whatever it computes: masks, memory, passes and shader components."""
 
-import ctypes
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +13,7 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.files import data_folder
-from shadowbench.gl.device import Device, RawGL
+from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import Drawable, Program
 from shadowbench.measure.session import declared_work, finite_facts
@@ -208,7 +207,6 @@ def test_bytes_are_those_of_the_textures_and_buffers_that_a_frame_uses_and_are_f
     spec, kind, device, studio, build, poses, monkeypatch
 ) -> None:
     """As OpenGL lists them, but for one texel that is drawn once, into which a map stores what is far."""
-    ask = RawGL(device.context, INQUIRIES)
     view, used = poses(kind)[0], set()
     shot = studio.shot(replace(view, scene=replace(view.scene, lights=(view.light,))))
     build(spec, shot).stage.release()  # makes what all cells of a scene share
@@ -221,44 +219,30 @@ def test_bytes_are_those_of_the_textures_and_buffers_that_a_frame_uses_and_are_f
 
     def recorded_draw(drawable, target, *others, **named) -> None:
         for attachment in (0x8D00, 0x8CE0, 0x8CE1):  # depth and two colours
-            name = ctypes.c_int()
-            ask("glGetNamedFramebufferAttachmentParameteriv", target.glo, attachment, 0x8CD1, ctypes.byref(name))
-            used.add(name.value)
+            call = "glGetNamedFramebufferAttachmentParameteriv"
+            used.add(device.raw.integer(call, target.glo, attachment, 0x8CD1))
         draw(drawable, target, *others, **named)
 
-    before = sizes_of(device, ask)
+    before = sizes_of(device)
     one = build(spec, shot)
     monkeypatch.setattr(Program, "bind", recorded_bind)
     monkeypatch.setattr(Drawable, "draw", recorded_draw)
     monkeypatch.setattr(drawing, "download", lambda mask: used.add(mask.glo) or download(mask))
     one.draw(shot)
-    made = {name: size for name, size in sizes_of(device, ask).items() if name not in before}
+    made = {name: size for name, size in sizes_of(device).items() if name not in before}
     assert one.stage.bytes == sum(made.values())
     assert sum(size for (kind, name), size in made.items() if kind == "glIsTexture" and name not in used) <= 16
     one.stage.release()
-    assert one.stage.bytes == 0 and not made.keys() & sizes_of(device, ask).keys()
+    assert one.stage.bytes == 0 and not made.keys() & sizes_of(device).keys()
 
 
-INQUIRIES = {
-    "glIsTexture": (ctypes.c_uint,),
-    "glIsBuffer": (ctypes.c_uint,),
-    "glGetTextureParameteriv": (ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p),
-    "glGetTextureLevelParameteriv": (ctypes.c_uint, ctypes.c_int, ctypes.c_uint, ctypes.c_void_p),
-    "glGetNamedBufferParameteriv": (ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p),
-    "glGetNamedFramebufferAttachmentParameteriv": (ctypes.c_uint, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p),
-}
 EXTENTS = 0x1000, 0x1001, 0x8071  # width, height, depth
 COMPONENTS = 0x805C, 0x805D, 0x805E, 0x805F, 0x884A, 0x88F1  # bits of red to alpha, depth, stencil
 
 
-def sizes_of(device: Device, ask: RawGL) -> dict[tuple[str, int], int]:
+def sizes_of(device: Device) -> dict[tuple[str, int], int]:
     """Bytes of all textures and buffers of the context, by kind and name."""
-
-    def asked(call: str, *arguments: int) -> int:
-        value = ctypes.c_int()
-        ask(call, *arguments, ctypes.byref(value))
-        return value.value
-
+    ask, asked = device.raw, device.raw.integer
     newest = device.context.texture((1, 1), 1), device.context.buffer(reserve=4)
     last, found = max(one.glo for one in newest), {}
     for one in newest:
