@@ -98,11 +98,10 @@ def test_copies_are_repeated_at_steps(scene_file: SceneFile) -> None:
 
 
 def test_a_mesh_says_what_it_does_and_its_colour(scene_file: SceneFile) -> None:
-    text = BOX + 'name = "crate"\ncolor = [0.1, 0.5, 1]\ncasts = false\nreceives = false\nplanar = true\n'
+    text = BOX + 'name = "crate"\ncolor = [0.1, 0.5, 1]\ncasts = false\nreceives = false\n'
     scene = load_scene(scene_file(text))
     (mesh,) = scene.meshes
     assert (mesh.name, mesh.color, mesh.casts, mesh.receives) == ("crate", (0.1, 0.5, 1.0), False, False)
-    assert mesh.planar and scene.geometry.planar.all()
 
 
 def mesh_beside(path: Path) -> None:
