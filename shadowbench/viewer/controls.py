@@ -86,36 +86,24 @@ def slider(label: str, value: float, low: float | None, high: float | None, form
 
 def tooltip(text: str) -> None:
     """What the last item says when the pointer rests on it."""
-    if text and imgui.is_item_hovered(imgui.HoveredFlags_.delay_short):
-        imgui.begin_tooltip()
+    if text and imgui.begin_item_tooltip():
         imgui.push_text_wrap_pos(360)
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
 
 
-class FilePanel:
-    """The name of a file, and buttons that open and save it."""
-
-    def __init__(self, viewer: Viewer) -> None:
-        self._viewer = viewer
-        self._name = "view.toml"
-
-    def draw(self) -> None:
-        """The name and the buttons."""
-        if imgui.button("open"):
-            self.open(self._name)
-        tooltip("a scene, a mesh file or a saved state; or drop one onto the window")
-        imgui.same_line()
-        if imgui.button("save"):
-            self._viewer.attempt(lambda: save(self._viewer, Path(self._name)))
-        tooltip("scene, camera, light, techniques and layout, as a scene file for every command")
-        imgui.same_line()
-        self._name = imgui.input_text("##name", self._name)[1]
-
-    def open(self, name: str) -> None:
-        """Open a file; a message in the window says what was assumed about it, or what is wrong with it."""
-        self._viewer.attempt(lambda: open_file(self._viewer, Path(name)))
+def files_panel(viewer: Viewer, name: str) -> str:
+    """Buttons that open and save a file; its name after this frame's edits."""
+    if imgui.button("open"):
+        viewer.attempt(lambda: open_file(viewer, Path(name)))
+    tooltip("a scene, a mesh file or a saved state; or drop one onto the window")
+    imgui.same_line()
+    if imgui.button("save"):
+        viewer.attempt(lambda: save(viewer, Path(name)))
+    tooltip("scene, camera, light, techniques and layout, as a scene file for every command")
+    imgui.same_line()
+    return str(imgui.input_text("##name", name)[1])
 
 
 def open_file(viewer: Viewer, file: Path) -> str:

@@ -84,7 +84,9 @@ class Canvas:
             imgui.set_cursor_screen_pos((pane.x, pane.y))
             imgui.invisible_button(f"pane {index}", (pane.side, pane.side), _BUTTONS)
             if imgui.is_item_hovered():
-                self._wheel()
+                wheel = imgui.get_io().mouse_wheel
+                zoomed = replace(state, camera=camera.zoomed(state.camera, ZOOM**-wheel))
+                self.viewer.change(zoomed if wheel else state)
             if imgui.is_item_activated():
                 self._begin(pane)
             if imgui.is_item_active():
@@ -154,10 +156,6 @@ class Canvas:
                 state = replace(state, light=camera.dragged(state.light, state.camera, 2 * x, -2 * y))
         self.viewer.change(state)
 
-    def _wheel(self) -> None:
-        wheel, state = imgui.get_io().mouse_wheel, self.viewer.state
-        self.viewer.change(replace(state, camera=camera.zoomed(state.camera, ZOOM**-wheel)) if wheel else state)
-
 
 def label(viewer: Viewer, source: Source) -> str:
     """What a pane shows; of which truth, if it shows one that is not the full one of this view."""
@@ -226,7 +224,7 @@ class ViewerWindow:
         _load_font(io)
         self.renderer = Renderer(self.window, self._heard)
         self.window.key_event_func = self._key
-        self.files = controls.FilePanel(self.viewer)
+        self._file = "view.toml"
         glfw.set_drop_callback(self.window._window, self._dropped)
         self.canvas = Canvas(self.viewer)
         self.frame_ms, self._started = 0.0, time.perf_counter()
@@ -283,7 +281,7 @@ class ViewerWindow:
             imgui.end()
 
     def _left(self) -> None:
-        self.files.draw()
+        self._file = controls.files_panel(self.viewer, self._file)
         for title, panel in (("Scene", controls.scene_panel), ("Light", controls.light_panel)):
             if imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open):
                 panel(self.viewer)
@@ -307,7 +305,7 @@ class ViewerWindow:
 
     def _dropped(self, _window: Any, files: Any, *_: Any) -> None:
         self._heard()
-        self.files.open(files[0])
+        self.viewer.attempt(lambda: controls.open_file(self.viewer, Path(files[0])))
 
     def _held(self, *keys: int) -> bool:
         return any(glfw.get_key(self.window._window, key) == glfw.PRESS for key in keys)

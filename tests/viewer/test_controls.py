@@ -19,7 +19,6 @@ from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.viewer import controls
 from shadowbench.viewer.controls import (
     SUM,
-    FilePanel,
     better,
     edited_spec,
     limits,
@@ -165,14 +164,18 @@ def test_the_better_score_is_marked() -> None:
 
 
 def test_meshes_and_states_are_opened_and_other_files_are_one_line(viewer: Viewer, tmp_path: Path) -> None:
-    files, mesh, before = FilePanel(viewer), tmp_path / "own.obj", viewer.state
+    mesh, before = tmp_path / "own.obj", viewer.state
+
+    def opened(file: Path) -> None:
+        viewer.attempt(lambda: controls.open_file(viewer, file))
+
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nv 0 1 0\nf 1 2 3\nf 1 2 4\n")
     for name in ("nothing.glb", "nothing.toml", "text.txt"):
-        files.open(str(tmp_path / name))
+        opened(tmp_path / name)
         assert name in viewer.message and viewer.state is before
-    files.open(str(mesh))
+    opened(mesh)
     assert viewer.state.scene.name == "own"
     assert viewer.message.startswith(f"{mesh} is shown; ") and "no ground in own.obj: assumed" in viewer.message
     save_state(replace(before, specs=before.specs[1:], overlay="error", size=96), tmp_path / "state.toml")
-    files.open(str(tmp_path / "state.toml"))
+    opened(tmp_path / "state.toml")
     assert (viewer.state.specs, viewer.state.overlay, viewer.state.size) == (before.specs[1:], "error", 96)
