@@ -204,13 +204,6 @@ class Technique(Subject):
         """
         return None
 
-    def texels(self) -> moderngl.Texture | None:
-        """Map coordinates of every pixel in the last draw, in texels, and the layer; None for techniques without a map.
-
-        RGBA32F of the image's size; the layer is below 0 outside the map. Rendered only when called.
-        """
-        return None
-
     def facts(self) -> dict[str, float]:
         """Statistics of the last draw for its row, such as a bias in metres.
 

@@ -178,9 +178,6 @@ class Cascades(Technique):
     def tint(self) -> moderngl.Texture:
         return self.map.debug("cascades/tint.frag")
 
-    def texels(self) -> moderngl.Texture:
-        return self.map.debug("cascades/texels.frag")
-
     def map_image(self) -> NDArray[np.float32]:
         return np.hstack(list(self.map.texture.read()[:, ::-1]))
 

@@ -97,9 +97,6 @@ class CubeMap(Technique):
         self.map.prepare(frame, "light")
         return self.map.inputs(frame.light, {"map_far": self.far})
 
-    def texels(self) -> moderngl.Texture:
-        return self.map.debug("shadow-map/texels.frag")
-
     def map_image(self) -> NDArray[np.float32]:
         """The faces side by side, (size, 6·size): +X, −X, +Y, −Y, +Z, −Z."""
         return np.hstack(list(self.map.texture.read()))  # row 0 is the top of a cube's faces, the bottom of other maps

@@ -170,9 +170,6 @@ class ShadowMap(Technique):
         self.map.prepare(frame, moves)
         return self.map.inputs(frame.light, map_uniforms([self.light_view], params.reversed))
 
-    def texels(self) -> moderngl.Texture:
-        return self.map.debug("shadow-map/texels.frag")
-
     def map_image(self) -> NDArray[np.float32] | None:
         depths = self.map.texture.read()[0, ::-1].astype(np.float64)
         return self.light_view.linear(depths, self.params.reversed).astype(np.float32)

@@ -120,13 +120,9 @@ class Volumes:
         from shadowbench.geometry.facing import cap_weights, wall_weights  # Numba takes 0.4 s to import
 
         parts: tuple[VolumePart, ...] = ("wall", "cap")
+        count = "shadow-volume/count.frag"
         self.programs = {
-            part: stage.program(
-                f"shadow-volume/{part}.vert",
-                "shadow-volume/count.frag",
-                params=params,
-                defines={part.upper(): 1},
-            )
+            part: stage.program(f"shadow-volume/{part}.vert", count, params=params, defines={part.upper(): 1})
             for part in parts
         }
         attributes = {"wall": {"a": 3, "b": 3}, "cap": {"point": 4}}
@@ -269,10 +265,10 @@ class ShadowVolume(Technique):
         params = self.params
         self.casters = casters_of(stage.scene)
         self.volumes = Volumes(stage, self.casters, params.faces, params)
-        # No ray crosses more layers than there are triangles.
-        self.bounded = params.counter == "stencil" and len(self.volumes.faces) > MOST_LAYERS
-        corners = stage.scene.geometry.vertices[self.volumes.faces]
-        self.bounds = corners.min(axis=1).T, corners.max(axis=1).T
+        self.bounds: tuple[Floats, Floats] | None = None  # of the triangles; no ray crosses more layers than there are
+        if params.counter == "stencil" and len(self.volumes.faces) > MOST_LAYERS:
+            triangles = stage.scene.geometry.vertices[self.volumes.faces]
+            self.bounds = triangles.min(axis=1).T, triangles.max(axis=1).T
         if params.compare == "depth":
             self.distances = MinMaxReduction(stage, stage.size, "values")
             self.depth_program = stage.program("casters.vert", "depth.frag")
@@ -299,7 +295,7 @@ class ShadowVolume(Technique):
             count_both_facings = bool(w) and self.casters.may_contain(frame.light.position)
             self.volumes.extrude(frame, count_both_facings)
         self.layers = None
-        if self.bounded:
+        if self.bounds is not None:
             with frame.timed("layers", changes="light"):
                 walls = self.volumes.walls
                 silhouette = np.concatenate([walls[1], np.roll(walls[-1], 3, axis=1)])

@@ -80,9 +80,9 @@ def tinted(one) -> np.ndarray:
 
 def colors_of(tint: np.ndarray, layer: np.ndarray, sure: np.ndarray) -> list[tuple[float, ...]]:
     """The colour of each layer, which must be uniform."""
-    found = [np.unique(tint[sure & (layer == number)], axis=0) for number in np.unique(layer[sure])]
-    assert all(len(colors) == 1 for colors in found)
-    return [tuple(colors[0]) for colors in found]
+    tints = [np.unique(tint[sure & (layer == number)], axis=0) for number in np.unique(layer[sure])]
+    assert all(len(colors) == 1 for colors in tints)
+    return [tuple(colors[0]) for colors in tints]
 
 
 def test_selection_uses_the_first_cascade_that_contains_the_point_or_that_of_its_view_depth(

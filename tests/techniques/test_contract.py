@@ -203,27 +203,27 @@ COMPONENTS = 0x805C, 0x805D, 0x805E, 0x805F, 0x884A, 0x88F1  # bits of red to al
 def sizes_of(device: Device, ask: RawGL) -> dict[tuple[str, int], int]:
     """Bytes of all textures and buffers of the context, by kind and name."""
 
-    def asked(call: str, *arguments: int) -> int:
+    def value_of(call: str, *arguments: int) -> int:
         value = ctypes.c_int()
         ask(call, *arguments, ctypes.byref(value))
         return value.value
 
     newest = device.context.texture((1, 1), 1), device.context.buffer(reserve=4)
-    last, found = max(one.glo for one in newest), {}
+    last, sizes = max(one.glo for one in newest), {}
     for one in newest:
         one.release()
     for name in range(1, last):
         if ask("glIsBuffer", name) & 1:
-            found["glIsBuffer", name] = asked("glGetNamedBufferParameteriv", name, 0x8764)
+            sizes["glIsBuffer", name] = value_of("glGetNamedBufferParameteriv", name, 0x8764)
         if ask("glIsTexture", name) & 1:
-            faces = 6 if asked("glGetTextureParameteriv", name, 0x1006) == 0x8513 else 1
+            faces = 6 if value_of("glGetTextureParameteriv", name, 0x1006) == 0x8513 else 1
             bits = 0
             for level in range(12):  # up to 2048 texels
-                width, height, depth = (asked("glGetTextureLevelParameteriv", name, level, one) for one in EXTENTS)
-                texel = sum(asked("glGetTextureLevelParameteriv", name, level, one) for one in COMPONENTS)
+                width, height, depth = (value_of("glGetTextureLevelParameteriv", name, level, one) for one in EXTENTS)
+                texel = sum(value_of("glGetTextureLevelParameteriv", name, level, one) for one in COMPONENTS)
                 bits += faces * width * height * depth * texel
-            found["glIsTexture", name] = bits // 8
-    return found
+            sizes["glIsTexture", name] = bits // 8
+    return sizes
 
 
 @pytest.mark.parametrize(

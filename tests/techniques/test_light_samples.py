@@ -52,12 +52,12 @@ def errors(mask: np.ndarray, truth: Truth) -> np.ndarray:
 def test_the_error_falls_as_fast_as_that_of_random_points_and_faster(spec, name, sized, mask) -> None:
     """By points drawn at random, 16 times as many quarter the error, which is √(V(1 − V)/n) in a pixel."""
     view, truth = sized(name)
-    found = [math.sqrt((errors(mask(spec.format(n), view), truth) ** 2).mean()) for n in (16, 256)]
+    spread = [math.sqrt((errors(mask(spec.format(n), view), truth) ** 2).mean()) for n in (16, 256)]
     visibility = truth.visibility[truth.receivers & (truth.visibility > 0.02) & (truth.visibility < 0.98)]
     random = math.sqrt((visibility * (1 - visibility)).mean() / 256)
-    assert found[1] < found[0] / 4
-    assert found[1] < random
-    assert abs(errors(mask(spec.format(256), view), truth).mean()) < found[1]
+    assert spread[1] < spread[0] / 4
+    assert spread[1] < random
+    assert abs(errors(mask(spec.format(256), view), truth).mean()) < spread[1]
 
 
 @pytest.mark.parametrize("name", ["sun", "rectangle"])

@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import NoBias, Sum, Texel
 from shadowbench.plugin.registry import own_techniques, techniques
-from shadowbench.plugin.spec import Spec, parse_spec
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.triangles import LARGEST
 from shadowbench.techniques.shadow_map import ShadowMap
@@ -52,12 +52,6 @@ class Odd(Technique):
 
 
 @pytest.fixture
-def odd(tmp_path: Path) -> Spec:
-    (tmp_path / "odd.py").write_text(ODD)
-    return parse_spec("odd", techniques([tmp_path / "odd.py"]))
-
-
-@pytest.fixture
 def drawn(frame: None, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     """The functions of Dear ImGui that have drawn widgets, by their labels."""
     widgets: dict[str, str] = {}
@@ -84,7 +78,11 @@ def test_every_parameter_has_a_widget_whose_limits_are_allowed(drawn: dict[str, 
                     assert getattr(with_value(spec.params, key, value), key) == value
 
 
-def test_a_plug_ins_parameters_have_widgets_too(drawn: dict[str, str], odd: Spec) -> None:
+def test_a_plug_ins_parameters_have_widgets_too_and_a_text_is_read_as_in_a_spec(
+    drawn: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "odd.py").write_text(ODD)
+    odd = parse_spec("odd", techniques([tmp_path / "odd.py"]))
     assert edited_spec(odd, {"odd": odd.technique}) is odd, "they are drawn, without a docstring too"
     assert {key: drawn[key] for key in type(odd.params).model_fields} == {
         "width": "slider_int",
@@ -93,12 +91,6 @@ def test_a_plug_ins_parameters_have_widgets_too(drawn: dict[str, str], odd: Spec
         **dict.fromkeys(("word", "pair", "seed", "far"), "input_text"),
     }
     assert with_value(odd.params, "level", limits(type(odd.params).model_fields["level"])[1]).level < 1, "as is allowed"
-
-
-@pytest.mark.usefixtures("frame")
-def test_a_text_is_read_as_in_a_spec_and_what_is_not_allowed_is_one_line(
-    odd: Spec, monkeypatch: pytest.MonkeyPatch
-) -> None:
     typed = {"seed": "7"}
     monkeypatch.setattr(imgui, "input_text", lambda label, text, *_: (label in typed, typed.get(label, text)))
     assert edited_spec(odd, {}).text == "odd:seed=7"
