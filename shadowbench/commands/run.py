@@ -99,10 +99,9 @@ def run(
         from shadowbench.campaigns import campaign_in
         from shadowbench.measure.plugin_output import subjects_with
         from shadowbench.plugin.spec import parse_spec
-        from shadowbench.studies.run import Part, estimate, measure
+        from shadowbench.studies.run import estimate, measure
         from shadowbench.studies.study import study_from_options
 
-        chosen_part = Part.named(asked.part)
         known = subjects_with(asked.plugin)
         specs = [parse_spec(text, known) for text in asked.techniques]
         sizes = options.map_sizes(asked.map_size)
@@ -130,7 +129,7 @@ def run(
             time_again=asked.time_again,
             keep_going=asked.keep_going,
         )
-        found = measure(study, stack.enter_context(where), chosen_part)
+        found = measure(study, stack.enter_context(where), asked.part)
     if found.run.earlier and not printed.quiet:
         console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
     if found.run.older and not printed.quiet:

@@ -60,11 +60,9 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
     from shadowbench.measure.plugin_output import subjects_with
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.results.ranges import ranges_frame
-    from shadowbench.studies.run import Part
     from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
     from shadowbench.studies.stress import stress as walk
 
-    chosen_part = Part.named(asked.part)
     axes = select_axes(asked.axis)
     known = subjects_with(asked.plugin)
     specs = tuple(dict.fromkeys(parse_spec(text, known) for text in asked.techniques)) or default_specs(known.values())
@@ -74,7 +72,7 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
             asked.output, reporter, asked.plugin, LIMITS, **asdict(machines), keep_going=asked.keep_going, **SWEEPING
         ) as campaign,
     ):
-        found = walk(specs, axes, campaign, quick=asked.quick, part=chosen_part)
+        found = walk(specs, axes, campaign, quick=asked.quick, part=asked.part)
     if printed.json:
         frame = ranges_frame(found.ranges).astype(object)
         console.print_json(frame.where(frame.notna(), None).to_dict("records"))

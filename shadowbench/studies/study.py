@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import BeforeValidator, Field, InstanceOf, ValidationError, ValidationInfo, model_validator
 
@@ -12,7 +12,6 @@ from shadowbench.errors import InputError, NotInFile, alternatives
 from shadowbench.files import data_folder
 from shadowbench.measure.campaign import DEFAULT_REFERENCE, Block, Cell, reference_name
 from shadowbench.measure.flips import Step, Stepped
-from shadowbench.measure.rows import StudyFacts
 from shadowbench.measure.worker import Limits
 from shadowbench.options import (
     AS_STUDIED,
@@ -78,11 +77,11 @@ class SceneFields(Strict):
         """The fields as options. Raises InputError."""
         return SceneOptions(**{field.name: getattr(self, field.name) for field in fields(SceneOptions)})
 
-    def scene_facts(self) -> StudyFacts:
+    def scene_facts(self) -> dict[str, Any]:
         """The fields that are set and `sun`, for `run.json`; not `assets`, which is a folder of one machine."""
         names = [field.name for field in fields(SceneOptions) if field.name not in ("assets", "sun")]
         given = {name: value for name in names if (value := getattr(self, name)) is not None and value is not False}
-        return cast(StudyFacts, {"sun": self.sun, **given})
+        return {"sun": self.sun, **given}
 
 
 class Study(SceneFields):
@@ -156,7 +155,7 @@ class Study(SceneFields):
         return Limits(self.time_limit, int(self.memory_limit * 2**30))
 
     @property
-    def facts(self) -> StudyFacts:
+    def facts(self) -> dict[str, Any]:
         """The study's entry in `run.json`."""
         return {
             "scenes": [scene if isinstance(scene, str) else scene.name for scene in self.scenes],

@@ -15,7 +15,7 @@ from shadowbench.scenes.vectors import perpendicular_basis, unit
 from shadowbench.survey.casters import casters_of
 from shadowbench.truths.rays import SUBPIXEL, ViewRays
 from shadowbench.truths.trace import trace
-from tests.cards import CAMERA, GROUND, alpha_of, cards, crossing, edge_on, fading_cards, made_of_triangles, wraps
+from tests.cards import CAMERA, GROUND, alpha_of, cards, crossing, edge_on, made_of_triangles, wraps
 from tests.techniques.test_hybrid import unsure
 
 SIZE = 160
@@ -71,12 +71,11 @@ def test_traced_pixels_are_those_of_exact_triangles(scene, kind, studio, mask) -
     ("spec", "kind", "leaves"),
     [
         ("ray-traced", "spot", cards(60, cut_out(alpha_of("noise"), 0.9, 0.4, wrap=("clamp", "mirror")))),
-        ("ray-traced:where=gpu", "directional", fading_cards(60)),
-        ("hybrid:size=128", "point", fading_cards(60)),
+        ("ray-traced:where=gpu", "directional", cards(60, cut_out(alpha_of("noise"), 0.8, wrap=("mirror", "clamp")))),
+        ("hybrid:size=128", "point", cards(60, cut_out(alpha_of("noise"), 0.8, wrap=("mirror", "clamp")))),
     ],
 )
 def test_rays_are_the_truth_s(spec, kind, leaves, studio, mask) -> None:
-    """Whatever the sampler and the vertices' alphas say."""
     view = leaves_view(LIGHTS[kind], leaves)
     truth, triangle = trace(view, pixel_samples=1), studio.shot(view).triangle
     decided = truth.receivers & ~truth.undecided
