@@ -153,7 +153,7 @@ def _copies(table: MeshTable, sources: tuple[Mesh, ...]) -> Iterator[tuple[Mesh,
         for mesh in sources:
             name = (mesh.name if table.name is None or len(sources) > 1 else table.name) + suffix
             copy = replace(mesh, name=name, color=table.color or mesh.color)
-            yield replace(copy, casts=table.casts, receives=table.receives, planar=table.planar), moved
+            yield replace(copy, casts=table.casts, receives=table.receives), moved
 
 
 def transform_of(table: MeshTable) -> Floats:

@@ -29,10 +29,10 @@ class Mesh:
 
     vertices: (V, 3) float64; faces: (F, 3) int32 indices into them, counter-clockwise seen from outside; both are
     read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
-    and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere; places:
-    (F, 3, 2) float32 of the triangles' corners in it, in sub-texels, None for 0. coordinates: (F, 3, 2) float32 texture
-    coordinates of the corners, None for 0. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None
-    if it is flat, and zero at corners without one. tints: (F, 3) float32 linear RGB that color is multiplied by.
+    and receives shadows. cutout: where it is opaque, None for everywhere; places: (F, 3, 2) float32 of the triangles'
+    corners in it, in sub-texels, None for 0. coordinates: (F, 3, 2) float32 texture coordinates of the corners, None
+    for 0. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None if it is flat, and zero at
+    corners without one. tints: (F, 3) float32 linear RGB that color is multiplied by.
     """
 
     name: str
@@ -41,7 +41,6 @@ class Mesh:
     color: Vec3 = GREY
     casts: bool = True
     receives: bool = True
-    planar: bool = False
     cutout: Cutout | None = None
     coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
     places: NDArray[np.float32] | None = field(default=None, repr=False)
@@ -98,7 +97,6 @@ def joined(meshes: Sequence[Mesh]) -> Geometry:
         faces=np.concatenate(faces, dtype=np.int32),
         casts=np.repeat([mesh.casts for mesh in meshes], counts),
         receives=np.repeat([mesh.receives for mesh in meshes], counts),
-        planar=np.repeat([mesh.planar for mesh in meshes], counts),
         colors=np.concatenate([_tinted(mesh) for mesh in meshes]),
         cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.places) for mesh in meshes]),
         corner_normals=_normals(meshes),

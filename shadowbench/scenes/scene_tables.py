@@ -163,7 +163,6 @@ class MeshTable(Strict):
     color: Color | None = None
     casts: Flag = True
     receives: Flag = True
-    planar: Flag = False
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
