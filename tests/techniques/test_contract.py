@@ -193,7 +193,7 @@ COMPONENTS = 0x805C, 0x805D, 0x805E, 0x805F, 0x884A, 0x88F1  # bits of red to al
 
 def sizes_of(device: Device) -> dict[tuple[str, int], int]:
     """Bytes of all textures and buffers of the context, by kind and name."""
-    ask, asked = device.raw, device.raw.integer
+    ask, value_of = device.raw, device.raw.integer
     newest = device.context.texture((1, 1), 1), device.context.buffer(reserve=4)
     last, sizes = max(one.glo for one in newest), {}
     for one in newest:
