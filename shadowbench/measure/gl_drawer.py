@@ -1,15 +1,28 @@
-"""Cells drawn by OpenGL: calls of a worker process, and the groups of cells that are timed together."""
+"""Cells drawn by OpenGL: calls of a worker process, groups of cells that are timed together, and campaigns of them."""
 
-from collections.abc import Callable, Iterator, Mapping
+import atexit
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.metadata import entry_points
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Concatenate
 
 from shadowbench.errors import InputError, ShadowbenchError, Unsupported
-from shadowbench.measure.campaign import UNSHADOWED, Block, Cell, reference_name, status_of
+from shadowbench.measure.campaign import (
+    UNSHADOWED,
+    Block,
+    Campaign,
+    Cell,
+    LogReporter,
+    Reporter,
+    reference_name,
+    status_of,
+)
 from shadowbench.measure.session import CellRequest, Rendering, Session, Surface
 from shadowbench.measure.time_rows import Samples, Times
-from shadowbench.measure.worker import CellFailed, DeviceInfo, MemoryExceeded, P, R, Worker
+from shadowbench.measure.worker import CellFailed, DeviceInfo, Limits, MemoryExceeded, P, R, Worker
 from shadowbench.plugin.spec import Spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import View
@@ -209,3 +222,61 @@ def render(
         raise InputError(f"{name} does not support {view.scene.name}: {reason}") from None
     except CellFailed as reason:
         raise ShadowbenchError(f"{name} on {view.scene.name} failed: {reason}") from None
+
+
+_lock = threading.RLock()
+_shared: dict[tuple[tuple[Path, ...], Limits], Worker] = {}  # at most one
+
+
+def close() -> None:
+    """End the worker process, after the calls of other threads; the next drawing call starts another."""
+    with _lock:
+        _end_workers()
+
+
+@atexit.register
+def _end_workers() -> None:  # without the lock: a daemon thread's call is not waited for
+    while _shared:
+        _shared.popitem()[1].stop()
+
+
+@contextmanager
+def shared_worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> Iterator[Worker]:
+    """The worker process that all calls share, started with the plug-ins and limits of the last one; by turns."""
+    settings = plugins, limits or Limits()
+    with _lock:
+        if settings not in _shared:
+            _end_workers()
+            _shared[settings] = Worker(*settings)
+        yield _shared[settings]
+
+
+@contextmanager
+def campaign_in(
+    folder: Path | None,
+    reporter: Reporter | None = None,
+    plugins: Sequence[Path] = (),
+    limits: Limits | None = None,
+    *,
+    worker: Worker | None = None,
+    dask: str | None = None,
+    renderer: str | None = None,
+    **options: Any,
+) -> Iterator[Campaign]:
+    """A campaign in a folder, a temporary one for None; without a reporter it logs its progress.
+
+    worker: the one that draws, else one of its own, with these plug-ins and limits; dask, renderer: a cluster that
+    measures instead, and the renderer of its workers; options: see `Campaign`.
+    """
+    with ExitStack() as stack:
+        if folder is None:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="shadowbench-")))
+        reporter = reporter or LogReporter()
+        if dask is not None:
+            from shadowbench.measure.dask_blocks import dask_campaign
+
+            setup = tuple(plugin.resolve() for plugin in plugins), limits or Limits()
+            yield stack.enter_context(dask_campaign(folder, dask, renderer, setup, reporter, **options))
+            return
+        here = worker or stack.enter_context(Worker(plugins, limits))
+        yield Campaign(folder, stack.enter_context(drawer_of(here)), reporter, **options)

@@ -108,13 +108,9 @@ _RUN_FILE: TypeAdapter[Record] = TypeAdapter(
     _table(
         {},
         {
-            "schema": Literal[1],
             **dict.fromkeys(("command", "finished", "machine_key", "clock"), str),
-            "versions": dict[str, str],
-            "machine": dict[str, Any],
-            "device": _table({}, {"renderer": str, "software": bool, "version": Count}),
+            **dict.fromkeys(("machine", "device", "versions", "study"), dict[str, Any]),
             "assumptions": list[str],
-            "study": _table({}, dict.fromkeys(("scenes", "specs"), list[str])),
             "keys": list[Key],
         },
     )

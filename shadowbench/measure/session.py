@@ -33,7 +33,6 @@ from shadowbench.plugin.registry import shader_folder, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
-from shadowbench.scenes.scene_tables import LONGEST_NAME
 from shadowbench.scores.masks import quantise
 
 
@@ -117,12 +116,8 @@ def declared_work(technique: Technique, pixels: int, facts: dict[str, float]) ->
 
 
 def finite_facts(spec: str, facts: Mapping[str, float]) -> dict[str, float]:
-    """Facts as plain floats. Raises ValueError if one is not finite or its name is longer than LONGEST_NAME."""
+    """Facts as plain floats. Raises ValueError if one is not finite."""
     for name, value in facts.items():
-        if len(name) > LONGEST_NAME:
-            raise ValueError(
-                f"{spec}: fact {name!r:.60}… has a name of {len(name)} characters; allowed: {LONGEST_NAME}"
-            )
         if not math.isfinite(value):
             raise ValueError(f"{spec}: fact {name!r} is {value}; allowed: finite numbers")
     return {name: float(value) for name, value in facts.items()}
