@@ -31,11 +31,11 @@ EXPECTED = {
     "abort,after=2": "failed: while timed: crashed: SIGABRT",
 }
 HANGS = {
-    "leave-processes-and-hang": "failed: hung: no answer within 5 s",
-    "hang,after=2": "failed: while timed: hung: no answer within 5 s",
-    "print-much": "ok",
-    "print-much,level=0.25": "ok",
-    "leave-processes": "ok",
+    "what=leave-processes-and-hang": "failed: hung: no answer within 5 s",
+    "what=hang,after=2": "failed: while timed: hung: no answer within 5 s",
+    "what=print-much": "ok",
+    "level=0.25,what=print-much": "ok",
+    "what=leave-processes": "ok",
 }
 GOOD = ("shadow-map:size=64", "half", "shadow-map:size=128")
 
@@ -115,21 +115,15 @@ def test_what_hangs_costs_its_own_cell_and_plug_ins_print_on_where_stderr_is_ful
     tmp_path: Path, plugins: list[str | Path]
 ) -> None:
     file, out, pids = (tmp_path / name for name in ("study.toml", "out", "pids"))
-    file.write_text(study_text(*(f"does:what={what}" for what in HANGS), "half", time_limit=5))
+    file.write_text(study_text(*(f"does:{what}" for what in HANGS), "half", time_limit=5))
     with Path("/dev/full").open("w") as full:
         words = ("run", "-s", file, *plugins, "-o", out, "--json")
         run = finished(*words, stderr=full, env=environment(PIDS=pids))
     lines = by_spec(out)
-    statuses = {what: lines[f"does:{spell(what)}"]["status"] for what in HANGS}
+    statuses = {what: lines[f"does:{what}"]["status"] for what in HANGS}
     assert statuses == HANGS and lines["half"]["status"] == "ok" and lines["half"]["frame_ms"]
     assert run.returncode == 3 and pids.exists()
     assert gone(marked("PIDS", pids)), "of the plug-in, whether its worker hung or ended with the run"
-
-
-def spell(what: str) -> str:
-    """Parameters in the order in which specs have them."""
-    first, _, level = what.partition(",level=")
-    return f"level={level},what={first}" if level else f"what={first}"
 
 
 @pytest.mark.slow

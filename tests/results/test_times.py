@@ -60,15 +60,6 @@ def test_the_interquartile_range_of_the_reference_is_that_of_its_own_rounds() ->
     assert spread.to_dict() == pytest.approx({"reference": 3.0 * 15 / 10, "a": 0.1 * 15})
 
 
-def test_spread_passes_and_totals_are_by_the_same_time() -> None:
-    row = shown(*MIXED).loc["fast"]
-    assert row["frame_iqr_ms"] == pytest.approx(0.02 * 15)
-    assert row["added_ms"] == pytest.approx((16 - 1) * 15 / 20)
-    assert (row["still_ms"], row["camera_ms"], row["light_ms"]) == pytest.approx((0, 8 * 15 / 20, 16 * 15 / 20))
-    assert row["pass_depth_ms"] == pytest.approx(8 * 15 / 20)
-    assert row["prepare_ms"] == 7, "which is ranked nowhere"
-
-
 def test_a_time_with_another_reference_or_none_is_not_compared() -> None:
     other = timed("other", 5.0, reference="unshadowed")
     none = timed("none", 5.0, ratio=None, ratio_iqr=None)
