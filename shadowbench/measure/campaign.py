@@ -109,32 +109,23 @@ _FLIP_SAMPLES = 1  # along a pixel's side, of truths that flips are counted with
 
 
 class Reporter(Protocol):
-    """Receiver of progress messages."""
+    """Receiver of progress messages, which are logged unless it does something else."""
 
     def note(self, line: str) -> None:
         """Show one line to the user."""
-
-    def stage(self, name: str, total: int | None) -> None:
-        """Begin a stage of `total` steps, None if unknown; timed: how many of them time a cell."""
-
-    def step(self, what: str) -> None:
-        """Count one step of the stage as done."""
-
-
-class LogReporter:
-    """Reporter that logs progress."""
-
-    def note(self, line: str) -> None:
-        """See `Reporter`."""
         _log.info(line)
 
     def stage(self, name: str, total: int | None) -> None:
-        """See `Reporter`."""
+        """Begin a stage of `total` steps, None if unknown."""
         _log.debug("%s: %s", name, total)
 
     def step(self, what: str) -> None:
-        """See `Reporter`."""
+        """Count one step of the stage as done."""
         _log.debug(what)
+
+
+class LogReporter(Reporter):
+    """Reporter that logs progress."""
 
 
 class Campaign:

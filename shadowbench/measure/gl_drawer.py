@@ -131,13 +131,12 @@ class GLDrawer:
             except _GroupFailed as failure:
                 self._release_timed()
                 failed = failure.cell
-                if failed and isinstance(failure.reason, MemoryExceeded) and not (len(group) == 1 and failed in alone):
+                if isinstance(failure.reason, MemoryExceeded) and not (len(group) == 1 and failed in alone):
                     # Also if it was alone: the worker may have held memory of earlier cells, and a new one has none.
                     alone |= {failed} if len(group) == 1 else set()
                     groups[:0] = [[cell] for cell in group]
-                elif failed is None or failed not in (*group, *reference):  # no other can be left out
-                    what = "opening the view" if failed is None else "the floor, unshadowed"
-                    yield from ((cell, f"{what}: {failure}") for cell in group)
+                elif failed not in (*group, *reference):  # no other can be left out
+                    yield from ((cell, f"the floor, unshadowed: {failure}") for cell in group)
                 else:
                     yield failed, str(failure)
                     if failed in reference:
@@ -154,21 +153,20 @@ class GLDrawer:
         indices = range(len(cells))
 
         def call(
-            index: int | None, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs
+            index: int, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs
         ) -> R:
             try:
                 return self.worker.call(method, *arguments, **options)
             except (CellFailed, Unsupported) as reason:
-                raise _GroupFailed(None if index is None else cells[index], reason) from None
+                raise _GroupFailed(cells[index], reason) from None
 
         def sample() -> list[Samples]:
             frames = [[call(n, Session.time_frame, n) for n in indices] for _ in range(block.rounds)]
             passes = [[call(n, Session.time_passes, n) for n in indices] for _ in range(max(block.rounds // 3, 1))]
             return [Samples([row[n] for row in frames], [row[n] for row in passes], prepare_ms[n]) for n in indices]
 
-        call(None, Session.open, block.view, block.coordinates)
         prepare_ms = [call(n, Session.prepare_timing, block.view, self._request(block, cells[n])) for n in indices]
-        call(None, Session.raise_clocks)
+        call(0, Session.raise_clocks)
         times = sample()
         if any(len(cell.clocks) > 1 for cell in times):  # the clock gave up timer queries midway, for good
             times = sample()
@@ -184,9 +182,9 @@ class GLDrawer:
 
 
 class _GroupFailed(Exception):
-    """Raised when timing a group fails; cell: the one that failed, None if opening the view did."""
+    """Raised when timing a cell of a group fails."""
 
-    def __init__(self, cell: Cell | None, reason: CellFailed | Unsupported) -> None:
+    def __init__(self, cell: Cell, reason: CellFailed | Unsupported) -> None:
         super().__init__(str(reason))
         self.cell, self.reason = cell, reason
 

@@ -99,7 +99,6 @@ _TIME = _table(
         **dict.fromkeys(("frame_ms", "frame_iqr_ms", "prepare_ms"), NonNegative),
         **dict.fromkeys(("wall_ms", "still_ms", "camera_ms", "light_ms"), NonNegative | None),
         **dict.fromkeys(("reference_ms", "ratio", "ratio_iqr"), NonNegative | None),
-        "ratio_quartiles": list[NonNegative] | None,
         "no_ratio": str | None,
         "passes": dict[str, dict[str, FiniteFloat | str]],
     },

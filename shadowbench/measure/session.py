@@ -262,10 +262,6 @@ class Session:
             clip_control=device.clip_control,
         )
 
-    def open(self, view: View, coordinates: Coordinates = "relative") -> None:
-        """Load a view's scene and draw its G-buffer, unless done already. Every call about a view does this first."""
-        self._ensure_open(view, coordinates)
-
     def surface(self, view: View, coordinates: Coordinates = "relative") -> Surface:
         """What masks of a view are drawn over."""
         opened = self._ensure_open(view, coordinates)
