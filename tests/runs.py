@@ -140,9 +140,6 @@ class Does(Wild):
     def do_abort(self, texture):
         os.abort()
 
-    def do_segv(self, texture):
-        ctypes.string_at(0)
-
     def do_leave(self, texture):
         os._exit(0)
 

@@ -17,7 +17,6 @@ EXPECTED = {
     "leave-processes-and-abort": "failed: crashed: SIGABRT",
     "leave-processes-and-eat": "failed: ate memory",
     "gate": "ok",
-    "segv": "failed: crashed: SIGSEGV",
     "exit": "failed: crashed: the worker ended with code 0",
     "raise": "failed: ZeroDivisionError: as planned (wild.py:",
     "nan": "failed: ValueError: does:level=0.5,what=nan,after=0 drew visibility is NaN",
