@@ -8,6 +8,7 @@ import inspect
 import re
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from pages import MEASURED, compare, grid, labelled, measured, png
 from PIL import Image
 
+from shadowbench.errors import Unsupported
 from shadowbench.extremes.model import NAMES
 from shadowbench.maps.biases import ALL_MAPS
 from shadowbench.measure.scoring import prepare_truth
@@ -162,7 +164,7 @@ def strip(worker: Worker, members: Iterable[str], shown: Strip) -> list[NDArray[
     left, top, side = (part * SIZE // 8 for part in shown.part)
     tiles = []
     for name, request in asked.items():
-        if worker.call(Session.unsupported, view, request) is None:
+        with suppress(Unsupported):
             picture = Image.fromarray(worker.call(Session.draw, view, request, tinted=True).picture)
             part = picture.crop((left, top, left + side, top + side)).resize((TILE, TILE), Image.Resampling.NEAREST)
             tiles.append(labelled(np.asarray(part), name))

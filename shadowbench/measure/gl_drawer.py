@@ -83,10 +83,6 @@ class GLDrawer:
         room = int(_CELL_SHARE * self.worker.limits.bytes)
         return CellRequest(cell.spec.full_text, cell.phase, block.coordinates, room)
 
-    def unsupported(self, block: Block, cell: Cell) -> str | None:
-        """Why a cell's technique does not support a block's view; None if it does."""
-        return self.worker.call(Session.unsupported, block.view, self._request(block, cell))
-
     def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
         """A cell drawn in each view of a block, in their order. Raises Unsupported and CellFailed.
 
