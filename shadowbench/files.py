@@ -5,7 +5,6 @@ import io
 import os
 import re
 import secrets
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -107,16 +106,13 @@ def png_of(image: "NDArray[np.uint8]") -> bytes:
     return stream.getvalue()
 
 
-def read_beside(name: str, folder: Path, where: str, most: int = sys.maxsize) -> bytes:
+def read_beside(name: str, folder: Path, where: str) -> bytes:
     """The bytes of a file in a folder or below, as another file there names it, with slashes of either kind.
 
-    Raises InputError that begins with `where` for one that is not there, or has more than `most` bytes.
+    Raises InputError that begins with `where` for one that is not there.
     """
     folder = folder.resolve()
-    file = file_below(name.replace("\\", "/"), folder, where, str(folder))
-    if file.stat().st_size > most:
-        raise InputError(f"{where} has {file.stat().st_size} bytes; allowed are {most}")
-    return file.read_bytes()
+    return file_below(name.replace("\\", "/"), folder, where, str(folder)).read_bytes()
 
 
 def file_below(name: str, folder: Path, where: str, called: str) -> Path:

@@ -138,7 +138,7 @@ def obstacles(advice: Recommendation) -> list[str]:
 def _soft_faults(near: Trial) -> list[str]:
     """What is wrong with the penumbrae of the closest trial."""
     row = near.result.score
-    faults = [f"{fault.name}, {fault.line}" for fault in soft_faults(row["metrics"], row.get("width_bias"))]
+    faults = [f"{name}, {line}" for name, line in soft_faults(row["metrics"], row.get("width_bias")).items()]
     worst = faults[:1] or [f"an RMSE of {row['metrics']['rmse_pen']:.2g} in the penumbra (rmse_pen)"]
     if near.spec.map_size == SIZES[-1]:
         worst.append(f"map size; the closest has {SIZES[-1]} texels a side, the most that are tried")

@@ -23,7 +23,7 @@ from shadowbench.measure.worker import CellFailed, DeviceInfo, Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.truths.cache import KEPT_BYTES
-from shadowbench.truths.embree import packet_width
+from shadowbench.truths.embree import default_device
 from shadowbench.versions import VERSION, installed
 
 if TYPE_CHECKING:
@@ -98,9 +98,8 @@ def diagnosis() -> dict[str, dict[str, Any]]:
             found["opengl"] = dataclasses.asdict(worker.info) | _noise(worker)
     except ShadowbenchError as error:
         found["opengl"] = {"missing": str(error)}
-    width = packet_width()
     found["embree"] = {
-        "rays_at_once": f"{width}, native to this processor" if width > 1 else "1: Embree's library cannot be loaded",
+        "rays_at_once": f"{default_device().width}, native to this processor",
         "instruction_set": os.environ.get("SHADOWBENCH_ISA") or "the processor's best; SHADOWBENCH_ISA chooses another",
     }
     cache = cache_folder("truth")

@@ -54,7 +54,7 @@ def fetched(host: WebHost, path: str, method: str = "GET") -> tuple[int, bytes]:
 def test_nothing_is_given_or_taken_without_the_secret(host: WebHost) -> None:
     host._send(b"a call")
     for path in ("/", "/call", "/draw.js", "/packages/engine.js", f"/{host.secret[:-1]}/", f"/x/{host.secret}/call"):
-        assert fetched(host, path) == (404, b"")
+        assert fetched(host, path)[0] == 404
     fetched(host, "/answer", "POST")
     assert host._answers.empty()
     assert not any(host.secret in word for word in map(str, host.process.args))  # type: ignore[arg-type]

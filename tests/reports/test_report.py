@@ -7,14 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
-from shadowbench.commands import console
 from shadowbench.plugin.registry import preset_names
-from shadowbench.reports.gallery import difference
-from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from tests.reports.conftest import CELLS, POINTS, SIDE, Cell, galleries, parts_of
 
 SOFTWARE = "for trends only, not representative of a GPU"
@@ -104,15 +100,6 @@ def test_every_cell_has_its_pictures_in_the_page_and_missing_ones_are_named(run_
     assert shown["notes"] == ["run has no truth for some of these cells."]
     page = page_of(run_folder(name="none"))
     assert galleries(page) == [] and "neither pictures/ nor masks/ of these cells" in page
-
-
-def test_the_difference_is_signed() -> None:
-    truth = np.array([[0, 1], [1, 0]], dtype=np.float32)
-    mask = np.array([[1, 0], [1, 1]], dtype=np.float32)
-    picture = difference(mask, truth, np.array([[False, False], [False, True]]))
-    assert tuple(picture[0, 0]) == FALSE_LIGHT and tuple(picture[0, 1]) == FALSE_SHADOW
-    grey = picture[1]
-    assert (grey == grey[:, :1]).all() and grey[0, 0] > grey[1, 0], "also where it is undecided"
 
 
 # Other formats
@@ -225,26 +212,6 @@ def test_the_verdict_over_scenes_counts_those_that_a_technique_supports(printed)
         "shadow-map 5.00 ms, 1 of 2 – –",
     ]
     assert lines[-2].endswith("n of 2: over the n that it supports.")
-
-
-def test_of_two_machines_each_has_its_verdict(printed, run_folder) -> None:
-    faster = [replace(cell, ms=cell.ms and cell.ms / 2) for cell in CELLS]
-    lines = printed(run_folder(name="one"), run_folder(faster, name="two", software=False, processor="GPU"))
-    heads = [lines.index("one, on renderer of A processor"), lines.index("two, on renderer of GPU")]
-    assert [lines[head + 2] for head in heads] == [
-        "stairs IoU ≥ 0.95 5.00 ms shadow-map at 512",
-        "stairs IoU ≥ 0.95 2.50 ms shadow-map at 512",
-    ]
-
-
-def test_the_verdict_on_three_scenes_fits_a_screen(run_folder, shadowbench, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(console.out(), "width", 80)
-    scenes = "room-with-lamp", "railings", "street"
-    folder = run_folder([replace(cell, scene=scene) for scene in scenes for cell in CELLS])
-    lines = shadowbench("report", folder, "--format", "md", "-o", tmp_path / "a.md").out.splitlines()
-    cost = next(line for line in lines if line.startswith("Cost: "))
-    table = lines[: lines.index(cost)]
-    assert len(table) + len(cost) // 80 + 1 <= 24 and max(map(len, table)) <= 80
 
 
 BAD = (
