@@ -26,11 +26,11 @@ from shadowbench import options
 from shadowbench.advice.recommend import Recommendation, by_of, has_penumbra, target_of
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.search import technique_names
-from shadowbench.campaigns import campaign_in, shared_worker
-from shadowbench.campaigns import close as close
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.masks.inputs import visibility_of
+from shadowbench.measure.gl_drawer import campaign_in, shared_worker
+from shadowbench.measure.gl_drawer import close as close
 from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import subjects_with, techniques_with
 from shadowbench.measure.scoring import prepare_truth, truth_record

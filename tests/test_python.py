@@ -195,10 +195,10 @@ FORKED = """
 import os, sys
 import shadowbench as sb
 from shadowbench.results.frame import over_phases
-from shadowbench.campaigns import _Shared
+from shadowbench.measure.gl_drawer import _shared
 
 first = sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility
-process = _Shared.worker._process.pid
+process = [*_shared.values()][0]._process.pid
 for draws in (False, True):
     child = os.fork()
     if not child:
@@ -207,7 +207,7 @@ for draws in (False, True):
         sys.exit(0)
     assert os.waitpid(child, 0)[1] == 0
     assert (sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility == first).all()
-    assert _Shared.worker._process.pid == process
+    assert [*_shared.values()][0]._process.pid == process
 """
 
 

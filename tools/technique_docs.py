@@ -7,6 +7,7 @@ import argparse
 import inspect
 import re
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from pages import MEASURED, compare, grid, labelled, measured, png
 from PIL import Image
 
+from shadowbench.errors import Unsupported
 from shadowbench.extremes.model import NAMES
 from shadowbench.maps.biases import ALL_MAPS
 from shadowbench.measure.scoring import prepare_truth
@@ -116,7 +118,7 @@ def strip(worker: Worker, family: type[Component]) -> NDArray[np.uint8]:
     view, tiles, eighth = chosen_view(scene, SIZE), [], SIZE // 8
     for name in family.table:
         request = CellRequest(spec.format(COUNTED.get(name, name)))
-        if worker.call(Session.unsupported, view, request) is None:
+        with suppress(Unsupported):
             picture = Image.fromarray(worker.call(Session.draw, view, request, tinted=True).picture)
             box = np.multiply((left, top, left + side, top + side), eighth).tolist()
             tile = picture.crop(box).resize((TILE, TILE), Image.Resampling.NEAREST)

@@ -125,8 +125,8 @@ def recommend(
     from shadowbench.advice.recommend import recommend as measure_recommendation
     from shadowbench.advice.search import technique_names
     from shadowbench.advice.words import export_choice, values
-    from shadowbench.campaigns import campaign_in
     from shadowbench.files import make_folder
+    from shadowbench.measure.gl_drawer import campaign_in
     from shadowbench.measure.plugin_output import techniques_with
 
     wanted = asked.min_iou, asked.max_edge_px, asked.budget_ms, asked.max_rmse

@@ -96,7 +96,7 @@ def run(
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
         worker = None if machines.dask is not None else stack.enter_context(Worker(asked.plugin))
-        from shadowbench.campaigns import campaign_in
+        from shadowbench.measure.gl_drawer import campaign_in
         from shadowbench.measure.plugin_output import subjects_with
         from shadowbench.plugin.spec import parse_spec
         from shadowbench.studies.run import estimate, measure

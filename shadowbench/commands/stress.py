@@ -56,7 +56,7 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
       refused: 1e5              values that the technique does not support
       3 of 20 values            number of values measured, with --quick
     """
-    from shadowbench.campaigns import campaign_in
+    from shadowbench.measure.gl_drawer import campaign_in
     from shadowbench.measure.plugin_output import subjects_with
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.results.ranges import ranges_frame

@@ -47,11 +47,6 @@ class EngineDrawer(GLDrawer):
         engine, own = engine_of(cell.spec), self.device_identity
         return own if engine is None else {**own, "engine": environment(engine).name, "adapter": _adapter(engine)}
 
-    def unsupported(self, block: Block, cell: Cell) -> str | None:
-        """See `GLDrawer`."""
-        engine = engine_of(cell.spec)
-        return super().unsupported(block, cell) if engine is None else _unsupported(engine, block.view, cell)
-
     def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
         """See `GLDrawer`. Raises InputError for an engine that is not installed."""
         engine = engine_of(cell.spec)
