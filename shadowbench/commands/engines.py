@@ -34,9 +34,7 @@ class MeasureOptions:
     map_size: int | None = option(
         "Texels along a side of the maps of all engines that have a parameter `size`  [1024].", "N", bounds=MAP_SIZE
     )
-    scenes: str | None = option(
-        "Scenes with hard shadows, each as for `run`  [the built-in ones].", "SCENE,SCENE,...", complete=options.scenes
-    )
+    scenes: str | None = option("Scenes with hard shadows, each as for `run`  [the built-in ones].", "SCENE,SCENE,...")
     phases: int | None = option(
         "Sub-texel offsets of maps whose box is given; values are medians over them  [1].", "N", bounds=PHASES
     )

@@ -14,7 +14,7 @@ TOGETHER = "bias=polygon-offset(2,4)+normal-offset"
 
 @options.command(name="list")
 def list_things(
-    what: Annotated[str, options.argument("WHAT", f"{', '.join(KINDS)}  [all].", lambda: KINDS)] = "",
+    what: Annotated[str, options.argument("WHAT", f"{', '.join(KINDS)}  [all].")] = "",
     name: Annotated[str, options.argument("NAME", "Show only this entry  [all].")] = "",
     plugin: options.Plugins = None,
     json: options.Json = False,

@@ -23,7 +23,6 @@ class ReportOptions:
         "from `stress` stability and stability.AXIS; captions.md has their captions, which only png charts also show.",
         "FORMAT",
         default="html",
-        words=("html", "md", "csv", "tex", "png", "svg", "pdf"),
     )
     plugin: list[Path] = options.plugins()
 

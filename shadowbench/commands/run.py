@@ -23,7 +23,6 @@ class RunOptions:
         "studies).",
         "STUDY",
         names=("-s", "--study"),
-        complete=options.studies,
     )
     techniques: list[str] = options.technique(
         f"Technique to measure: {options.SPEC}; repeatable  [the study's].", default=()
@@ -67,7 +66,7 @@ class RunOptions:
     "below the truth's own error. A slope, below a table, is the median of the slopes of each view, light and phase."
 )
 def run(
-    scenes: Annotated[list[str] | None, options.scene(f"Each is {options.SCENE}  [the study's].")] = None,
+    scenes: Annotated[list[str] | None, options.argument("SCENE", f"Each is {options.SCENE}  [the study's].")] = None,
     *,
     measuring: Measuring,
     view: ViewOptions,

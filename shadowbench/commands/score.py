@@ -31,7 +31,9 @@ class ScoreOptions:
     "  shadowbench score stairs --lit lit.png --shadowed shadowed.png -o results/engines --name my-engine"
 )
 def score(
-    scene: Annotated[str, options.scene(f"The scene: {options.SCENE}; or its truth, a file of `shadowbench truth`.")],
+    scene: Annotated[
+        str, options.argument("SCENE", f"The scene: {options.SCENE}; or its truth, a file of `shadowbench truth`.")
+    ],
     mask: Annotated[
         Path | None,
         options.argument(

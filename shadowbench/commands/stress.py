@@ -20,9 +20,7 @@ class StressOptions:
     techniques: list[str] = options.technique(
         f"Technique to test: {options.SPEC}; repeatable  [all techniques at their defaults].", default=()
     )
-    axis: list[str] = option(
-        "Axis to vary (shadowbench list axes); repeatable  [all].", "NAME", default=(), complete=options.axes
-    )
+    axis: list[str] = option("Axis to vary (shadowbench list axes); repeatable  [all].", "NAME", default=())
     quick: bool = options.flag("Only a few values of each axis.")
     plugin: list[Path] = options.plugins()
     output: Path = options.output(
