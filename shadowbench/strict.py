@@ -2,9 +2,9 @@
 
 import tomllib
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from shadowbench.errors import InputError, alternatives
@@ -59,17 +59,12 @@ class Strict(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    not_in_files: ClassVar[frozenset[str]] = frozenset()
-    """Fields that only code may set: they are unknown fields if a model is validated with a context, as files are."""
-
     @model_validator(mode="before")
     @classmethod
-    def _name_what_is_allowed(cls, values: Any, info: ValidationInfo) -> Any:
-        hidden = cls.not_in_files if info.context is not None else frozenset()
-        known = [name for name in cls.model_fields if name not in hidden]
+    def _name_what_is_allowed(cls, values: Any) -> Any:
         for key in values if isinstance(values, dict) else ():
-            if key not in known:
-                raise ValueError(f"unknown field {key!r:.60}{alternatives(key, known, none='none at all')}")
+            if key not in cls.model_fields:
+                raise ValueError(f"unknown field {key!r:.60}{alternatives(key, cls.model_fields, none='none at all')}")
         return values
 
 

@@ -63,7 +63,7 @@ class RunOptions:
     "  × ref     time relative to the reference technique\n"
     "  MiB       memory of textures and buffers\n\n"
     "`shadowbench list metrics` has the exact definitions, also of the other columns of soft shadows; < marks a value "
-    "below the truth's own error. A slope, below a table, is the median of the slopes of each view, light and phase."
+    "below the truth's own error."
 )
 def run(
     scenes: Annotated[list[str] | None, options.argument("SCENE", f"Each is {options.SCENE}  [the study's].")] = None,
@@ -98,7 +98,7 @@ def run(
         from shadowbench.campaigns import campaign_in
         from shadowbench.measure.plugin_output import subjects_with
         from shadowbench.plugin.spec import parse_spec
-        from shadowbench.studies.run import Part, estimate, measure
+        from shadowbench.studies.run import Part, measure
         from shadowbench.studies.study import study_from_options
 
         chosen_part = Part.named(asked.part)
@@ -113,10 +113,6 @@ def run(
         study = study_from_options(
             known, scenes or (), specs, study=asked.study, map_size=sizes, measuring=measuring, view=view
         )
-        if not scenes and not asked.study and asked.part is None:
-            cells, seconds = estimate(study)
-            on = f"{len(study.scenes)} scenes"
-            reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         if worker is not None:
             worker.limits = study.limits
         where = campaign_in(

@@ -9,7 +9,6 @@ from shadowbench.commands import console
 from shadowbench.errors import counted, number
 
 if TYPE_CHECKING:
-    from shadowbench.results.frame import SweepPositions
     from shadowbench.results.summary import Setting, Summary
     from shadowbench.studies.run import StudyResult
 
@@ -26,8 +25,6 @@ _HEADINGS = {  # of others it is the name
     "ratio": "× ref",
     "gpu_bytes": "MiB",
 }
-_WIDE = 110  # characters; a narrower terminal gets the columns that matter most
-_NARROW = ("error", "rmse_pen", "iou", "ssim", "cost", "ratio")
 _OPTIONAL = ("terminator", "bleed", "false_dark", "width", "hardening", "flips", *_COSTS)  # shown where a row has them
 
 
@@ -45,31 +42,17 @@ def print_study(study: "StudyResult", folder: Path, quiet: bool) -> None:
             "predicted_ms": f"; ms predicted for {scene.device}",
             "work_cost": "; work in millions of shader invocations and texture reads",
         }
-        _print_scene(scene, costs.get(scene.cost, ""), study.sweep_positions)
+        _print_scene(scene, costs.get(scene.cost, ""))
     kinds = by_kind(scenes) if run.frame["renderer"].nunique() == 1 else []  # no mean over renderers
     for kind in (kind for kind in kinds if len(kind) > 1):
         title = f"mean over the {len(kind)} {_kind_of(kind, kinds)}scenes, of what has a score in each"
         mean = over_scenes(kind, title)
         _print_settings(title, mean, mean.shown)
         console.print_text("")
-    _print_dropped(scenes, folder / "table.csv")
     if not quiet:
         drawn = any(scene.max_cells for scene in scenes)
         beside = "; masks/ and pictures/ are beside it" if drawn else ""
         console.print_line(f"{folder / 'table.csv'}: {counted(len(study.run.rows), 'cell')}{beside}")
-
-
-def _print_dropped(scenes: "Sequence[Summary]", table: Path) -> None:
-    """Say which columns a narrow terminal lacks."""
-    width, names = console.out().width, dict[str, None]()
-    for scene in scenes:
-        drawn = [one for one in scene.lines if one.cells]
-        if drawn and width < _WIDE:
-            shown = _columns(scene, drawn, True)
-            names |= dict.fromkeys(name for name in _columns(scene, drawn, False) if name not in shown)
-    if names:
-        where = f"see {table}, or widen the terminal to {_WIDE}"
-        console.print_line(f"columns left out at a width of {width} characters ({where}): {', '.join(names)}")
 
 
 def _kind_of(kind: "Sequence[Summary]", kinds: Sequence[object]) -> str:
@@ -77,11 +60,9 @@ def _kind_of(kind: "Sequence[Summary]", kinds: Sequence[object]) -> str:
     return "" if len(kinds) == 1 else "soft " if kind[0].soft else "hard "
 
 
-def _print_scene(scene: "Summary", costs: str, swept: "SweepPositions") -> None:
-    """A table with a line for each setting; then unsuccessful cells, slopes, notes and bias sweeps."""
-    from shadowbench.plugin.registry import preset_names
-    from shadowbench.reports.texts import bias_notes, interval_text, phase_note, preset_note
-    from shadowbench.results.curves import slopes
+def _print_scene(scene: "Summary", costs: str) -> None:
+    """A table with a line for each setting; then unsuccessful cells and notes."""
+    from shadowbench.reports.texts import bias_notes, phase_note, preset_note
     from shadowbench.results.times import time_notes
 
     settings, error, lines = scene.lines, scene.ranked_by.error_label, []
@@ -90,10 +71,6 @@ def _print_scene(scene: "Summary", costs: str, swept: "SweepPositions") -> None:
         for status, count in Counter(one.refused).items():
             share = f"{count} of {total} cells " if total > 1 else ""
             lines.append(f"{one.name} {one.map_size or ''}: {share}{status}")
-    for fit in slopes(scene):
-        slope = interval_text(fit.slope, "{:+.2f}".format) + (", one phase" if fit.phases == 1 else "")
-        name = preset_names().get(fit.spec, fit.spec)
-        lines.append(f"slope of log({error}) over log(size), {fit.sizes[0]} to {fit.sizes[-1]}: {slope}  {name}")
     if scene.max_cells > 1:
         several = f"medians of up to {scene.max_cells} cells (views × phases)"
         lines.append(f"{several}; in brackets the 95% interval of {error}")
@@ -103,11 +80,10 @@ def _print_scene(scene: "Summary", costs: str, swept: "SweepPositions") -> None:
     for line in lines:
         console.print_line(f"  {line}")
     console.print_text("")
-    _print_curves(scene, swept)
 
 
 def _print_settings(title: str, summary: "Summary", settings: "Sequence[Setting]") -> None:
-    columns = _columns(summary, settings, console.out().width < _WIDE)
+    columns = _columns(summary, settings)
     lines = [
         (one.name, str(one.map_size or ""), *(_cell(summary, one, key) for key in columns.values()))
         for one in settings
@@ -119,8 +95,8 @@ def _print_settings(title: str, summary: "Summary", settings: "Sequence[Setting]
         console.print_text(title)
 
 
-def _columns(summary: "Summary", settings: "Sequence[Setting]", narrow: bool) -> dict[str, str]:
-    """The columns of a table, by heading: fewer on a narrow terminal, no optional one that is empty."""
+def _columns(summary: "Summary", settings: "Sequence[Setting]") -> dict[str, str]:
+    """The columns of a table, by heading; no optional one that is empty."""
     from shadowbench.reports.texts import COST_HEADINGS
     from shadowbench.results.summary import known
     from shadowbench.scores.metrics import plugged_in
@@ -133,29 +109,8 @@ def _columns(summary: "Summary", settings: "Sequence[Setting]", narrow: bool) ->
     return {
         headings.get(key, key.replace("_", " ")): key
         for key in (*(_OF_SOFT if summary.soft else _OF_HARD), *added)
-        if key not in lacking and (not narrow or key in (*_NARROW, *added))
+        if key not in lacking
     }
-
-
-def _print_curves(scene: "Summary", swept: "SweepPositions") -> None:
-    """Print a line for each factor of a bias sweep, in ascending order: acne falls, peter-panning rises, if hard."""
-    from shadowbench.results.curves import curves
-
-    shares = () if scene.soft else ("acne", "contact")
-    rows = []
-    for curve in curves(scene, swept):
-        for factor, one in curve.points:
-            marks = {"default": factor == 1, "best": factor == curve.best}
-            cells = [_cell(scene, one, key) for key in (*shares, "error", "ssim")]
-            marked = ", ".join(mark for mark, holds in marks.items() if holds)
-            rows.append((one.spec, str(one.map_size or ""), f"{factor:g}", *cells, marked))
-    if not rows:
-        return
-    numbers = ("map", "× bias", *shares, scene.ranked_by.error_label, "SSIM")
-    against = ": acne against contact (peter-panning)" if shares else ""
-    title = f"{scene.scene}, bias multiplied by a factor{against}"
-    console.print_table(title, ("spec", *numbers, ""), rows, numbers=numbers, whole=("",))
-    console.print_text("")
 
 
 def _cell(summary: "Summary", one: "Setting", key: str) -> str:

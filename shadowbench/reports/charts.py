@@ -3,6 +3,7 @@
 import io
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from PIL import Image
 from shadowbench.files import replace_file
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports.texts import COLUMNS, cost_text, digits, error_text, value_text
-from shadowbench.results.curves import curves
+from shadowbench.results.frame import SweepPositions, positions_of
 from shadowbench.results.summary import Setting, Summary, known
 from shadowbench.techniques.unshadowed import Unshadowed
 
@@ -276,6 +277,36 @@ def size_chart(summary: Summary, styles: Styles | None) -> Chart | None:
         mark("point", at | look | TOOLTIP, *mapped, filled=True, size=70),
     ]
     return chart_of(f"Error against map size in {summary.title}", points, layer, 400)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Bias sweep of a spec at one map size in one scene.
+
+    points: (factor, setting) pairs by increasing factor; best: the factor that minimises the error, 1 − IoU or RMSE,
+    times 1 − SSIM.
+    """
+
+    base: str
+    map_size: int | None
+    points: tuple[tuple[float, Setting], ...]
+    best: float
+
+
+def curves(summary: Summary, swept: SweepPositions) -> list[Curve]:
+    """Curves of a scene, by base spec and map size; settings without a successful cell are left out."""
+    points: dict[tuple[str, int | None], list[tuple[float, Setting]]] = {}
+    for one in summary.shown:
+        if one.ssim == one.ssim:  # not NaN
+            for base, factor in positions_of(swept, one.spec, one.map_size):
+                points.setdefault((base, one.map_size), []).append((factor, one))
+    bases = list(dict.fromkeys(base for several in swept.values() for base, _ in several))
+    swept_curves = []
+    for base, size in sorted(points, key=lambda key: (bases.index(key[0]), key[1] or 0)):
+        at_size = sorted(points[base, size], key=lambda point: point[0])
+        best, _ = min(at_size, key=lambda point: point[1].error * (1 - point[1].ssim))
+        swept_curves.append(Curve(base, size, tuple(at_size), best))
+    return swept_curves
 
 
 def bias_charts(summary: Summary) -> dict[str, Chart]:

@@ -4,11 +4,11 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, cast
+from typing import TYPE_CHECKING, Annotated, Any, Self, cast
 
-from pydantic import BeforeValidator, Field, InstanceOf, ValidationError, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, InstanceOf, ValidationInfo, model_validator
 
-from shadowbench.errors import InputError, NotInFile, alternatives
+from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder
 from shadowbench.measure.campaign import DEFAULT_REFERENCE, Block, Cell, reference_name
 from shadowbench.measure.flips import Step, Stepped
@@ -31,7 +31,7 @@ from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.opening import Named, named, opened
-from shadowbench.strict import Strict, explain, read_toml
+from shadowbench.strict import Strict, read_toml, validated
 from shadowbench.studies.crossing import CrossedSpecs, Techniques, convert, to_list
 from shadowbench.truths.embree import tracer_of
 
@@ -88,14 +88,12 @@ class SceneFields(Strict):
 class Study(SceneFields):
     """Scenes × views × lights × specs × map sizes × phases to measure, and the settings of the measurement.
 
-    The fields are those of a study file, except `assets`, `up` and `notes`. scenes: built-in names, paths, or loaded
+    The fields are those of a study file. scenes: built-in names, paths, or loaded
     scenes. map_size: for specs that name no size; None for each technique's own. technique: crossed specs. phases:
     subtexel offsets of the map's grid to measure, for `technique` entries without their own number. step: what moves a
     little to count flips, None to count none. views, lights: "file" for the first camera and all lights of a scene,
     else by name. time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
-
-    not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
 
     about: str = ""
     scenes: Annotated[tuple[str | InstanceOf[Scene], ...], _SOME]
@@ -136,11 +134,11 @@ class Study(SceneFields):
     @staticmethod
     def of(scenes: Sequence[str | Scene], specs: Sequence[Spec], **others: Any) -> "Study":
         """A study of the given scenes and specs; others: further fields by name. Raises InputError."""
-        return _valid({"scenes": list(scenes), "technique": [CrossedSpecs(tuple(specs))], **others})
+        return validated(Study, {"scenes": list(scenes), "technique": [CrossedSpecs(tuple(specs))], **others}, "study")
 
     def with_(self, **changes: Any) -> "Study":
         """A copy with some fields replaced, validated again. Raises InputError."""
-        return _valid({name: getattr(self, name) for name in type(self).model_fields} | changes)
+        return validated(Study, {name: getattr(self, name) for name in type(self).model_fields} | changes, "study")
 
     def phases_of_specs(self) -> Mapping[Spec, int]:
         """Number of phases of each spec; the larger one for a spec that is named twice."""
@@ -189,7 +187,8 @@ class Study(SceneFields):
     def blocks(self) -> Iterator[Block]:
         """All blocks, scene by scene. Raises InputError for a scene that cannot be read."""
         files: dict[str, str | Scene] = {}
-        for source, scene in self._opened():
+        for source in dict.fromkeys(self.scenes):
+            scene = opened(source, self.scene_options(), tracer_of)
             first = files.setdefault(scene.name, source)
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
@@ -197,28 +196,6 @@ class Study(SceneFields):
             cameras = _chosen(self.views, scene.cameras, scene.cameras[:1], f"views of {scene.name}")
             for camera, light in itertools.product(cameras, self.lights_of(scene)):
                 yield self.block(view_of(scene, camera, light, self.view_size))
-
-    def _opened(self) -> Iterator[tuple[str | Scene, Scene]]:
-        """The scenes; time and clip are of those that have them, and a note says which do not.
-
-        Raises InputError, also if none has them.
-        """
-        sources, options = list(dict.fromkeys(self.scenes)), self.scene_options()
-        plain = replace(options, time=None, clip=None)
-        if plain == options or len(sources) < 2:
-            yield from ((source, opened(source, options, tracer_of)) for source in sources)
-            return
-        scenes, lacking = [], []
-        for source in sources:
-            try:
-                scenes.append(opened(source, options, tracer_of))
-            except NotInFile as error:
-                scene = opened(source, plain, tracer_of)
-                scenes.append(replace(scene, notes=(*scene.notes, f"{error}; {scene.name} is taken without")))
-                lacking.append(error)
-        if len(lacking) == len(sources):
-            raise lacking[0]
-        yield from zip(sources, scenes, strict=True)
 
     def block(self, view: View) -> Block:
         """The block of a view, with all cells."""
@@ -271,14 +248,7 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
         raise InputError(f"{file}: found a scene file; allowed: a study file, or `shadowbench run` with it as a scene")
     notes: list[str] = []
     convert(table, str(file), folder or file.parent, techniques, notes)
-    return _valid(table, str(file)).with_(notes=tuple(notes))
-
-
-def _valid(values: dict[str, Any], where: str | None = None) -> Study:
-    try:
-        return Study.model_validate(values, context=where)
-    except ValidationError as error:
-        raise explain(where or "study", error) from None
+    return validated(Study, table, str(file)).with_(notes=tuple(notes))
 
 
 def study_from_options(

@@ -16,7 +16,6 @@ from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.studies.stress import default_specs
 from shadowbench.studies.study import Study, find_study, read_study, study_from_options
-from tests.scenes.rigs import morphing, sheared
 
 SCENE = 'scenes = ["cube-on-plane"]\n'
 KNOWN = techniques()
@@ -215,19 +214,6 @@ def test_scenes_are_built_in_names_or_files_beside_the_study(read: ReadStudy, tm
     assert list(dict.fromkeys(block.view.scene.name for block in study.blocks())) == ["pair", "other", "cube-on-plane"]
 
 
-def test_a_clip_is_that_of_the_scenes_that_have_it_and_one_must(read: ReadStudy, tmp_path: Path) -> None:
-    for name, rig in (("walking", sheared), ("still", morphing)):
-        rig().write(tmp_path / f"{name}.glb")
-    scenes = 'scenes = ["walking.glb", "still.glb", "cube-on-plane"]\n'
-    found = {block.view.scene.name: block.view.scene.notes for block in read(scenes + 'clip = "walk"\n' + ONE).blocks()}
-    assert any("clip 'walk'" in note for note in found["walking"])
-    assert any("still.glb: clip: found 'walk'" in note and "taken without" in note for note in found["still"])
-    assert any("cube-on-plane is no glTF file" in note for note in found["cube-on-plane"])
-    for lacking in ('["still.glb", "cube-on-plane"]', '["still.glb"]'):
-        with pytest.raises(InputError, match=r"still\.glb: clip: found 'walk'"):
-            list(read(f'scenes = {lacking}\nclip = "walk"\n{ONE}').blocks())
-
-
 ONE = '[[technique]]\nspec = "shadow-map"\n'
 
 
@@ -238,7 +224,6 @@ WRONG: list[tuple[str, list[str]]] = [
     ("scenes = [1]\n", ["scenes 1", "found 1", "text"]),
     ('[[mesh]]\nshape = "box"\n', ["found a scene file", "a study file, or `shadowbench run`"]),
     (SCENE + "size = 3\n", ["unknown field 'size'", "map_size"]),
-    (SCENE + 'assets = "meshes"\n', ["unknown field 'assets'", "about, scenes, map_size"]),
     (SCENE + "map_size = [512, 1.5]\n", ["map_size", "1.5"]),
     (SCENE + "map_size = []\n", ["map_size"]),
     (SCENE + "map_size = 65537\n", ["map_size", "65537"]),

@@ -1,6 +1,5 @@
-"""Bias sweeps: the multiplied biases, and the printed curve of acne and contact."""
+"""Bias sweeps: the multiplied biases, and the curve of acne and contact."""
 
-import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from shadowbench.errors import InputError
 from shadowbench.maps.biases import Bias
 from shadowbench.measure.rows import Result
 from shadowbench.plugin.registry import techniques
-from shadowbench.results.curves import curves
+from shadowbench.reports.charts import curves
 from shadowbench.results.frame import SweepPositions, add_factor_columns, read_sweep_positions
 from shadowbench.studies.study import Study, read_study
 from tests.results.cells import GOOD, cell
@@ -93,26 +92,16 @@ def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> Non
     assert curves(scene, {}) == []
 
 
-def test_a_run_prints_the_curve_with_default_and_best_and_keeps_the_factors(
+def test_a_run_keeps_the_factors_and_acne_falls_as_contact_rises(
     shadowbench: Callable[..., Any], tmp_path: Path
 ) -> None:
     study(tmp_path, "spec = 'shadow-map'\nsize = 128\nbias_sweep = true")
-    arguments = ("run", "-s", tmp_path / "study.toml", "--view-size", "64", "-o", tmp_path / "run", "-q")
-    answer = shadowbench(*arguments)
+    answer = shadowbench("run", "-s", tmp_path / "study.toml", "--view-size", "64", "-o", tmp_path / "run", "-q")
     assert answer.code == 0, answer.err
-    curve = answer.out.split("cube-on-plane, bias multiplied by a factor: acne against contact (peter-panning)")[
-        1
-    ].splitlines()
-    lines = [line.split() for line in curve if line.startswith("shadow-map")]
-    assert [line[2] for line in lines] == ["0.25", "0.5", "1", "2", "4"]
-    assert [line[0] for line in lines if "default" in " ".join(line[7:])] == ["shadow-map"]
-    assert len([line for line in lines if line[-1] == "best"]) == 1
-    assert float(lines[0][3]) >= float(lines[-1][3]), "acne falls as the bias grows"
-    assert float(lines[0][4]) <= float(lines[-1][4]), "contact rises as the bias grows"
-    with (tmp_path / "run" / "table.csv").open(encoding="utf-8") as stream:
-        cells = list(csv.DictReader(stream))
-    assert {cell["bias_of"] for cell in cells} == {"shadow-map"}
-    assert sorted(float(cell["bias_factor"]) for cell in cells) == [0.25, 0.5, 1, 2, 4]
+    cells = pd.read_csv(tmp_path / "run" / "table.csv").sort_values("bias_factor")
+    assert set(cells["bias_of"]) == {"shadow-map"} and [*cells["bias_factor"]] == [0.25, 0.5, 1, 2, 4]
+    acne, contact = [*cells["acne"]], [*cells["contact"]]
+    assert acne[0] >= acne[-1] and contact[0] <= contact[-1]
 
 
 def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path: Path) -> None:
