@@ -113,26 +113,17 @@ def read_beside(name: str, folder: Path, where: str, most: int = sys.maxsize) ->
     Raises InputError that begins with `where` for one that is not there, or has more than `most` bytes.
     """
     folder = folder.resolve()
-    file = file_below(name.replace("\\", "/"), folder, where, str(folder))
-    if file.stat().st_size > most:
-        raise InputError(f"{where} has {file.stat().st_size} bytes; allowed are {most}")
-    return file.read_bytes()
-
-
-def file_below(name: str, folder: Path, where: str, called: str) -> Path:
-    """The path of a file in a resolved folder or below, links resolved.
-
-    Raises InputError that begins with `where` for one that is not there; called: the folder, in words.
-    """
     try:
-        file = Path(os.path.realpath(folder / name))
+        file = Path(os.path.realpath(folder / name.replace("\\", "/")))
         inside, there = file.is_relative_to(folder), file.is_file()
     except (OSError, ValueError):  # a null byte, a name too long
         inside, there = True, False
     if not inside or not there:
         wrong = "is not a file in" if inside else "leads outside"
-        raise InputError(f"{where} {wrong} {called}; allowed are files in it")
-    return file
+        raise InputError(f"{where} {wrong} {folder}; allowed are files in it")
+    if file.stat().st_size > most:
+        raise InputError(f"{where} has {file.stat().st_size} bytes; allowed are {most}")
+    return file.read_bytes()
 
 
 PACKAGE = Path(__file__).resolve().parent

@@ -11,8 +11,6 @@ from shadowbench.errors import InputError, alternatives
 
 Model = TypeVar("Model", bound=BaseModel)
 
-MOST_DOTS = 200
-"""Most dots in a line: tomllib's memory grows with the square of the number of parts of a dotted key."""
 DEEPEST = 20
 """Deepest nesting of tables and lists."""
 
@@ -28,9 +26,6 @@ def read_toml(path: Path, where: str, missing: str = "no such file") -> dict[str
         text = path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a null byte in the path
         raise InputError(f"{path}: cannot be read: {short(error)}") from error
-    for number, line in enumerate(text.splitlines(), 1):
-        if line.count(".") > MOST_DOTS:
-            raise InputError(f"{where}: line {number}: {line.count('.')} dots; allowed are {MOST_DOTS}, or more lines")
     try:
         # tomllib also raises plain ValueError (integers of thousands of digits) and RecursionError (deep nesting).
         document = tomllib.loads(text)

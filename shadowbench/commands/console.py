@@ -163,7 +163,6 @@ def print_table(
     *,
     numbers: Collection[str] = (),
     whole: Collection[str] = (),
-    padded: bool = False,
 ) -> None:
     """Print a table without truncation; lines may exceed the terminal's width.
 
@@ -175,7 +174,7 @@ def print_table(
     from rich.table import Table
 
     console = out()
-    table = Table(title=escape(title) or None, title_justify="left", box=None, pad_edge=padded)
+    table = Table(title=escape(title) or None, title_justify="left", box=None, pad_edge=False)
     for heading in columns:
         justify: Literal["right", "left"] = "right" if heading in numbers else "left"
         table.add_column(heading, justify=justify, no_wrap=heading in (*numbers, *whole), overflow="fold")

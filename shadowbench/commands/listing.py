@@ -41,10 +41,11 @@ def list_things(
         title = "" if quiet and what else kind
         if kind in ("techniques", "engines"):
             _print_techniques(entries)
-        elif kind == "axes":
-            _print_axes(entries, title)
         else:
-            rows = [[str(value) for value in entry.values()] for entry in entries]
+            rows = [
+                [" ".join(value) if isinstance(value, list) else str(value) for value in entry.values()]
+                for entry in entries
+            ]
             console.print_table(title, list(entries[0]), rows)
             console.print_text("")
 
@@ -68,18 +69,6 @@ def _print_techniques(entries: list["Entry"]) -> None:
             console.print_text(f"  {value['name']}: {value['help']}")
             _print_parameters(value["parameters"], "    ")
         console.print_text("")
-
-
-def _print_axes(entries: list["Entry"], title: str) -> None:
-    """Print what each axis varies, its values and its default value."""
-    if title:
-        console.print_text(title)
-    for entry in entries:
-        unit = f", {entry['unit']}" if entry["unit"] else ""
-        console.print_text(f"{entry['name']}: {entry['about']}")
-        console.print_text(f"  values{unit}: {' '.join(entry['values'])}; default {entry['home']}")
-        console.print_text(f"  swept under {', '.join(entry['lights'])} lights")
-    console.print_text("")
 
 
 def _print_parameters(parameters: list["Entry"], indent: str) -> None:

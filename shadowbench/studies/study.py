@@ -1,6 +1,7 @@
 """Studies: scenes, views, lights, techniques and map sizes to combine, from a file or options, and their cells."""
 
 import itertools
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, cast
 from pydantic import BeforeValidator, Field, InstanceOf, ValidationInfo, model_validator
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.files import data_folder
+from shadowbench.files import data_folder, replace_file
 from shadowbench.measure.campaign import DEFAULT_REFERENCE, Block, Cell, reference_name
 from shadowbench.measure.flips import Step, Stepped
 from shadowbench.measure.rows import StudyFacts
@@ -27,7 +28,7 @@ from shadowbench.options import (
     in_python,
     place_text,
 )
-from shadowbench.plugin.spec import Spec, has_size
+from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.opening import Named, named, opened
@@ -281,17 +282,7 @@ def study_from_options(
             changes = {"map_size": None, "phases": 1, **changes}
     elif measuring.phases:
         changes["technique"] = tuple(replace(crossed, phases=None) for crossed in found.technique)
-    changed = found.with_(**changes)
-    return changed.with_(notes=(*found.notes, *_size_notes(map_size, specs, changed))) if map_size else changed
-
-
-def _size_notes(map_size: Sequence[int], specs: Sequence[Spec], study: Study) -> Iterator[str]:
-    """What is noted about specs that --map-size leaves as they are."""
-    sizes = f"--map-size {','.join(map(str, map_size))} leaves"
-    yield from (f"{spec.text} names its size, which {sizes} as it is" for spec in specs if "size" in spec.explicit)
-    for spec in study.specs:
-        if not spec.has_size and any(map(has_size, spec.techniques[1:])):
-            yield f"{spec.text}: {sizes} the map inside as it is; its size is written in the spec"
+    return found.with_(**changes)
 
 
 def find_study(name: str) -> Path:
@@ -304,3 +295,18 @@ def find_study(name: str) -> Path:
 def study_names() -> list[str]:
     """Names of the built-in studies."""
     return sorted(path.stem for path in data_folder("benchmarks").glob("*.toml"))
+
+
+def copy_study(about: Mapping[str, Any], folder: Path, baseline: Path) -> Path | None:
+    """Copy the study file that a run folder's command names to `study.toml` in a baseline; the copied file.
+
+    None if the command, in `about`, the contents of `run.json`, names none, and if the file was changed since.
+    """
+    words = shlex.split(about.get("command", "").replace("--study=", "--study "))
+    named = [value for option, value in itertools.pairwise(words) if option in ("-s", "--study")]
+    file, kept = find_study(named[-1]) if named else baseline, baseline / "study.toml"
+    if not file.is_file() or file.stat().st_mtime > (folder / "run.json").stat().st_mtime or file == kept:
+        return None
+    with replace_file(kept) as temporary:
+        temporary.write_bytes(file.read_bytes())
+    return file

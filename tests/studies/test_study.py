@@ -347,14 +347,6 @@ def test_specs_alone_are_measured_with_their_own_sizes() -> None:
     ]
     sized = study_from_options(KNOWN, specs=[SPEC, SMALL], map_size=[32, 128])
     assert {cell.spec.map_size for cell in sized.cells()} == {32, 64, 128}
-    assert sized.notes == ("shadow-map:size=64 names its size, which --map-size 32,128 leaves as it is",)
-    averages = [parse_spec(f"light-samples{of}", KNOWN) for of in ("", ":of=shadow-map")]
-    assert study_from_options(KNOWN, ["stairs"], averages).notes == ()
-    rays = [parse_spec("hybrid", KNOWN)]  # of whose map it is the size
-    assert study_from_options(KNOWN, ["stairs"], rays, map_size=(32,)).notes == ()
-    assert study_from_options(KNOWN, ["stairs"], averages, map_size=(32,)).notes == (
-        "light-samples:of=shadow-map: --map-size 32 leaves the map inside as it is; its size is written in the spec",
-    )
 
 
 @pytest.mark.parametrize(
