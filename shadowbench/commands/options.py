@@ -94,9 +94,10 @@ Quiet = Annotated[bool, _option_of(_FIELDS["quiet"])]
 
 
 class Command(NamedTuple):
-    """A command of the command line; function: with a parameter for each option; epilog: the end of its help."""
+    """A command; function: with a parameter for each option; body: with the groups; epilog: the end of its help."""
 
     function: Callable[..., int | None]
+    body: Callable[..., int | None]
     epilog: str
 
 
@@ -123,7 +124,7 @@ def command(epilog: str = "", name: str | None = None) -> Callable[[Callable[...
         flat.__signature__ = signature  # type: ignore[attr-defined]
         flat.__annotations__ = {name: parameter.annotation for name, parameter in signature.parameters.items()}
         flat.__name__, flat.__doc__ = name or function.__name__, function.__doc__
-        return Command(flat, epilog)
+        return Command(flat, function, epilog)
 
     return made
 
