@@ -149,13 +149,6 @@ def exit_code_of(results: "Sequence[Result]", left_out: "Sequence[Failure]") -> 
     return 3 if failed or left_out else 0
 
 
-def print_unsupported(statuses: Sequence[str]) -> None:
-    """If all cells are unsupported, print that on stderr, as the command's last line."""
-    if statuses and all(status.startswith("unsupported") for status in statuses):
-        which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
-        print_error(f"note: nothing was drawn and nothing failed: {which} {statuses[0]}")
-
-
 def print_table(
     title: str,
     columns: Sequence[str],

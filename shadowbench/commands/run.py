@@ -3,15 +3,12 @@
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from shadowbench.commands import console, options
 from shadowbench.commands.study_tables import print_study
 from shadowbench.errors import InputError, counted
 from shadowbench.options import Measuring, ViewOptions, option
-
-if TYPE_CHECKING:
-    from shadowbench.results.frame import Run
 
 
 @dataclass(frozen=True)
@@ -126,8 +123,6 @@ def run(
             keep_going=asked.keep_going,
         )
         found = measure(study, stack.enter_context(where), chosen_part)
-    if found.run.earlier and not printed.quiet:
-        console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
     if found.run.older and not printed.quiet:
         rows = f"{counted(found.run.older, 'row')} of earlier commands"
         why = "of cells with these names, but of another file, setting or version; another -o keeps both"
@@ -140,15 +135,4 @@ def run(
         console.print_json({summary.scene: summary.records() for summary in shown})
     else:
         print_study(found, asked.output, printed.quiet)
-    results = found.run.last.results
-    statuses = [one.status for one in results]
-    if "ok" not in statuses and not found.failures:
-        console.print_unsupported(statuses)
-    return console.exit_code_of(results, found.failures)
-
-
-def _earlier_cells(run: "Run") -> str:
-
-    rows = [row for row in run.rows if row["key"] in run.earlier]
-    named = ", ".join(counted(len({row[what] for row in rows}), what) for what in ("scene", "spec"))
-    return f"the folder also holds {counted(len(rows), 'cell')} of earlier commands ({named})"
+    return console.exit_code_of(found.run.last.results, found.failures)

@@ -82,7 +82,6 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
         if not printed.quiet:
             told = f"{len(found.ranges)} operating ranges, from {len(found.rows)} cells"
             console.print_line(f"{asked.output / 'ranges.csv'}: {told}")
-    console.print_unsupported([str(row["status"]) for row in found.rows])
     return console.exit_code_of((), found.failures) or _exit_code(found.rows)
 
 

@@ -1,4 +1,4 @@
-"""The tables of `run` and `report` in the terminal: of each scene, over all scenes, and the verdict."""
+"""The tables of `run` in the terminal: of each scene, and over all scenes."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -123,55 +123,3 @@ def _cell(summary: "Summary", one: "Setting", key: str) -> str:
     if key in ("iou", "gpu_bytes") and value == value:  # not NaN
         return number(1 - value) if key == "iou" else f"{value / 2**20:.1f}"
     return "–" if value != value else value_text(one, summary.cost if key == "cost" else key, number)
-
-
-def print_verdict(scenes: "Sequence[Summary]") -> None:
-    """The cheapest setting for each accuracy in each scene of one run, then each technique's cost over its scenes."""
-    from shadowbench.reports.texts import answer_texts, preset_note, sentence, target_name, verdict
-    from shadowbench.results.summary import by_kind, over_scenes, title_of_all
-
-    kinds = by_kind(scenes)
-    overall = [over_scenes(kind, title_of_all(kind, len(kinds))) for kind in kinds]
-    if not any(summary.candidates for summary in overall):
-        console.print_line(verdict((overall or scenes)[0])[0])
-        return
-    names = [scene.scene for scene in scenes]
-    rows = []
-    for scene in scenes:
-        name = scene.scene if names.count(scene.scene) == 1 else scene.title
-        for answer in scene.answers(scene.real_time, scene.targets):
-            cost, setting, note = answer_texts(scene, answer)
-            if answer.cheapest is None:
-                setting = f"none, {note}"
-            elif answer.ties:
-                noise = " within the noise" if scene.cost == "frame_ms" else ""
-                setting += f", or {counted(len(answer.ties), 'other')}{noise}"
-            rows.append((name, target_name(answer.target), cost, setting))
-            name = ""
-    if rows:
-        heads = ("scene", "target", "cost", "cheapest real-time setting")
-        console.print_table("", heads, rows, numbers=("cost",), whole=("target",))
-    else:
-        console.print_line("No real-time technique here has a score.")
-    for summary, kind in zip(overall, kinds, strict=True):
-        console.print_text("")
-        _print_costs(summary, _kind_of(kind, kinds))
-    if (presets := preset_note([one for scene in scenes for one in scene.shown])) is not None:
-        console.print_line(sentence(presets))
-
-
-def _print_costs(summary: "Summary", kind: str) -> None:
-    """What each technique costs, and in how many scenes if not in all; – if no setting reaches the target."""
-    from shadowbench.reports.texts import cost_note, cost_text, target_name
-
-    scenes, costs = len(summary.parts), []
-    for technique, answers in summary.matrix(summary.targets).items():
-        line = [technique]
-        for best in (answer.cheapest for answer in answers):
-            partial = "" if best is None or best.scored == scenes else f", {best.scored} of {scenes}"
-            line.append("–" if best is None else f"{cost_text(summary, best)}{partial}")
-        costs.append(line)
-    heads = [f"over {counted(scenes, f'{kind}scene')}", *map(target_name, summary.targets)]
-    console.print_table("", heads, costs, whole=heads)
-    some = any(one.unsupported for one in summary.candidates)
-    console.print_line(cost_note(summary) + (f" n of {scenes}: over the n that it supports." if some else ""))

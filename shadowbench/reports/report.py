@@ -22,7 +22,7 @@ from shadowbench.reports.charts import (
 )
 from shadowbench.reports.page import html_report, panels_of
 from shadowbench.reports.stability import Stability, analyse, range_text, tolerances
-from shadowbench.reports.sweep_charts import CELL, axis_figure, heat_map
+from shadowbench.reports.sweep_charts import axis_figure
 from shadowbench.reports.texts import (
     COLUMNS,
     COST_HEADINGS,
@@ -50,7 +50,6 @@ from shadowbench.scores.metrics import METRICS
 
 FIGURES = ("png", "svg", "pdf")
 FORMATS = ("html", "md", "csv", "tex", *FIGURES)
-_COLORS = "colour: the share of an axis' values in tolerance"
 _BOLD = "bold: on the Pareto front of error and cost"
 
 Runs = Sequence[tuple[Run, Sequence[Summary]]]
@@ -273,9 +272,6 @@ def figures(runs: Runs, swept: Sequence[Stability]) -> Iterator[tuple[str, Chart
         stem = "stability" + (f".{stability.sweep.label}" if len(swept) > 1 else "")
         styles = styles_of(stability.specs)
         about = stability.sweep.renderer, f"tolerance: {tolerances()}"
-        if stability.ranges:
-            title, width = "Operating range along each axis", CELL * len(stability.axes)
-            yield stem, titled(heat_map(stability), title, *about, _COLORS, width=width)
         for axis in stability.axes:
             chart = axis_figure(stability, axis, styles)
-            yield f"{stem}.{axis.name}", titled(chart, f"{axis.name}: {axis.invariant}", *about, width=None)
+            yield f"{stem}.{axis.name}", titled(chart, f"{axis.name}: {axis.about}", *about, width=None)

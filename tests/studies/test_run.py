@@ -206,15 +206,6 @@ def test_a_view_of_one_pixel_and_a_map_of_one_texel_give_a_result(shadowbench: A
     assert cells[1]["map_size"] == "1"
 
 
-def test_a_file_s_technique_is_measured_and_named(shadowbench: Any, half: Path, tmp_path: Path) -> None:
-    text = SMALL.replace('spec = "unshadowed"', 'spec = "half:level=0.25"')
-    cell = Run(shadowbench, tmp_path / "out", text, "--plugin", half).cells[0]
-    assert (cell["technique"], cell["spec"], cell["status"]) == ("half", "half:level=0.25", "ok")
-    assert (cell["iou"], cell["map_size"]) != ("", "64")
-    assert "pass_fill_ms" in cell
-    assert cell["work_draws"] == "1", "of one frame"
-
-
 FILTERS = {"hard": 1, "hardware": 1, "pcf(taps=5)": 25, "dither-4": 4}
 
 
