@@ -266,8 +266,8 @@ def stress(
     known = subjects_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
     with shared_worker(files, LIMITS) as worker, campaign_in(_kept_in(folder), worker=worker, **SWEEPING) as made:
-        found = sweep(specs, chosen, made, quick=quick)
-    return ranges_frame(found.ranges)
+        result = sweep(specs, chosen, made, quick=quick)
+    return ranges_frame(result.ranges)
 
 
 @_parameter_names()

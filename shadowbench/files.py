@@ -90,12 +90,12 @@ def make_folder(folder: Path, option: str = "") -> None:
 def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
     """Raises InputError if a folder has visible files but not `own`, by which our folders are recognised."""
     try:
-        found = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
+        names = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
     except OSError:  # no such folder yet, or an unreadable one, for which writing will raise
         return
-    if found and own not in found:
+    if names and own not in names:
         allowed = f"a new folder, an empty one, or one with {own}"
-        raise InputError(f"{folder}: found other files, such as {found[0]:.60}; allowed: {allowed}")
+        raise InputError(f"{folder}: found other files, such as {names[0]:.60}; allowed: {allowed}")
 
 
 def png_of(image: "NDArray[np.uint8]") -> bytes:

@@ -86,7 +86,7 @@ def _numbers(text: str) -> list[float]:
 
 def in_python(line: str) -> str:
     """A line in which options have the names of parameters, as min_iou for --min-iou."""
-    return re.sub(r"--([a-z][a-z-]*)", lambda found: found[1].replace("-", "_"), line)
+    return re.sub(r"--([a-z][a-z-]*)", lambda match: match[1].replace("-", "_"), line)
 
 
 def place_text(value: Any, name: str) -> str | None:
@@ -152,11 +152,11 @@ class SceneOptions:
 
     def arguments(self) -> list[str]:
         """The options of the command line that read a scene in the same way."""
-        found = []
+        words = []
         for one in fields(SceneOptions):
             value, name = getattr(self, one.name), f"--{one.name.replace('_', '-')}"
-            found += [name] if value is True else [name, str(value)] if value else []
-        return found
+            words += [name] if value is True else [name, str(value)] if value else []
+        return words
 
 
 @dataclass(frozen=True)

@@ -205,7 +205,7 @@ def _measure(chosen: "Engines", named: bool, measuring: MeasureOptions, quiet: b
         view=FIRST,
         machines=options.Machines(),
         printed=options.Printed(quiet=quiet),
-        asked=RunOptions(techniques=specs, output=measuring.output),
+        chosen=RunOptions(techniques=specs, output=measuring.output),
     )
     _write_page([measuring.output], measuring.output / _PAGE, quiet)
     return code or int(named and bool(lacking))

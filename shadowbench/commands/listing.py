@@ -33,11 +33,11 @@ def list_things(
     """
     from shadowbench.studies.catalogue import catalogue
 
-    found = catalogue(plugin or (), what, name)
+    known = catalogue(plugin or (), what, name)
     if json:
-        console.print_json(found[what] if what else found)
+        console.print_json(known[what] if what else known)
         return
-    for kind, entries in found.items():
+    for kind, entries in known.items():
         title = "" if quiet and what else kind
         if kind in ("techniques", "engines"):
             _print_techniques(entries)
@@ -88,20 +88,20 @@ def doctor(json: options.Json = False, quiet: options.Quiet = False) -> int:
     from shadowbench.measure.machine import diagnosis
     from shadowbench.versions import ABSENT
 
-    found = diagnosis()
-    missing = "missing" in found["opengl"]
+    known = diagnosis()
+    missing = "missing" in known["opengl"]
     if json:
-        console.print_json(found)
+        console.print_json(known)
     else:
-        for title, values in found.items():
+        for title, values in known.items():
             console.out().print(title.replace("_", " "))
             for name, value in values.items():
                 console.print_line(f"  {name.replace('_', ' ')}: {value}")
         if missing:
-            traced = found["versions"]["embreex"] != ABSENT
+            traced = known["versions"]["embreex"] != ABSENT
             works = "`truth`, `needs` and `score`" if traced else "`list`, `check`, `merge` and `report`"
             console.out().print(f"no technique can be drawn here; {works} work")
-        elif "problem" in found["truth_cache"]:
+        elif "problem" in known["truth_cache"]:
             console.out().print("ready, but each command must trace its truths again: the cache cannot be used")
         elif not quiet:
             console.out().print("ready")

@@ -69,7 +69,7 @@ def run(
     view: ViewOptions,
     machines: options.Machines,
     printed: options.Printed,
-    asked: RunOptions,
+    chosen: RunOptions,
 ) -> int:
     """Measure techniques: accuracy against ray tracing, and time.
 
@@ -86,53 +86,53 @@ def run(
     from shadowbench.measure.worker import Worker
 
     stray = [scene for scene in scenes or () if scene.isdecimal()]
-    if asked.map_size is not None and stray:
-        separate = f"{asked.map_size!r:.60} and {stray[0]!r:.60} as separate arguments"
-        raise InputError(f"--map-size: found {separate}; allowed: {','.join([asked.map_size, *stray])}")
+    if chosen.map_size is not None and stray:
+        separate = f"{chosen.map_size!r:.60} and {stray[0]!r:.60} as separate arguments"
+        raise InputError(f"--map-size: found {separate}; allowed: {','.join([chosen.map_size, *stray])}")
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
-        worker = None if machines.dask is not None else stack.enter_context(Worker(asked.plugin))
+        worker = None if machines.dask is not None else stack.enter_context(Worker(chosen.plugin))
         from shadowbench.campaigns import campaign_in
         from shadowbench.measure.plugin_output import subjects_with
         from shadowbench.plugin.spec import parse_spec
         from shadowbench.studies.run import Part, measure
         from shadowbench.studies.study import study_from_options
 
-        chosen_part = Part.named(asked.part)
-        known = subjects_with(asked.plugin)
-        specs = [parse_spec(text, known) for text in asked.techniques]
-        sizes = options.map_sizes(asked.map_size)
+        chosen_part = Part.named(chosen.part)
+        known = subjects_with(chosen.plugin)
+        specs = [parse_spec(text, known) for text in chosen.techniques]
+        sizes = options.map_sizes(chosen.map_size)
         reporter = stack.enter_context(console.Reporter(printed.quiet))
         if machines.dask is not None:
             if measuring.rounds:
                 raise InputError(f"--rounds {measuring.rounds}: nothing is timed with --dask; allowed: 0")
             measuring = replace(measuring, rounds=0)
         study = study_from_options(
-            known, scenes or (), specs, study=asked.study, map_size=sizes, measuring=measuring, view=view
+            known, scenes or (), specs, study=chosen.study, map_size=sizes, measuring=measuring, view=view
         )
         if worker is not None:
             worker.limits = study.limits
         where = campaign_in(
-            asked.output,
+            chosen.output,
             reporter,
-            asked.plugin,
+            chosen.plugin,
             study.limits,
             worker=worker,
             **asdict(machines),
-            time_again=asked.time_again,
-            keep_going=asked.keep_going,
+            time_again=chosen.time_again,
+            keep_going=chosen.keep_going,
         )
-        found = measure(study, stack.enter_context(where), chosen_part)
-    if found.run.older and not printed.quiet:
-        rows = f"{counted(found.run.older, 'row')} of earlier commands"
+        result = measure(study, stack.enter_context(where), chosen_part)
+    if result.run.older and not printed.quiet:
+        rows = f"{counted(result.run.older, 'row')} of earlier commands"
         why = "of cells with these names, but of another file, setting or version; another -o keeps both"
-        console.print_error(f"note: {asked.output}: table.csv and reports leave out {rows}: {why}")
+        console.print_error(f"note: {chosen.output}: table.csv and reports leave out {rows}: {why}")
     if printed.json:
         from shadowbench.results.law import law_on_record
         from shadowbench.results.summary import summaries
 
-        shown = summaries(found.run.last, law_on_record())
+        shown = summaries(result.run.last, law_on_record())
         console.print_json({summary.scene: summary.records() for summary in shown})
     else:
-        print_study(found, asked.output, printed.quiet)
-    return console.exit_code_of(found.run.last.results, found.failures)
+        print_study(result, chosen.output, printed.quiet)
+    return console.exit_code_of(result.run.last.results, result.failures)

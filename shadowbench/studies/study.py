@@ -143,11 +143,11 @@ class Study(SceneFields):
 
     def phases_of_specs(self) -> Mapping[Spec, int]:
         """Number of phases of each spec; the larger one for a spec that is named twice."""
-        found: dict[Spec, int] = {}
+        counts: dict[Spec, int] = {}
         for crossed in self.technique:
             for spec in crossed.specs:
-                found[spec] = max(crossed.phases or self.phases, found.get(spec, 1))
-        return found
+                counts[spec] = max(crossed.phases or self.phases, counts.get(spec, 1))
+        return counts
 
     @property
     def limits(self) -> Limits:
@@ -206,8 +206,8 @@ class Study(SceneFields):
 
     def lights_of(self, scene: Scene) -> list[Light]:
         """Lights of the study in a scene; "file" stands for all of the scene's."""
-        found = _chosen(self.lights, scene.lights, scene.lights, f"lights of {scene.name}")
-        return [sunlit(light) for light in found] if self.sun else found
+        lights = _chosen(self.lights, scene.lights, scene.lights, f"lights of {scene.name}")
+        return [sunlit(light) for light in lights] if self.sun else lights
 
 
 def _takes_a_size(spec: Spec) -> bool:
@@ -219,18 +219,18 @@ def _chosen(
     entries: Sequence[str | Named], known: Sequence[Named], of_file: Sequence[Named], where: str
 ) -> list[Named]:
     """The cameras or lights that entries name, without duplicates; "file" stands for `of_file`."""
-    found: list[Named] = []
+    chosen: list[Named] = []
     for entry in entries:
         if not isinstance(entry, str):
-            found.append(entry)
+            chosen.append(entry)
         else:
-            found.extend(of_file if entry == "file" else [named(known, entry, where)])
-    found = list(dict.fromkeys(found))
-    names = [thing.name for thing in found]
+            chosen.extend(of_file if entry == "file" else [named(known, entry, where)])
+    chosen = list(dict.fromkeys(chosen))
+    names = [thing.name for thing in chosen]
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"{where}: two are called {name!r}; names must differ")
-    return found
+    return chosen
 
 
 def scenes_of(blocks: Sequence[Block]) -> list[Scene]:
@@ -267,7 +267,7 @@ def study_from_options(
     known: techniques that the file may name; view: options without a value keep the study's. Specs without a study and
     map sizes are measured at their own map sizes, in one phase. Raises InputError.
     """
-    found = read_study(find_study(study or "default"), known)
+    base = read_study(find_study(study or "default"), known)
     changes: dict[str, Any] = {"scenes": scenes, "map_size": map_size, **asdict(measuring), **asdict(view)}
     for one, several in (("view", "views"), ("light", "lights")):
         changes[several] = tuple(filter(None, [changes.pop(one)]))
@@ -277,12 +277,12 @@ def study_from_options(
     if view.lamp or view.sun_at:
         changes |= {"lamp": view.lamp, "sun_at": view.sun_at}
     if specs:
-        changes["technique"] = (CrossedSpecs(tuple(specs), sweeps=found.sweeps),)
+        changes["technique"] = (CrossedSpecs(tuple(specs), sweeps=base.sweeps),)
         if study is None and map_size is None:
             changes = {"map_size": None, "phases": 1, **changes}
     elif measuring.phases:
-        changes["technique"] = tuple(replace(crossed, phases=None) for crossed in found.technique)
-    return found.with_(**changes)
+        changes["technique"] = tuple(replace(crossed, phases=None) for crossed in base.technique)
+    return base.with_(**changes)
 
 
 def find_study(name: str) -> Path:

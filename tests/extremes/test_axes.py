@@ -128,21 +128,6 @@ def test_meshes_have_the_stated_defects() -> None:
     assert (turned.faces != of["closed"].faces).any(axis=1).mean() == pytest.approx(1 / 3, abs=0.01)
 
 
-@every_light
-def test_the_eye_passes_the_wall_of_the_volume_at_zero(kind: LightKind) -> None:
-    for metres in AXES["volume-wall"].values:
-        view = first("volume-wall", metres, kind)
-        plate = casters(view)[0]
-        position, w = view.light.homogeneous
-        eye = np.array(view.camera.position)
-        toward = np.array(position) - w * eye
-        on_plate = eye + toward * ((plate[:, 1].min() - eye[1]) / toward[1])
-        assert plate[:, 2].min() < on_plate[2] < plate[:, 2].max()
-        beyond = on_plate[0] - plate[:, 0].max()
-        assert beyond == pytest.approx(0.0, abs=1e-12) if metres == 0 else (beyond > 0) == (metres > 0)
-        assert abs(beyond) <= abs(metres) * 1.5 + 1e-12
-
-
 @pytest.mark.parametrize("name", ["camera-step", "light-step"])
 def test_steps_are_parts_of_a_texel(name: str) -> None:
     for texels in AXES[name].values:

@@ -199,13 +199,6 @@ def test_an_extreme_scene_gives_a_result(shadowbench: Any, tmp_path: Path, scene
     assert float(cells["shadow-map"]["iou"] or 1) >= least
 
 
-def test_a_view_of_one_pixel_and_a_map_of_one_texel_give_a_result(shadowbench: Any, tmp_path: Path) -> None:
-    text = SMALL.replace("view_size = 64", "view_size = 1").replace("size=64", "size=1")
-    cells = Run(shadowbench, tmp_path / "out", text).cells
-    assert [(cell["status"], cell["view_size"], cell["ssim"]) for cell in cells] == [("ok", "1", "")] * 2
-    assert cells[1]["map_size"] == "1"
-
-
 FILTERS = {"hard": 1, "hardware": 1, "pcf(taps=5)": 25, "dither-4": 4}
 
 
