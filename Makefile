@@ -42,9 +42,10 @@ help:
 	@echo "With PYTHON=python3.12 behind it, each uses that Python, in an environment of its own."
 
 setup:
-	@$(setup)
+	@$(setup) +test
 
-demo: setup
+demo:
+	@$(setup)
 	@echo "Measuring every technique on four scenes: some minutes on two cores without a GPU"
 	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
 	@$(bin)/shadowbench report results/demo
@@ -54,14 +55,14 @@ demo: setup
 	@echo "$(bin)/shadowbench run stairs -t shadow-map:bias=none -t shadow-map  # settings of your choice"
 
 view:
-	@$(setup) window
+	@$(setup) +viewer window
 	$(bin)/shadowbench view sphere-and-torus -t shadow-map -t shadow-map:preset=course
 
 test: lint
 	$(bin)/pytest -q -m "not slow" $(fast)
 
 test-slow:
-	@$(setup) $(for_slow)
+	@$(setup) +test $(for_slow)
 	$(bin)/pytest -q -m "slow and not exhaustive" $(two_cores)
 	$(bin)/pytest -q --benchmark-disable $(two_cores) benchmarks
 	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) $(of_4_1)
@@ -69,7 +70,7 @@ test-slow:
 	SHADOWBENCH_ISA=avx2 $(bin)/pytest -q -m "not slow" $(two_cores) $(of_isa)
 
 test-all: test
-	@$(setup) $(for_slow)
+	@$(setup) +test $(for_slow)
 	$(bin)/pytest -q -m slow $(two_cores)
 	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) tests/gl tests/maps tests/techniques tests/laws
 
@@ -80,21 +81,27 @@ lint: setup
 	$(bin)/lint-imports --no-cache
 	$(bin)/python tools/ledger.py
 
-docs: setup
+docs:
+	@$(setup) +docs
 	$(bin)/sphinx-build -W --keep-going -n -q -d build/doctrees docs build/docs
 	@echo "Documentation: build/docs/index.html"
 
 published := $(patsubst results/published/%/,%,$(wildcard results/published/*/))
-site: setup
+site:
+	@$(setup) +docs
 	$(bin)/sphinx-build -A "reports=$(published)" -W --keep-going -n -q -d build/site-doctrees docs build/site
 	for name in $(published); do $(bin)/shadowbench report results/published/$$name -o build/site/$$name.html -q; done
 	@echo "Site: build/site/index.html"
 
-published: setup
+published:
+	@$(setup)
 	$(bin)/python tools/publish.py
 
-wheel: setup
-	$(bin)/python tools/wheel.py
+wheel:
+	@$(setup)
+	rm -rf dist
+	$(bin)/uv build --quiet --out-dir dist
+	cd dist && UV_CONSTRAINT=../constraints.txt ../$(bin)/uv run --quiet --isolated --no-project --with ./*.whl shadowbench run stairs -t shadow-map --map-size 512 --view-size 64 --rounds 0
 
 clean:
 	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/demo results/latest results/stress results/recommend results/recommend-check results/tune

@@ -1,4 +1,4 @@
-"""Workflows, issue forms and the citation are valid YAML, and name, as the demo does, commands that exist."""
+"""Workflows and the citation are valid YAML, and name, as the demo does, commands that exist."""
 
 import os
 import re
@@ -21,7 +21,6 @@ from shadowbench.scenes.library import load_scene
 
 ROOT = Path(__file__).resolve().parents[1]
 ENGINES = ROOT / "docs" / "how-to" / "ci-for-engines.yml"
-FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
 COMMAND = re.compile(r"(?m)^(?:# +| +(?:- )?run: )(shadowbench [^#\n]+)")  # in a step, or in a comment by itself
 
 RELEASE = re.compile(r"(?m)^## \[(\d\S*)\] - (\d{4}-\d\d-\d\d)$")  # of Keep a Changelog
@@ -95,14 +94,6 @@ def test_the_demo_s_next_commands_are_taken() -> None:
         load_scene(scene)
         for spec in words[1::2]:
             parse_spec(spec, techniques(()))
-
-
-def test_issue_forms_have_required_fields() -> None:
-    for file in FORMS:
-        form = yaml.safe_load(file.read_text(encoding="utf-8"))
-        assert form["name"] and form["description"]
-        assert all(field["attributes"]["label"] for field in form["body"] if field["type"] != "markdown")
-        assert any(field.get("validations", {}).get("required") for field in form["body"])
 
 
 def test_the_citation_is_of_this_version_and_has_a_date_once_it_is_released() -> None:

@@ -1,8 +1,9 @@
 #!/bin/sh
-# Sets up .venv. As root, installs missing Debian packages (Python, an OpenGL driver); other users get the command to run.
-# Python packages are installed again only after pyproject.toml or constraints.txt changed.
-# Arguments: what else is needed: commands, each provided by the Debian package of its name in lower case, and `window`,
-# the libraries that GLFW opens a window with: `tools/setup.sh chromium Xvfb window`.
+# Sets up .venv with what is asked for, and keeps what it has. As root, installs missing Debian packages (Python, an OpenGL
+# driver); other users get the command to run. Python packages are installed again only after pyproject.toml or
+# constraints.txt changed, or with a new extra.
+# Arguments: what else is needed: extras of pyproject.toml, as `+viewer`; commands, each provided by the Debian package of
+# its name in lower case; and `window`, the libraries that GLFW opens a window with: `tools/setup.sh +test chromium window`.
 # VENV names another environment than .venv, PYTHON the interpreter that it is made with.
 set -eu
 cd "$(dirname "$0")/.."
@@ -11,7 +12,7 @@ python_packages="python3 python3-venv"
 gl_packages="libegl1 libgl1-mesa-dri libgl1"
 window_packages="libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
 venv=${VENV:-.venv}
-stamp=$venv/installed
+stamp=$venv/packages  # the files that they were installed from, and the extras
 
 stop() {
     printf '%s\n' "$@" >&2
@@ -81,7 +82,13 @@ if ! new_enough "$venv/bin/python" && [ -z "$(find_python)" ]; then
     missing=$python_packages
 fi
 if ! has_libraries libEGL.so.1 libGL.so.1; then missing="$missing $gl_packages"; fi
-for need in "$@"; do has "$need" || missing="$missing $(packages_of "$need")"; done
+extras=""
+for need in "$@"; do
+    case $need in
+        +*) extras="$extras,${need#+}" ;;
+        *) has "$need" || missing="$missing $(packages_of "$need")" ;;
+    esac
+done
 # shellcheck disable=SC2086  # one word a package
 if [ -n "$missing" ]; then install_packages $missing; fi
 
@@ -99,16 +106,15 @@ if ! new_enough "$venv/bin/python"; then
 fi
 
 wanted=$(cat pyproject.toml constraints.txt | cksum)
-if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+installed=$(cat "$stamp" 2>/dev/null || true)
+extras=$(echo "${installed#*;}$extras" | tr ',' '\n' | sed '/^$/d' | sort -u | paste -sd, -)
+if [ "$installed" != "$wanted;$extras" ]; then
     writable "$venv"
-    echo "Installing the Python packages of constraints.txt into $venv"
-    # What is left of a distribution of the package's first name, which owns the command that the next line installs.
-    if "$venv/bin/python" -m pip show --quiet shadowbench 2>/dev/null; then
-        "$venv/bin/python" -m pip uninstall --quiet --yes shadowbench
-    fi
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
-    echo "Compiling the loops that trace and score"
-    "$venv/bin/shadowbench" export post "$venv/compiled" --quiet --view-size 16
-    "$venv/bin/shadowbench" score post "$venv/compiled/truth.png" --quiet >/dev/null
-    echo "$wanted" >"$stamp"
+    echo "Installing the Python packages of constraints.txt into $venv${extras:+, with $extras}"
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt uv || true
+    "$venv/bin/uv" pip install --quiet --python "$venv/bin/python" -c constraints.txt -e ".[$extras]" || {
+        echo "uv could not install them: pip does, which takes a minute or two"
+        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[$extras]"
+    }
+    echo "$wanted;$extras" >"$stamp"
 fi
