@@ -70,12 +70,9 @@ class Reporter(logging.Handler):
         self._task: TaskID | None = None
         self._printed = monotonic()
         self._progress = progress.Progress(
-            progress.TextColumn("{task.description:<24.24}"),
-            progress.BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what numbers leave
-            progress.MofNCompleteColumn(table_column=Column(no_wrap=True)),
-            progress.TimeElapsedColumn(table_column=Column(no_wrap=True)),
-            progress.TimeRemainingColumn(table_column=Column(no_wrap=True)),
-            progress.TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
+            *progress.Progress.get_default_columns(),
+            progress.MofNCompleteColumn(),
+            progress.TextColumn("{task.fields[what]}", table_column=Column(ratio=1, no_wrap=True, overflow="ellipsis")),
             console=err(),
             disable=quiet or not err().is_terminal,
             transient=True,

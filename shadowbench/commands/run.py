@@ -85,10 +85,6 @@ def run(
     """
     from shadowbench.measure.worker import Worker
 
-    stray = [scene for scene in scenes or () if scene.isdecimal()]
-    if chosen.map_size is not None and stray:
-        separate = f"{chosen.map_size!r:.60} and {stray[0]!r:.60} as separate arguments"
-        raise InputError(f"--map-size: found {separate}; allowed: {','.join([chosen.map_size, *stray])}")
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
         worker = None if machines.dask is not None else stack.enter_context(Worker(chosen.plugin))

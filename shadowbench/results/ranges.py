@@ -91,7 +91,7 @@ class OperatingRange:
 
     in_tolerance: values in tolerance, on an ordered axis the contiguous ones around the default; breaks: values out of
     tolerance, on an ordered axis the first on either side; unsupported: values that the technique does not support;
-    worst: kinds of failure anywhere on the axis; swept: all values of the sweep.
+    swept: all values of the sweep.
     """
 
     technique: str
@@ -101,7 +101,6 @@ class OperatingRange:
     in_tolerance: tuple[Value, ...]
     breaks: tuple[Break, ...]
     unsupported: tuple[Value, ...]
-    worst: tuple[str, ...]
     swept: tuple[Value, ...]
 
     @property
@@ -166,7 +165,6 @@ def operating_range(axis: Axis, rows: Sequence[Record]) -> OperatingRange:
         in_tolerance=tuple(held),
         breaks=tuple(Break(value, failures[value]) for value in ends if value in failures),
         unsupported=tuple(refused),
-        worst=tuple(dict.fromkeys(reason.kind for reason in failures.values())),
         swept=tuple(values),
     )
 
@@ -216,7 +214,6 @@ def _line(one: OperatingRange) -> dict[str, Any]:
         "breaks_at": joined(value_label(broken.value) for broken in one.breaks),
         "failure": joined(broken.failure for broken in one.breaks),
         "unsupported": joined(map(value_label, one.unsupported)),
-        "kinds": joined(one.worst),
         "range": one.text,
     }
 

@@ -84,7 +84,6 @@ def test_a_range_ends_at_the_first_value_out_of_tolerance_on_either_side_of_the_
     found = operating_range(ELEVATION, rows)
     assert found.in_tolerance[0] == 75.0 and found.in_tolerance[-1] == 3.0
     assert found.text == "breaks at 85°: leak 40.00%; breaks at 2°: acne 4.10%"
-    assert found.worst == ("leak", "acne", "hang")
 
 
 def test_unsupported_values_end_a_range_without_a_break() -> None:
@@ -249,7 +248,4 @@ def test_breaking_points_are_what_was_asked_for(shadowbench: Any, wild: Path, ha
     assert len(cells) == 12
     assert {one["axis_value"] for one in cells} == {"5.0", "1e-05", "0.0"}
     assert all(one["failure"].startswith("leak") for one in cells)
-    plain = run(shadowbench, (wild, half), tmp_path, "nothing")
-    out = "out of tolerance already at the default value of every axis that it supports"
-    assert plain.out.splitlines()[:2] == [f"does: {out}", f"half: {out}"]
     assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256
