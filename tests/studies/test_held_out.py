@@ -8,7 +8,6 @@ from typing import Any
 import held_out
 import pytest
 
-from shadowbench.errors import InputError
 from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import builtin_names, hard_names, load_scene
 from shadowbench.studies.study import read_study, study_names
@@ -91,8 +90,3 @@ def test_a_setting_that_is_good_only_where_it_was_chosen_has_a_ratio_above_1() -
     assert cells[2][:4] == ["`shadow-map`", f"{0.01 * mean:.4f}", f"{0.01 * mean:.4f}", f"{0.02 * mean:.4f}"]
     assert cells[2][4:] == ["1 [1, 1]", "1.00", "1.00", ""]
     assert cells[3][4:] == ["1.5 [1.5, 1.5]", "0.50", "1.00", "2 [2, 2]"]
-
-
-def test_a_reference_that_was_not_measured_is_refused() -> None:
-    with pytest.raises(InputError, match="found no row of shadow-map"):
-        held_out.table(rows_of("tuned", 0.01, 0.01, 0.01))

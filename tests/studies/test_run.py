@@ -178,7 +178,6 @@ SUN = 'kind = "directional"\ndirection = [0.85, -0.8, -0.5]'
 LARGE = SMALL.replace("size=64", "size=512")
 
 
-NOON = 'kind = "directional"\ndirection = [0, -1, 0]'
 WIDE = 'kind = "spot"\nposition = [0.8, 2, 0.6]\ndirection = [-0.1, -1, -0.1]\nangle = 170'
 INSIDE = "position = [0.1, 0.6, 0.2]\ntarget = [0.4, 0.2, -0.2]"
 
@@ -186,11 +185,10 @@ INSIDE = "position = [0.1, 0.6, 0.2]\ntarget = [0.4, 0.2, -0.2]"
 @pytest.mark.parametrize(
     ("scene", "least"),
     [
-        (scene_text(NOON, mesh=CUBE.replace("0.5, 0]", "1.5, 0]")), 0.8),
         (scene_text(SUN, INSIDE), 0.0),
         (scene_text(WIDE), 0.5),
     ],
-    ids=["a light from straight above", "a camera inside a mesh", "a spot of 170 degrees"],
+    ids=["a camera inside a mesh", "a spot of 170 degrees"],
 )
 def test_an_extreme_scene_gives_a_result(shadowbench: Any, tmp_path: Path, scene: str, least: float) -> None:
     cells = extreme(shadowbench, tmp_path, scene, LARGE)
@@ -210,10 +208,3 @@ def test_work_counts_reads_of_the_map_and_sums_up_to_a_cost(shadowbench: Any, tm
         if cell["work_fragments"]:
             parts = ("vertices", "geometry", "fragments", "reads")
             assert int(cell["work_cost"]) == sum(int(cell[f"work_{name}"]) for name in parts)
-
-
-def test_totals_grow_with_what_has_moved(run: Run) -> None:
-    for cell in run.cells:
-        if cell["frame_ms"]:
-            still, camera, light = (float(cell[f"{moved}_ms"]) for moved in ("still", "camera", "light"))
-            assert 0 == still < camera <= light

@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -220,16 +219,6 @@ def test_a_wrong_field_and_a_study_beyond_its_limits_are_one_line(read: ReadStud
         line = str(error.value)
         assert line.isprintable() and len(line) < 1000, text
         assert [word for word in words if word not in line] == [], text
-
-
-def test_a_missing_study_a_folder_a_pipe_and_unreadable_bytes_are_one_line(tmp_path: Path) -> None:
-    (tmp_path / "latin.toml").write_bytes(b'about = "\xe9"\n')
-    os.mkfifo(tmp_path / "pipe.toml")
-    missing = [("none.toml", "no such"), (".", "is not a file"), ("pipe.toml", "is not a file")]
-    for file, word in [*missing, ("latin.toml", "cannot be read")]:
-        with pytest.raises(InputError, match=word) as error:
-            read_study(tmp_path / file, KNOWN)
-        assert "\n" not in str(error.value)
 
 
 def test_unknown_cameras_and_lights_and_two_of_one_name_are_refused(read: ReadStudy, pair: str, tmp_path: Path) -> None:
