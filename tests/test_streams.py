@@ -20,7 +20,7 @@ def test_tables_are_printed_in_any_encoding() -> None:
 @pytest.mark.parametrize(
     ("to", "code", "line"),
     [
-        (">/dev/full", 2, "shadowbench: stdout: cannot be written (no space left on device)\n"),
+        (">/dev/full", 2, "shadowbench: stdout or a file: cannot be written (no space left on device)\n"),
         ("| head -1; exit ${PIPESTATUS[0]}", 1, ""),
     ],
 )

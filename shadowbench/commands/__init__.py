@@ -120,7 +120,7 @@ def _answer(error: Exception) -> tuple[int, str]:
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what Python still has to print
         if error.errno == errno.EPIPE:  # its reader has ended, as `| head` does; Typer answers the same
             return 1, ""
-        return 2, f"{error.filename or 'stdout'}: cannot be written ({os.strerror(error.errno).lower()})"
+        return 2, f"{error.filename or 'stdout or a file'}: cannot be written ({os.strerror(error.errno).lower()})"
     if isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
         return 3, NOT_INSTALLED.format(error.name)
     traceback.print_exc()

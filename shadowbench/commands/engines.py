@@ -184,7 +184,7 @@ def _measure(chosen: "Engines", named: bool, measuring: MeasureOptions, quiet: b
 
     if measuring.output is None:
         raise InputError("engines measure: found no -o; allowed: a folder for rows, pictures and the report")
-    scenes = options.listed(measuring.scenes) or hard_names()
+    scenes = measuring.scenes.split(",") if measuring.scenes else hard_names()
     for scene in scenes:
         if any(light.soft for light in load_scene(scene).lights):
             raise InputError(

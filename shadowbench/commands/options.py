@@ -176,8 +176,3 @@ def map_sizes(text: str | None) -> tuple[int, ...] | None:
             f"--map-size: found {text!r:.60}; allowed: whole numbers from {least} to {most}, separated by commas"
         )
     return sizes
-
-
-def listed(text: str | None) -> tuple[str, ...]:
-    """The non-empty parts of a comma-separated text."""
-    return tuple(part.strip() for part in (text or "").split(",") if part.strip())

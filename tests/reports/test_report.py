@@ -160,7 +160,7 @@ def test_figures_are_files_with_captions_apart(form, run_folder, sweep_folder, s
     assert shadowbench("report", run_folder(), swept, "--format", form, "-o", folder).code == 0
     charts = [f"stairs.{SIDE}.{kind}.{form}" for kind in ("front", "passes", "sizes")]
     captions = dict(re.findall(r"\*\*(.*?)\*\*: (.*)", (folder / "captions.md").read_text(encoding="utf-8")))
-    assert sorted(captions) == sorted([*charts, f"stability.{form}", f"stability.mesh.{form}"])
+    assert sorted(captions) == sorted([*charts, f"stability.mesh.{form}"])
     assert SOFTWARE in captions[charts[0]]
     for file in captions:
         content = (folder / file).read_bytes()
