@@ -198,9 +198,9 @@ def test_silhouettes_against_all_triangles(smallest: bool, cells: Any, compare: 
 @pytest.mark.benchmark(group="limits")
 def test_one_cell_timed_as_two(benchmark: BenchmarkFixture) -> None:
     with Worker() as worker:
-        found = benchmark.pedantic(measure_noise, args=(worker,), rounds=1)
-    benchmark.extra_info |= {"ratio": found.ratio, "worst": found.worst, "most": MAX_NOISE}
-    print(f"\nratio {found.ratio:.3g}, too noisy above {MAX_NOISE:g}", end=" ")
+        ratio, _ = benchmark.pedantic(measure_noise, args=(worker,), rounds=1)
+    benchmark.extra_info |= {"ratio": ratio, "most": MAX_NOISE}
+    print(f"\nratio {ratio:.3g}, too noisy above {MAX_NOISE:g}", end=" ")
 
 
 @pytest.mark.benchmark(group="memory")

@@ -26,8 +26,8 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from shadowbench.errors import InputError
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, View, view_of
-from shadowbench.truths import packets
-from shadowbench.truths.embree import Tracer
+from shadowbench.truths import embree, packets
+from shadowbench.truths.embree import Tracer, default_device, load_library, make_device
 from shadowbench.truths.light_samples import LightSampler, scrambles_of
 from shadowbench.truths.trace import trace
 
@@ -78,12 +78,10 @@ def aligned(size: int) -> np.ndarray:
 @pytest.mark.benchmark(group="occlusion")
 @pytest.mark.parametrize("subdivisions", TRIANGLES.values(), ids=TRIANGLES)
 def test_occlusion(subdivisions: int, loop: ctypes.CDLL, benchmark: BenchmarkFixture) -> None:
-    device = packets.default_device()
     ball = trimesh.creation.icosphere(subdivisions)
     rough = 0.35 * ball.vertices * (1 + 0.05 * np.random.default_rng(0).standard_normal((len(ball.vertices), 1)))
-    scene = packets.PacketScene(device, rough.astype(np.float32), ball.faces.astype(np.int32))
+    scene, library, width = Tracer(rough, ball.faces.astype(np.int32)), load_library(), default_device().width
     origins, directions, reach = shadow_rays(64)
-    width = device.width
     count = len(reach) // width
 
     filled = np.zeros((count, packets.LANE, width), dtype=np.float32)
@@ -95,7 +93,7 @@ def test_occlusion(subdivisions: int, loop: ctypes.CDLL, benchmark: BenchmarkFix
     rays, valid, arguments = aligned(filled.nbytes), aligned(64).view(np.int32), aligned(64).view(np.uint32)
     valid[:], arguments[:2] = -1, (packets.COHERENT, 0xFFFFFFFF)
     addresses = [ctypes.c_void_p(each.ctypes.data) for each in (valid, rays, arguments)]
-    query = ctypes.cast(getattr(device.library, f"rtcOccluded{width}"), ctypes.c_void_p)
+    query = ctypes.cast(getattr(library, f"rtcOccluded{width}"), ctypes.c_void_p)
     sizes = ctypes.c_long(count), ctypes.c_long(filled.nbytes // count)
     limit: list[float] = []
 
@@ -105,37 +103,35 @@ def test_occlusion(subdivisions: int, loop: ctypes.CDLL, benchmark: BenchmarkFix
         loop.run(query, addresses[0], ctypes.c_void_p(scene.handle), addresses[1], addresses[2], *sizes)
         limit.append(time.perf_counter() - start)
 
-    benchmark.pedantic(scene.occluded, args=(origins, directions, reach), setup=run_loop, rounds=9, warmup_rounds=1)
-    blocked = scene.occluded(origins, directions, reach)
+    benchmark.pedantic(scene.occluded, args=(origins.T, directions.T, reach), setup=run_loop, rounds=9, warmup_rounds=1)
+    blocked = scene.occluded(origins.T, directions.T, reach)
     assert (blocked == (rays.view(np.float32).reshape(filled.shape)[:, 8] < 0).ravel()).all()
     note(benchmark, len(reach), statistics.median(limit), "of the loop in C")
 
 
 @pytest.mark.benchmark(group="packets")
 @pytest.mark.parametrize("instructions", ["sse4.2", "avx2", "avx512"])
-def test_native_packets(instructions: str, benchmark: BenchmarkFixture) -> None:
-    library = packets.load_library()
+def test_native_packets(instructions: str, benchmark: BenchmarkFixture, monkeypatch: pytest.MonkeyPatch) -> None:
     try:
-        device = packets.make_device(library, instructions)
+        device = make_device(instructions)
     except InputError as error:
         pytest.skip(str(error))
     geometry = load_scene("statue").geometry
-    widths = {width: device._replace(width=width) for width in (4, 8, 16)}
-    scenes = {
-        width: packets.PacketScene(one, geometry.vertices.astype(np.float32), geometry.faces)
-        for width, one in widths.items()
-    }
-    rays = parallel_rays(*geometry.bounds, 512)
+    scenes = {}
+    for width in (4, 8, 16):
+        monkeypatch.setattr(embree, "default_device", lambda width=width: device._replace(width=width))
+        scenes[width] = Tracer(geometry.vertices, geometry.faces)
+    origins, directions, reach = parallel_rays(*geometry.bounds, 512)
     seconds: dict[int, list[float]] = {width: [] for width in scenes}
 
     def trace_each() -> None:
         for width, scene in scenes.items():
             start = time.thread_time()
-            scene.occluded(*rays)
+            scene.occluded(origins.T, directions.T, reach)
             seconds[width].append(time.thread_time() - start)
 
     benchmark.pedantic(trace_each, rounds=9, warmup_rounds=1)
-    rates = {width: len(rays[2]) / statistics.median(values) / 1e6 for width, values in seconds.items()}
+    rates = {width: len(reach) / statistics.median(values) / 1e6 for width, values in seconds.items()}
     ratio = rates[device.width] / rates[16]
     benchmark.extra_info |= {"rates": rates, "native": device.width, "ratio": round(ratio, 3)}
     told = ", ".join(f"{width}: {rate:.1f} M/s" for width, rate in rates.items())

@@ -5,25 +5,20 @@ Where Numba finds no folder to cache in, as in a read-only installation of a use
 
 import logging
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numba
 from numba.core import event
 
 _log = logging.getLogger(__name__)
-_own: list[Any] = []  # what `compiled` has returned
 
 COMPILING = "compiling loops: 10 s in all, once on a machine if Numba can cache them (NUMBA_CACHE_DIR)"
 
 
 def compiled(**options: Any) -> Callable[[Any], Any]:
     """Decorator: `numba.njit` without the GIL, cached on disk if possible."""
-
-    def compile_cached(function: Any) -> Any:
-        _own.append(cached_if_possible(lambda cache: numba.njit(nogil=True, cache=cache, **options)(function)))
-        return _own[-1]
-
-    return compile_cached
+    return lambda function: cached_if_possible(lambda cache: numba.njit(nogil=True, cache=cache, **options)(function))
 
 
 def cached_if_possible(make: Callable[[bool], Any]) -> Any:
@@ -34,15 +29,16 @@ def cached_if_possible(make: Callable[[bool], Any]) -> Any:
         return make(False)
 
 
+@cache
+def _announce() -> None:
+    _log.warning(COMPILING)
+
+
 class _Announcer(event.Listener):
     """Announces the first compilation in this process; loops that are read from the cache cause no event."""
 
-    announced = False
-
     def on_start(self, event: Any) -> None:
-        if not _Announcer.announced and any(event.data["dispatcher"] is own for own in _own):
-            _Announcer.announced = True
-            _log.warning(COMPILING)
+        _announce()
 
     def on_end(self, event: Any) -> None:
         pass

@@ -5,7 +5,6 @@ import io
 import os
 import re
 import secrets
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -107,10 +106,10 @@ def png_of(image: "NDArray[np.uint8]") -> bytes:
     return stream.getvalue()
 
 
-def read_beside(name: str, folder: Path, where: str, most: int = sys.maxsize) -> bytes:
+def read_beside(name: str, folder: Path, where: str) -> bytes:
     """The bytes of a file in a folder or below, as another file there names it, with slashes of either kind.
 
-    Raises InputError that begins with `where` for one that is not there, or has more than `most` bytes.
+    Raises InputError that begins with `where` for one that is not there.
     """
     folder = folder.resolve()
     try:
@@ -121,8 +120,6 @@ def read_beside(name: str, folder: Path, where: str, most: int = sys.maxsize) ->
     if not inside or not there:
         wrong = "is not a file in" if inside else "leads outside"
         raise InputError(f"{where} {wrong} {folder}; allowed are files in it")
-    if file.stat().st_size > most:
-        raise InputError(f"{where} has {file.stat().st_size} bytes; allowed are {most}")
     return file.read_bytes()
 
 
@@ -136,3 +133,12 @@ def data_folder(kind: str) -> Path:
     """
     packed = PACKAGE / "_data" / kind
     return packed if packed.is_dir() else PACKAGE.parent / kind
+
+
+def cache_folder(kind: str) -> Path:
+    """Folder of what is kept of a kind, "truth" or "engines"; it may not exist.
+
+    It is in $SHADOWBENCH_CACHE, else in $XDG_CACHE_HOME/shadowbench, else in ~/.cache/shadowbench.
+    """
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(os.environ.get("SHADOWBENCH_CACHE") or f"{caches}/shadowbench") / kind

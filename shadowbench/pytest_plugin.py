@@ -103,7 +103,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
     def measure(mask: "str | Path | ArrayLike | None" = None, *, scene: str | Path, **others: Any) -> ShadowAccuracy:
         from shadowbench.errors import InputError
         from shadowbench.masks.accuracy import accuracy_of
-        from shadowbench.masks.inputs import external_mask, stored_truth_of
+        from shadowbench.masks.inputs import external_mask
         from shadowbench.scenes.opening import chosen_view
         from shadowbench.truths.embree import tracer_of
 
@@ -112,8 +112,8 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         try:
             chosen = ViewOptions(**{name: others.pop(name) for name in _OPTIONS if name in others})
             picture = external_mask(mask, **others)
-            against = stored_truth_of(scene, chosen) or chosen_view(scene, picture.size, chosen, tracer_of=tracer_of)
-            return ShadowAccuracy(accuracy_of(picture, against), file)
+            view = chosen_view(scene, picture.size, chosen, tracer_of=tracer_of)
+            return ShadowAccuracy(accuracy_of(picture, view), file)
         except InputError as error:
             pytest.fail(str(error), pytrace=False)
 

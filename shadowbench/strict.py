@@ -69,7 +69,7 @@ _ALLOWED = {
     **dict.fromkeys(("float_type", "float_parsing"), "a number"),
     **dict.fromkeys(("bool_type", "bool_parsing"), "true or false"),
     "string_type": "text",
-    "list_type": "a list",
+    **dict.fromkeys(("list_type", "tuple_type"), "a list"),
     "dict_type": _TABLE,
     "model_type": _TABLE,
     "too_short": "{min_length} or more entries",

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from shadowbench.scenes.cutouts import WRAPS, Cutout, Wrap, cut_out, cut_out_triangles
+from shadowbench.scenes.cutouts import WRAPS, Cutout, Wrap, cut_out
 from shadowbench.scenes.model import Camera, Light, Mesh
 
 TEXELS = 16
@@ -56,15 +56,6 @@ def cards(count: int, cutout: Cutout, seed: int = 1) -> Mesh:
     coordinates = np.tile(np.array(box(-0.25, -0.25, 1.25, 1.25), np.float32)[TWO], (count, 1, 1))
     places = cutout.places(coordinates)
     return Mesh("leaves", corners.reshape(-1, 3), faces, cutout=cutout, coordinates=coordinates, places=places)
-
-
-def fading_cards(count: int) -> Mesh:
-    """Cards whose vertex alphas vary."""
-    mesh, random = cards(count, cut_out(alpha_of("noise"))), np.random.default_rng(2)
-    alpha = random.uniform(0.6, 1.0, (len(mesh.faces), 3)).astype(np.float32)
-    wrap = ("mirror", "clamp")
-    cutout, places = cut_out_triangles(alpha_of("noise"), 0.9, 0.4, False, wrap, mesh.coordinates, alpha)
-    return Mesh("leaves", mesh.vertices, mesh.faces, cutout=cutout, places=places)
 
 
 def card(cutout: Cutout, middle: Any, along: Any, up: Any, places: Any) -> Mesh:

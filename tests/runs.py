@@ -162,13 +162,6 @@ class Does(Wild):
     def do_raise(self, texture):
         raise ZeroDivisionError("as planned\\non two lines")
 
-    def do_raise_wordless(self, texture):
-        class WordlessError(Exception):
-            def __str__(self):
-                raise KeyError("no words")
-
-        raise WordlessError
-
     def do_nan(self, texture):
         texture.write(np.full(texture.size, np.nan, dtype=np.float32))
 
@@ -177,9 +170,6 @@ class Does(Wild):
 
     def do_small(self, texture):
         return texture.ctx.texture((8, 8), 1, data=bytes(256), dtype="f4")
-
-    def do_none(self, texture):
-        return "not a texture"
 
     def do_gl_error(self, texture):
         self.fullscreen.program.device.raw("glUniform1i", 12345, 0)

@@ -1,4 +1,4 @@
-"""Compiled code and C libraries stay within the arrays that they are given: valgrind's memcheck finds no fault.
+"""Compiled code and Embree stay within the arrays that they are given: valgrind's memcheck finds no fault.
 
 It has no AVX-512 on any machine, so that Numba compiles for a processor that it knows, in a cache of its own.
 """
@@ -13,12 +13,12 @@ import pytest
 
 TRUTHS = """
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.truths import packets
+from shadowbench.truths import embree
 from shadowbench.truths.trace import trace
 
-device = packets.make_device(packets.load_library(), "sse4.2")
+device = embree.make_device("sse4.2")
 for width in (4, 16):  # native and emulated
-    packets.default_device = lambda: device._replace(width=width)
+    embree.default_device = lambda: device._replace(width=width)
     for scene in ("cube-on-plane", "room-with-lamp", "post"):
         print(trace(chosen_view(scene, 8), 1).visibility.sum())
 """
@@ -41,35 +41,12 @@ for scene in ("cube-on-plane", "post"):
     print(build_tree(vertices, faces).order.sum(), in_reuse_order(faces).sum())
     print(cap_weights(vertices, faces.astype(np.int64), light, 0, len(faces)).sum())
 """
-MESHOPT = """
-import random
-
-import meshopt
-import numpy as np
-
-chance = random.Random(1)
-rows = (np.arange(600).reshape(50, 12) * 7 % 251).astype(np.uint8)
-corners = np.arange(60, dtype=np.uint32) // 2
-for stream, count, size, mode in [
-    *((meshopt.encode_gltf_buffer(rows, "ATTRIBUTES", version), 50, 12, "ATTRIBUTES") for version in (0, 1)),
-    *((meshopt.encode_gltf_buffer(corners, mode), 60, 4, mode) for mode in ("TRIANGLES", "INDICES")),
-]:
-    decoded = 0
-    for _ in range(300):
-        changed = bytearray(stream)
-        changed[chance.randrange(len(changed))] = chance.randrange(256)
-        try:
-            decoded += meshopt.decode_gltf_buffer(bytes(changed), count, size, mode).size
-        except ValueError:
-            pass
-    print(decoded)
-"""
 FIXED = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "", "PYTHONMALLOC": "malloc", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("script", [TRUTHS, SCORES_AND_TREE, MESHOPT], ids=["truths", "scores and tree", "meshopt"])
+@pytest.mark.parametrize("script", [TRUTHS, SCORES_AND_TREE], ids=["truths", "scores and tree"])
 def test_nothing_is_read_or_written_outside_its_block(script: str, tmp_path: Path) -> None:
     environment = os.environ | FIXED | {"NUMBA_CACHE_DIR": str(tmp_path / "numba")}
     command = [sys.executable, "-c", script]

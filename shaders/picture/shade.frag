@@ -13,9 +13,6 @@ uniform float ambient, diffuse, specular, shininess;  // coefficients, and the e
 uniform vec3 light_color, sky, ground;  // of the light, and of ambient light from above and from below
 uniform vec3 horizon, zenith;           // behind the scene; white is for what is lit
 out vec4 color;
-#ifdef TEXTURED
-#include "picture/texture.glsl"
-#endif
 
 vec3 srgb(vec3 linear) {
     return mix(1.055 * pow(linear, vec3(1.0 / 2.4)) - 0.055, 12.92 * linear, lessThan(linear, vec3(0.0031308)));
@@ -31,9 +28,6 @@ void main() {
         return;
     }
     vec3 albedo = texelFetch(colors, texel_of(triangle), 0).rgb * textureLod(tint, place, 0.0).rgb;
-#ifdef TEXTURED
-    albedo *= texture_at(triangle, r.position, r.position - eye, r.normal);
-#endif
     vec3 to_eye = normalize(eye - r.position);
     vec3 normal = shading_normal(r);
     float cosine = dot(normal, r.to_light);

@@ -4,17 +4,20 @@ import json
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.search import LEFT_OUT, SIZES, Trial, start_size
 from shadowbench.errors import number
 from shadowbench.files import replace_file
-from shadowbench.measure.campaign import Block, Cell, Drawer
+from shadowbench.measure.campaign import Block, Cell
 from shadowbench.measure.worker import DeviceInfo
 from shadowbench.plugin.params import Component
 from shadowbench.results.law import SHORTEST_MS, kind_of
 from shadowbench.scores.metrics import METRICS, is_soft, soft_faults
+
+if TYPE_CHECKING:
+    from shadowbench.measure.gl_drawer import GLDrawer
 
 _KINDS = {
     "contact": "of the shadow next to its caster is lit",
@@ -135,7 +138,7 @@ def obstacles(advice: Recommendation) -> list[str]:
 def _soft_faults(near: Trial) -> list[str]:
     """What is wrong with the penumbrae of the closest trial."""
     row = near.result.score
-    faults = [f"{fault.name}, {fault.line}" for fault in soft_faults(row["metrics"], row.get("width_bias"))]
+    faults = [f"{name}, {line}" for name, line in soft_faults(row["metrics"], row.get("width_bias")).items()]
     worst = faults[:1] or [f"an RMSE of {row['metrics']['rmse_pen']:.2g} in the penumbra (rmse_pen)"]
     if near.spec.map_size == SIZES[-1]:
         worst.append(f"map size; the closest has {SIZES[-1]} texels a side, the most that are tried")
@@ -227,7 +230,7 @@ def _values(trial: Trial | None) -> dict[str, Any] | None:
     return values | {name: row[name] for name in ("key", "metrics")}
 
 
-def export_choice(advice: Recommendation, folder: Path, drawer: Drawer) -> None:
+def export_choice(advice: Recommendation, folder: Path, drawer: "GLDrawer") -> None:
     """Write `parameters.json` and one file per shader stage of the choice into a folder; nothing without a choice."""
     if advice.choice is None:
         return

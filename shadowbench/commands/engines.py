@@ -130,11 +130,9 @@ def _list(chosen: "Engines", json: bool) -> int:
 
 def _install(chosen: "Engines", quiet: bool) -> int:
     """Install engines one after the other; exit code 1 if one failed."""
-    from shadowbench.engines.programs import check_lock, install, what_lacks
+    from shadowbench.engines.programs import install, what_lacks
 
     failed = False
-    for engine in chosen.values():
-        check_lock(engine)
     for name, engine in chosen.items():
         if not quiet:
             console.print_error(f"{name}: installing")

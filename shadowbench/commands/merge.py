@@ -38,22 +38,15 @@ def merge(
         console.print_json(asdict(merged))
     elif merged.differing:
         rows = [
-            (
-                one["cell"],
-                one["what"],
-                *(f"{value} in {folder}" for value, folder in zip(one["values"], one["folders"], strict=True)),
-            )
+            (one["cell"], one["what"], *map("{} in {}".format, one["values"], one["folders"]))
             for one in merged.differing
         ]
         console.print_table("unequal scores", ("cell", "what", "", " "), rows, whole=("what",))
     for note in () if quiet else merged.notes:
         console.print_error(f"note: {note}")
-    of_folders = counted(len(folders), "folder")
     if merged.differing:
         cells = counted(len({one["cell"] for one in merged.differing}), "cell")
-        console.print_error(f"shadowbench: nothing was written: {cells} with unequal scores in {of_folders}")
-        return 1
-    if not json:
-        of_times = f", {counted(merged.times, 'time')}" if merged.times else ""
-        console.print_line(f"{output}: {counted(merged.cells, 'cell')}{of_times}, from {of_folders}")
-    return 0
+        console.print_error(f"shadowbench: nothing was written: {cells} with unequal scores")
+    elif not json:
+        console.print_line(f"{output}: {counted(merged.cells, 'cell')}, {counted(merged.times, 'time')}")
+    return 1 if merged.differing else 0

@@ -111,10 +111,9 @@ def run(
         from shadowbench.campaigns import campaign_in
         from shadowbench.measure.plugin_output import subjects_with
         from shadowbench.plugin.spec import parse_spec
-        from shadowbench.studies.run import Part, measure
+        from shadowbench.studies.run import measure
         from shadowbench.studies.study import study_from_options
 
-        chosen_part = Part.named(chosen.part)
         known = subjects_with(chosen.plugin)
         specs = [parse_spec(text, known) for text in chosen.techniques]
         sizes = options.map_sizes(chosen.map_size)
@@ -138,7 +137,7 @@ def run(
             time_again=chosen.time_again,
             keep_going=chosen.keep_going,
         )
-        result = measure(study, stack.enter_context(where), chosen_part)
+        result = measure(study, stack.enter_context(where), chosen.part)
     if result.run.older and not printed.quiet:
         rows = f"{counted(result.run.older, 'row')} of earlier commands"
         why = "of cells with these names, but of another file, setting or version; another -o keeps both"

@@ -31,9 +31,7 @@ class ScoreOptions:
     "  shadowbench score stairs --lit lit.png --shadowed shadowed.png -o results/engines --name my-engine"
 )
 def score(
-    scene: Annotated[
-        str, options.argument("SCENE", f"The scene: {options.SCENE}; or its truth, a file of `shadowbench truth`.")
-    ],
+    scene: options.Scene,
     mask: Annotated[
         Path | None,
         options.argument(
@@ -47,21 +45,19 @@ def score(
 ) -> None:
     """Score another renderer's mask or screenshots.
 
-    Compares them with the ray-traced shadows of the scene; needs no OpenGL, and with a file of `shadowbench truth` in
-    place of the scene no Embree either. `shadowbench export` writes the scene to draw. A mask that is flipped, inverted
-    or not square is refused; one that seems shifted, sRGB-encoded or lit by ambient light is scored unchanged, with a
-    warning. Below the metrics the errors are said in words, the leading one first. The column `shadows` says whether a
-    metric is for hard shadows, soft ones (of a light with a size) or both.
+    Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
+    draw. A mask that is flipped, inverted or not square is refused; one that seems shifted, sRGB-encoded or lit by
+    ambient light is scored unchanged, with a warning. Below the metrics the errors are said in words, the leading one
+    first. The column `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or both.
     """
     from shadowbench.masks.accuracy import accuracy_of, append_row
-    from shadowbench.masks.inputs import external_mask, stored_truth_of
+    from shadowbench.masks.inputs import external_mask
     from shadowbench.scores.difference import write_difference
 
     _check_outputs(scoring, mask)
     picture = external_mask(mask, scoring.lit, scoring.shadowed, scoring.ambient, scoring.linear)
     with console.Reporter(printed.quiet) as reporter:
-        against = stored_truth_of(scene, view) or reporter.view(scene, picture.size, view)
-        accuracy = accuracy_of(picture, against)
+        accuracy = accuracy_of(picture, reporter.view(scene, picture.size, view))
     notes = []
     if scoring.diff is not None:
         write_difference(scoring.diff, accuracy.difference())

@@ -58,11 +58,9 @@ def stress(chosen: StressOptions, machines: options.Machines, printed: options.P
     from shadowbench.measure.plugin_output import subjects_with
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.results.ranges import ranges_frame
-    from shadowbench.studies.run import Part
     from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
     from shadowbench.studies.stress import stress as walk
 
-    chosen_part = Part.named(chosen.part)
     axes = select_axes(chosen.axis)
     known = subjects_with(chosen.plugin)
     specs = tuple(dict.fromkeys(parse_spec(text, known) for text in chosen.techniques)) or default_specs(known.values())
@@ -72,7 +70,7 @@ def stress(chosen: StressOptions, machines: options.Machines, printed: options.P
             chosen.output, reporter, chosen.plugin, LIMITS, **asdict(machines), keep_going=chosen.keep_going, **SWEEPING
         ) as campaign,
     ):
-        result = walk(specs, axes, campaign, quick=chosen.quick, part=chosen_part)
+        result = walk(specs, axes, campaign, quick=chosen.quick, part=chosen.part)
     if printed.json:
         frame = ranges_frame(result.ranges).astype(object)
         console.print_json(frame.where(frame.notna(), None).to_dict("records"))

@@ -2,13 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from shadowbench.commands import console, options
 from shadowbench.options import PIXEL_SAMPLES, ViewOptions, option, view_size
-
-if TYPE_CHECKING:
-    from shadowbench.truths.trace import Truth
 
 
 @dataclass(frozen=True)
@@ -39,41 +35,20 @@ def truth(scene: options.Scene, asked: TruthOptions, quiet: options.Quiet = Fals
       diagonal        one number: diagonal of casters and receivers in metres
       shading_cosine  N·L by the smooth normal, where a surface has one
       facet_shadow    whether a smooth surface's own triangles shadow it there
-      depth           distance of the visible point along the camera's axis
-      about           names, camera and light of the view, as JSON text
 
-    Scenes of flat surfaces lack the last two before depth; facet_shadow is
-    also absent under a light with a size.
-
-    `shadowbench score` takes the file in place of the scene.
+    Scenes of flat surfaces lack the last two; facet_shadow is also absent
+    under a light with a size.
     """
     from shadowbench.files import check_outputs
-    from shadowbench.masks.inputs import write_stored_truth
-    from shadowbench.truths.cache import cached_truth
+    from shadowbench.truths.cache import cached_truth, write_truth
 
     check_outputs(".npz", asked.output)
     with console.Reporter(quiet) as reporter:
         chosen = reporter.view(scene, asked.view_size, view)
-        found = cached_truth(chosen, asked.pixel_samples)
-    write_stored_truth(asked.output, found, chosen)
+        traced = cached_truth(chosen, asked.pixel_samples)
+    write_truth(asked.output, traced)
     if not quiet:
-        receivers, shadowed = int(found.receivers.sum()), int((found.receivers & (found.visibility < 0.5)).sum())
-        undecided = int((found.receivers & found.undecided).sum())
-        pixels = f"{receivers} of {found.receivers.size} pixels show a receiver"
-        console.print_line(f"{asked.output}: {pixels}, {shadowed} in shadow, {undecided} undecided{_penumbra(found)}")
-
-
-def _penumbra(truth: "Truth") -> str:
-    """The size of the penumbra and the standard errors there; nothing without a penumbra."""
-    import numpy as np
-
-    from shadowbench.measure.scoring import prepare_truth
-
-    prepared = prepare_truth(truth) if truth.sampled else None
-    if prepared is None or not prepared.penumbra.any():
-        return ""
-    variance = prepared.variance[prepared.penumbra]
-    median, high = np.sqrt(np.percentile(variance[variance > 0], [50, 95]))  # 0 where all points of the light agree
-    pixels = prepared.penumbra.sum()
-    errors = f"{median:.2g} (median), {high:.2g} (95%)"
-    return f", {pixels} ({pixels / truth.receivers.sum():.0%}) in penumbra, where the standard error is {errors}"
+        receivers, shadowed = int(traced.receivers.sum()), int((traced.receivers & (traced.visibility < 0.5)).sum())
+        undecided = int((traced.receivers & traced.undecided).sum())
+        pixels = f"{receivers} of {traced.receivers.size} pixels show a receiver"
+        console.print_line(f"{asked.output}: {pixels}, {shadowed} in shadow, {undecided} undecided")

@@ -45,17 +45,17 @@ class EngineDrawer(GLDrawer):
                 stack.callback(session.close)
 
     def identity(self, cell: Cell) -> Mapping[str, str]:
-        """See `Drawer`. Of an engine also what is installed, our files and declaration of it, and the browser."""
+        """See `GLDrawer`. Of an engine also what is installed, our files and declaration of it, and the browser."""
         engine, own = engine_of(cell.spec), self.device_identity
         return own if engine is None else {**own, "engine": environment(engine).name, "adapter": _adapter(engine)}
 
     def unsupported(self, block: Block, cell: Cell) -> str | None:
-        """See `Drawer`."""
+        """See `GLDrawer`."""
         engine = engine_of(cell.spec)
         return super().unsupported(block, cell) if engine is None else _unsupported(engine, block.view, cell)
 
     def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
-        """See `Drawer`. Raises InputError for an engine that is not installed."""
+        """See `GLDrawer`. Raises InputError for an engine that is not installed."""
         engine = engine_of(cell.spec)
         if engine is None:
             yield from super().draw(block, cell, keep)

@@ -20,23 +20,22 @@ import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 from typing import IO, Any
 
-import platformdirs
 import psutil
 
 from shadowbench.errors import InputError, ShadowbenchError, quoted
-from shadowbench.files import make_folder
+from shadowbench.files import cache_folder, make_folder
 from shadowbench.plugin.engine import Engine
 
 HERE = Path(__file__).parent
 Answer = tuple[dict[str, Any], bytes]
 
 _LOCKS = {"web": "package-lock.json", "python": "requirements.txt"}
-_PINNED = re.compile(r"[\w.\[\]-]+==[\w.+!-]+(\s*;[^#]+?)?(\s+--hash=sha256:[0-9a-f]{64})+")
 _MESA = {  # variables that name files of drivers, and Mesa's files below /etc and the folders of shared data
     ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"): "vulkan/icd.d/lvp_icd*.json",
     ("__EGL_VENDOR_LIBRARY_FILENAMES",): "glvnd/egl_vendor.d/*mesa*.json",
@@ -50,14 +49,11 @@ _CHROMIUM = (
 )  # fmt: skip
 # Its end of the pipe for debugging is file 3; Chromium ends when this process does, however that ends.
 _WITH_PIPE = ("sh", "-c", 'exec "$@" 3<&0 4>/dev/null', "sh")
-_TYPES = {".js": "text/javascript", ".mjs": "text/javascript", ".wasm": "application/wasm"}
 
 
 def environment(engine: type[Engine]) -> Path:
-    """Folder of an engine's environment, in $SHADOWBENCH_ENGINES or the platform's cache folder; it may not exist."""
-    chosen = os.environ.get("SHADOWBENCH_ENGINES")
-    folder = Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "engines"
-    return folder / f"{engine.name}-{hashlib.sha256(_lock(engine).encode()).hexdigest()[:12]}"
+    """Folder of an engine's environment; it may not exist."""
+    return cache_folder("engines") / f"{engine.name}-{hashlib.sha256(_lock(engine).encode()).hexdigest()[:12]}"
 
 
 def _lock(engine: type[Engine]) -> str:
@@ -119,20 +115,6 @@ def software_renderer() -> dict[str, str]:
     return variables
 
 
-def check_lock(engine: type[Engine]) -> None:
-    """Raises InputError for a lock file with addresses, options, or packages without a version and hashes."""
-    if engine.host == "web":
-        packages = {name: package for name, package in json.loads(_lock(engine))["packages"].items() if name}
-        bad = [name for name, package in packages.items() if "resolved" in package or not package.get("integrity")]
-        allowed = "packages with `integrity` and without `resolved`"
-    else:
-        lines = (line.strip() for line in _lock(engine).replace("\\\n", " ").splitlines())
-        bad = [line for line in lines if line and line[0] != "#" and not _PINNED.fullmatch(line)]
-        allowed = "NAME==VERSION with --hash=sha256:…, of each package"
-    if bad:
-        raise InputError(f"{engine.folder() / _LOCKS[engine.host]}: found {quoted(bad[0])}; allowed: {allowed}")
-
-
 def install(engine: type[Engine]) -> Path:
     """Install an engine's packages, as locked, and return the folder; one that is complete is left as it is.
 
@@ -154,10 +136,8 @@ def install(engine: type[Engine]) -> Path:
             _run(_interpreter(engine), "-m", "venv", str(made), folder=made)
             lock = ("--require-hashes", "-r", str(engine.folder() / _LOCKS["python"]))
             _run(str(made / "bin" / "python"), "-m", "pip", "install", "--no-deps", *lock, folder=made)
-        if folder.is_dir() and not _installed(engine):
-            folder.rename(Path(name, "broken"))
-        if not folder.is_dir():  # else another command was faster
-            made.rename(folder)
+        shutil.rmtree(folder, ignore_errors=True)  # what is there is broken
+        made.rename(folder)
     return folder
 
 
@@ -327,14 +307,21 @@ class WebHost(Host):
 
     def __init__(self, engine: type[Engine], log: Path, variables: Mapping[str, str]) -> None:
         self._calls: queue.Queue[bytes] = queue.Queue()
-        self._profile = tempfile.TemporaryDirectory(prefix="shadowbench-", ignore_cleanup_errors=True)
+        self._folder = tempfile.TemporaryDirectory(prefix="shadowbench-", ignore_cleanup_errors=True)
         self.secret = secrets.token_urlsafe()
-        self._server = _server(self, engine)
+        served = Path(self._folder.name, "served")
+        site = served / self.secret
+        site.mkdir(parents=True)
+        (site / "index.html").write_text(_page(engine), encoding="utf-8")
+        (site / "draw.js").symlink_to(engine.folder() / "draw.js")
+        (site / "web_host.js").symlink_to(HERE / "web_host.js")
+        (site / "packages").symlink_to(environment(engine) / "node_modules")
+        self._server = _server(self, served)
         Thread(target=self._server.serve_forever, daemon=True).start()
         self.address = f"http://127.0.0.1:{self._server.server_port}/{self.secret}/"
-        start = Path(self._profile.name, "start.html")  # a command is for everybody to read
+        start = Path(self._folder.name, "start.html")  # a command is for everybody to read
         start.write_text(f'<meta http-equiv="refresh" content="0;url={self.address}">', encoding="utf-8")
-        profile = f"--user-data-dir={self._profile.name}"
+        profile = f"--user-data-dir={self._folder.name}/profile"
         command = [*_WITH_PIPE, str(_browser()), *_CHROMIUM, profile, start.as_uri()]
         super().__init__(command, log, variables, subprocess.DEVNULL)
 
@@ -346,47 +333,33 @@ class WebHost(Host):
         super().close()
         self._server.shutdown()
         self._server.server_close()
-        self._profile.cleanup()
+        self._folder.cleanup()
 
 
-def _page(engine: type[Engine]) -> bytes:
+def _page(engine: type[Engine]) -> str:
     table = json.dumps({"imports": {name: f"./packages/{path}" for name, path in engine.imports.items()}})
     classic = "".join(f'<script src="packages/{path}"></script>' for path in engine.scripts)
     module = '<script type="module" src="web_host.js"></script>'
-    return f'<!doctype html><meta charset="utf-8"><script type="importmap">{table}</script>{classic}{module}'.encode()
+    return f'<!doctype html><meta charset="utf-8"><script type="importmap">{table}</script>{classic}{module}'
 
 
-def _server(host: WebHost, engine: type[Engine]) -> ThreadingHTTPServer:
-    """A server of the page, its modules, the engine's packages, the next call, and for answers."""
-    files = {"draw.js": engine.folder() / "draw.js", "web_host.js": HERE / "web_host.js"}
-    packages = (environment(engine) / "node_modules").resolve()
+def _server(host: WebHost, folder: Path) -> ThreadingHTTPServer:
+    """A server of a folder's files, but not their names; of the next call; and for answers."""
 
-    class Handler(BaseHTTPRequestHandler):
+    class Handler(SimpleHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
 
         def log_message(self, *_: Any) -> None:
             """Nothing: the browser's own log has what fails."""
 
-        def _reply(self, body: bytes, kind: str = "application/octet-stream", status: int = 200) -> None:
-            self.send_response(status)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(body)))
-            self.end_headers()
-            self.wfile.write(body)
+        def list_directory(self, path: Any) -> None:
+            self.send_error(404)
 
         def do_GET(self) -> None:
-            secret, _, path = self.path[1:].partition("/")
-            file = files.get(path, (packages / path.removeprefix("packages/")).resolve())
-            if secret != host.secret:
-                self._reply(b"", status=404)
-            elif path == "":
-                self._reply(_page(engine), "text/html")
-            elif path == "call":
+            if self.path == f"/{host.secret}/call":
                 self._reply(host._calls.get())
-            elif file.is_file() and (path in files or file.is_relative_to(packages)):
-                self._reply(file.read_bytes(), _TYPES.get(file.suffix, "application/octet-stream"))
             else:
-                self._reply(b"", status=404)
+                super().do_GET()
 
         def do_POST(self) -> None:
             body = self.rfile.read(int(self.headers["Content-Length"]))
@@ -394,10 +367,16 @@ def _server(host: WebHost, engine: type[Engine]) -> ThreadingHTTPServer:
                 host._answers.put(unpack(body))
             self._reply(b"")
 
+        def _reply(self, body: bytes) -> None:
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
     class Server(ThreadingHTTPServer):
         daemon_threads = True
 
         def handle_error(self, *_: Any) -> None:
             """Nothing: a browser that is ended resets its connections."""
 
-    return Server(("127.0.0.1", 0), Handler)
+    return Server(("127.0.0.1", 0), partial(Handler, directory=str(folder)))

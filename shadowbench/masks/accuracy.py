@@ -17,9 +17,9 @@ from skimage.registration import phase_cross_correlation
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.masks.inputs import ExternalMask, TruthOfView, decode_srgb
+from shadowbench.masks.inputs import ExternalMask, decode_srgb
 from shadowbench.measure.rows import IMAGES, RowStore, identity
-from shadowbench.measure.scoring import mask_record
+from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.scenes.model import View, view_digest
 from shadowbench.scores.comparison import PENUMBRA, Comparison, PreparedTruth
 from shadowbench.scores.difference import difference_picture, write_difference
@@ -235,15 +235,11 @@ def _misfit(comparison: Comparison, where: Mask, shift: Shift | None) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """Scores of a mask of another renderer; record: fields of its score record; comparison: mask and truth.
-
-    truth: of the view, whose digest is that of its contents.
-    """
+    """Scores of a mask of another renderer; record: fields of its score record; comparison: mask and truth."""
 
     external: ExternalMask
     view: View
     truth: Truth
-    digest: str
     comparison: Comparison
     record: dict[str, Any]
 
@@ -262,7 +258,7 @@ class Accuracy:
     def errors(self) -> dict[str, str]:
         """A line for each metric, or fault of a soft shadow, that says what is wrong, the leading one first."""
         if self.comparison.truth.soft:
-            return {fault.name: fault.line for fault in soft_faults(self.metrics, self.comparison.width_bias)}
+            return soft_faults(self.metrics, self.comparison.width_bias)
         leading = leading_error(self.metrics)
         lines = {
             name: line.format(factor * value)
@@ -319,25 +315,19 @@ class Accuracy:
         return lines
 
 
-def accuracy_of(external: ExternalMask, against: View | TruthOfView) -> Accuracy:
-    """Score a mask against the truth of a view, traced here or read from a file.
+def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
+    """Score a mask against the truth of a view.
 
     The mask is scored unchanged: a shift, an sRGB encoding or an umbra that is not 0 is a warning and a field of
-    `record["input"]`. Raises InputError for a mask of another size than the truth, one that is flipped or inverted, and
-    screenshots without a pixel bright enough to score.
+    `record["input"]`. Raises InputError for a mask that is flipped or inverted, and screenshots without a pixel bright
+    enough to score.
     """
-    if isinstance(against, View):
-        against = TruthOfView(cached_truth(against), against, view_digest(against))
-    view, truth, unmeasured = against.view, against.truth, 0
-    if view.size != external.size:
-        raise InputError(
-            f"{external.name}: found {external.size} × {external.size} pixels; allowed: {view.size} × {view.size}, "
-            "as the truth has"
-        )
+    whole = truth = cached_truth(view)
+    unmeasured = 0
     if external.measurable is not None:
         unmeasured = int(np.count_nonzero(truth.receivers & ~truth.undecided & ~external.measurable))
         truth = replace(truth, receivers=truth.receivers & external.measurable, facet_shadow=None)
-    prepared = against.prepared(truth)
+    prepared = prepare_truth(truth)
     if unmeasured and not prepared.pixels:
         raise InputError(
             f"{external.name}: lit − ambient is below 1/64 in every pixel; allowed: a lit picture of the view"
@@ -359,7 +349,7 @@ def accuracy_of(external: ExternalMask, against: View | TruthOfView) -> Accuracy
         "warnings": list(_warnings(encoding, screenshots)),
     }
     record = {**mask_record(external.visibility, truth, prepared), "input": input_record}
-    return Accuracy(external, view, against.truth, against.digest, comparison, record)
+    return Accuracy(external, view, whole, comparison, record)
 
 
 def _warnings(encoding: MaskEncoding, screenshots: bool) -> Iterator[str]:
@@ -391,7 +381,7 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
     content = _digest(  # of everything that the row depends on
         {
             "engine": name,
-            "view": (view.scene.name, view.camera.name, view.light.name, accuracy.digest),
+            "view": (view.scene.name, view.camera.name, view.light.name, view_digest(view)),
             "mask": accuracy.record["mask_sha256"],
             "input": accuracy.record["input"],
             "versions": of_scores(),

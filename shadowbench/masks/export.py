@@ -1,9 +1,11 @@
 """Export of a view for another renderer: `scene.glb`, `view.json`, and the truth as an example mask."""
 
+import base64
 import json
 import math
 import re
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +13,12 @@ import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
-from shadowbench.files import make_folder, replace_file
+from shadowbench.files import make_folder, png_of, replace_file
 from shadowbench.geometry.convex import caster_and_receiver_faces, caster_and_receiver_vertices
 from shadowbench.geometry.lights import light_space, window
 from shadowbench.geometry.topology import is_closed
-from shadowbench.masks.export_cutouts import add_masks, corner_attributes
 from shadowbench.options import FIRST, SceneOptions
+from shadowbench.scenes.cutouts import Cutout, Wrap
 from shadowbench.scenes.model import WHITE, Camera, Light, Mesh, View
 from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit
@@ -32,6 +34,9 @@ MODEL, DESCRIPTION, EXAMPLE = "scene.glb", "view.json", "truth.png"
 
 PADDING = 2.0  # texels beside the casters and receivers, for an engine's filter
 MARGIN = 1e-3  # share of the distances, against rounding
+
+_WRAPS: dict[Wrap, int] = {"clamp": 33071, "mirror": 33648, "repeat": 10497}
+_NEAREST = 9728
 
 Json = dict[str, Any]
 
@@ -264,7 +269,7 @@ def glb_of(view: View, *, sides: "Sides" = "double", colours: bool = False) -> b
         """Add what trimesh does not write; its meshes are in the order of the scene's."""
         distinct = list(dict.fromkeys(materials))
         tree["materials"] = [_material(color, double_sided) for color, double_sided, _ in distinct]
-        add_masks(tree, [cutout for _, _, cutout in distinct])
+        _add_masks(tree, [cutout for _, _, cutout in distinct])
         for mesh, material, written in zip(scene.meshes, materials, tree["meshes"], strict=True):
             written["name"] = mesh.name
             written["primitives"][0]["material"] = distinct.index(material)
@@ -292,12 +297,40 @@ def glb_of(view: View, *, sides: "Sides" = "double", colours: bool = False) -> b
             corners,
             faces,
             vertex_normals=np.repeat(flat, 3, axis=0),
-            vertex_attributes=corner_attributes(mesh),
+            vertex_attributes=_corner_attributes(mesh),
             process=False,
         )
         loaded.add_geometry(shape, geom_name=f"mesh {index}")
     written: bytes = export_glb(loaded, include_normals=True, tree_postprocessor=complete)  # type: ignore[no-untyped-call]
     return written
+
+
+def _corner_attributes(mesh: Mesh) -> Json:
+    """Texture coordinates of a cut-out mesh by corner, in turn, as trimesh writes attributes: with an underscore."""
+    if mesh.cutout is None or mesh.places is None:
+        return {}
+    return {"_PLACE": (mesh.places.reshape(-1, 2) / mesh.cutout.size).astype(np.float32)}
+
+
+def _add_masks(tree: Json, cutouts: Sequence[Cutout | None]) -> None:
+    """Add to the materials of a glTF, in the order of `cutouts`, what cuts them out, and name its coordinates."""
+    for material, cutout in zip(tree["materials"], cutouts, strict=True):
+        if cutout is None:
+            continue
+        number = len(tree.setdefault("textures", []))
+        material |= {"alphaMode": "MASK", "alphaCutoff": 0.5}
+        material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": number}
+        tree["textures"].append({"sampler": number, "source": number})
+        image = np.full((*cutout.bits.shape, 4), 255, dtype=np.uint8)
+        image[..., 3] *= cutout.bits
+        uri = "data:image/png;base64," + base64.b64encode(png_of(image)).decode()
+        tree.setdefault("images", []).append({"uri": uri, "mimeType": "image/png"})
+        wraps = {"wrapS": _WRAPS[cutout.wrap[0]], "wrapT": _WRAPS[cutout.wrap[1]]}
+        tree.setdefault("samplers", []).append({"magFilter": _NEAREST, "minFilter": _NEAREST, **wraps})
+    for mesh in tree["meshes"]:
+        attributes = mesh["primitives"][0]["attributes"]
+        if "_PLACE" in attributes:
+            attributes["TEXCOORD_0"] = attributes.pop("_PLACE")
 
 
 def _material(color: Vec3, double_sided: bool) -> Json:

@@ -1,32 +1,19 @@
-"""What is scored: a mask file, an array, or screenshots; and a truth as a file, for scoring without its scene."""
+"""What is scored: a mask file, an array, or screenshots."""
 
-import json
-from dataclasses import asdict, dataclass
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.measure.scoring import depths, points_at, prepare_truth
-from shadowbench.options import ViewOptions
-from shadowbench.scenes.model import Camera, Light, Scene, View, view_digest
-from shadowbench.scenes.scene_tables import LIGHT_TABLES, NAME
-from shadowbench.scenes.vectors import vec3
-from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.scores.masks import LEVELS, open_png, quantise, read_mask
-from shadowbench.strict import short
-from shadowbench.truths.cache import read_arrays, truth_of, write_truth
-from shadowbench.truths.trace import Truth
 
 LARGEST = 4096  # most pixels along a side of a mask: a small PNG may hold many, and scoring takes 130 bytes for each
 
 DARKEST = 1 / 64  # least difference of linear luminance between a lit and an ambient pixel for it to be scored
 
 _PICTURE = "allowed: a PNG, grey or RGB"
-_STORED = "allowed: a file that `shadowbench truth` wrote"
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB; ITU-R BT.709
 _PLAIN = {"L": 255, "RGB": 255, "I;16": LEVELS, "I": LEVELS}
 _REDUCED = {"P": "RGB", "RGBA": "RGB", "LA": "L", "1": "L"}  # without transparency
@@ -147,74 +134,3 @@ def external_mask(
         return from_screenshots(Path(lit), Path(shadowed), Path(ambient) if ambient else None, linear=linear)
     allowed = "MASK; or --lit and --shadowed, with or without --ambient and --linear"
     raise InputError(f"score: found {' and '.join(given) or 'no picture'}; allowed: {allowed}")
-
-
-@dataclass(frozen=True, eq=False)
-class TruthOfView:
-    """A truth, and the view that it is of; digest: of the view.
-
-    From a file, the view has names, camera and kind of light only, and depth is (N, N) metres along the camera's axis,
-    from which widths of penumbrae are measured; None for a truth with its meshes.
-    """
-
-    truth: Truth
-    view: View
-    digest: str
-    depth: NDArray[np.float64] | None = None
-
-    def prepared(self, truth: Truth) -> PreparedTruth:
-        """The input of metrics; truth: the stored one, perhaps with fewer receivers."""
-        return prepare_truth(truth, None if self.depth is None else partial(points_at, self.view.camera, self.depth))
-
-
-def write_stored_truth(file: Path, truth: Truth, view: View) -> None:
-    """Write the arrays of a truth, with `depth`, and `about` its view as JSON, as a compressed .npz."""
-    camera, light = view.camera, view.light
-    about = {
-        "scene": view.scene.name,
-        "notes": list(view.scene.notes),
-        "camera": {
-            "name": camera.name,
-            "position": list(map(float, camera.position)),
-            "target": list(map(float, camera.target)),
-            "fov_y": float(camera.fov_y),
-            "up": list(map(float, camera.up)),
-        },
-        "light": {"name": light.name, "kind": light.kind},
-        "digest": view_digest(view),
-    }
-    write_truth(file, truth, depth=depths(view, truth.triangle), about=json.dumps(about))
-
-
-def stored_truth_of(scene: str | Path, options: ViewOptions) -> TruthOfView | None:
-    """The truth in a file of `shadowbench truth`; None for any other scene.
-
-    Raises InputError for a file with options of a scene, and for one that holds no truth.
-    """
-    file = Path(scene)
-    if file.suffix.lower() != ".npz":
-        return None
-    for option in (f"--{name.replace('_', '-')}" for name, value in asdict(options).items() if value):
-        raise InputError(f"{option}: {file} is the truth of one view; allowed: a scene, with {option}")
-    if not file.is_file():  # reading a named pipe would block
-        raise InputError(f"{file}: {'is not a file' if file.exists() else 'no such file'}; {_STORED}")
-    try:
-        arrays = read_arrays(file)
-        depth, about = arrays.pop("depth"), json.loads(str(arrays.pop("about")))
-        truth = truth_of(arrays, len(depth), np.iinfo(np.int32).max)
-        if truth is None or depth.shape != truth.visibility.shape:
-            raise ValueError("arrays of other names, types, shapes or ranges")
-        return TruthOfView(truth, _view_of(about, len(depth)), str(about["digest"]), depth)
-    except Exception as error:  # of many types in zipfile, NumPy and json
-        raise InputError(f"{file}: found no truth of a view in it ({short(error)}); {_STORED}") from None
-
-
-def _view_of(about: dict[str, Any], size: int) -> View:
-    """The view that `about` describes. Raises an exception of some kind if it describes none."""
-    eye, lamp = about["camera"], about["light"]
-    position, target, up = (vec3(np.array(eye[name], dtype=np.float64)) for name in ("position", "target", "up"))
-    camera, light = Camera(eye["name"], position, target, float(eye["fov_y"]), up), Light(lamp["name"], lamp["kind"])
-    named = all(map(NAME.fullmatch, (about["scene"], camera.name, light.name)))  # parts of file names
-    if not named or light.kind not in LIGHT_TABLES:
-        raise ValueError("another description of a view")
-    return View(Scene(about["scene"], (), (camera,), (light,), tuple(about["notes"])), camera, light, size)

@@ -16,11 +16,11 @@ from shadowbench.measure.flips import Step, Stepped, flips
 from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.machine import machine_key, write_run_file
 from shadowbench.measure.pictures import Pictures, Writer
-from shadowbench.measure.rows import Record, Result, RowStore, StudyFacts, identity
+from shadowbench.measure.rows import Record, Result, RowStore, identity
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import Rendering, Surface
 from shadowbench.measure.time_rows import time_row
-from shadowbench.measure.worker import CellFailed, DeviceInfo
+from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import Coordinates, LightKind, View
 from shadowbench.techniques.cube_map import CubeMap
@@ -29,8 +29,7 @@ from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 
 if TYPE_CHECKING:
-    from shadowbench.measure.time_rows import Times
-    from shadowbench.plugin.stage import ShaderText
+    from shadowbench.measure.gl_drawer import GLDrawer
 
 DEFAULT_REFERENCE = Spec(ShadowMap, ShadowMap.Params(size=1024))
 """Reference of a study that names none."""
@@ -102,39 +101,6 @@ class Failure:
     reason: str
 
 
-class Drawer(Protocol):
-    """What draws cells: a process with limits, replaced after a failure."""
-
-    @property
-    def info(self) -> DeviceInfo:
-        """Facts about the device. Raises ShadowbenchError if the process cannot start."""
-
-    def identity(self, cell: "Cell") -> Mapping[str, str]:
-        """What draws a cell and traces, by which keys of rows differ: the renderer, and how Embree rounds there."""
-
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """The computer, as by `measure.machine.machine`."""
-
-    def unsupported(self, block: "Block", cell: "Cell") -> str | None:
-        """Why a cell's technique does not support a block's view; None if it does."""
-
-    def draw(self, block: "Block", cell: "Cell", keep: bool = False) -> "Iterator[Rendering]":
-        """A cell drawn in each view of a block, in their order. Raises Unsupported and CellFailed.
-
-        keep: it will be timed, so that what was built for it stays if there is room.
-        """
-
-    def surface(self, block: "Block") -> "Surface":
-        """What masks of a block's view are drawn over. Raises CellFailed."""
-
-    def shaders(self, block: "Block", cell: "Cell") -> "list[ShaderText]":
-        """GLSL of a technique's cell as passed to the driver. Raises as `draw` does."""
-
-    def time(self, block: "Block", sizes: "Mapping[Cell, int]") -> "Iterator[tuple[Cell, Times | str]]":
-        """Times of cells of a block, or why one has none; sizes: their GPU bytes. Also why a reference failed."""
-
-
 Shadows = Literal["lit", "in shadow", "with edges"]
 """What a view shows: whether all that is decided is lit, or in shadow."""
 
@@ -183,7 +149,7 @@ class Campaign:
     def __init__(
         self,
         folder: Path,
-        drawer: Drawer,
+        drawer: "GLDrawer",
         reporter: Reporter,
         *,
         keeps_images: Callable[[Record], object] | None = None,
@@ -213,7 +179,7 @@ class Campaign:
         """
         self.reporter.stage("truth", len(blocks))
         shows: list[Shadows | None] = [None] * len(blocks)
-        for index, result in self._traced([block.view for block in blocks]):
+        for index, result in self._map(trace_view, [block.view for block in blocks]):
             name = blocks[index].view.name
             with self._attempt("truth", name):
                 shows[index] = result()
@@ -257,13 +223,13 @@ class Campaign:
         """Keys of the cells of a block that will be drawn: those without a row, and those that failed."""
         return {cell: key for cell, key in self.keys(block).items() if self.store.finished_score(key) is None}
 
-    def finish(self, study: StudyFacts, notes: Sequence[str], keys: Iterable[str]) -> None:
+    def finish(self, study: Record, notes: Sequence[str], keys: Iterable[str]) -> None:
         """Write `run.json`; keys: of the cells that the command asked for."""
         write_run_file(self.folder / "run.json", self.drawer, notes, study, keys)
 
-    def _traced(self, views: Sequence[View]) -> Iterable[tuple[int, Callable[[], Shadows]]]:
-        """The index of each view, and what says or raises what it shows."""
-        return enumerate(partial(trace_view, view) for view in views)
+    def _map(self, task: Callable[..., Any], *jobs: Sequence[Any]) -> Iterable[tuple[int, Callable[[], Any]]]:
+        """The index of each job, and what gives or raises the result of the task for it."""
+        return enumerate(partial(task, *job) for job in zip(*jobs, strict=True))
 
     @contextmanager
     def _attempt(self, what: str, where: str) -> Iterator[None]:

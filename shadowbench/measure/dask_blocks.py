@@ -7,31 +7,20 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from multiprocessing import resource_tracker
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 from shadowbench.errors import InputError, ShadowbenchError, how_to_install, message, quoted
-from shadowbench.files import replace_file
-from shadowbench.measure.campaign import (
-    DEFAULT_REFERENCE,
-    Block,
-    Campaign,
-    Cell,
-    LogReporter,
-    Reporter,
-    Shadows,
-    called,
-    trace_view,
-)
+from shadowbench.measure.campaign import DEFAULT_REFERENCE, Block, Campaign, Cell, LogReporter, Reporter, called
 from shadowbench.measure.gl_drawer import GLDrawer
-from shadowbench.measure.machine import machine, versions
+from shadowbench.measure.machine import versions
 from shadowbench.measure.plugin_output import techniques_with
-from shadowbench.measure.rows import Record, Result, stream_rows
+from shadowbench.measure.rows import Record, Result, read_rows
 from shadowbench.measure.worker import DeviceInfo, Limits, Worker, sigint_blocked
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.scenes.model import View
 from shadowbench.versions import of_rows
 
 Setup = tuple[tuple[Path, ...], Limits]
@@ -43,49 +32,32 @@ _drawing = threading.RLock()  # a Dask worker may have several threads, and draw
 _started: dict[Setup, Worker] = {}  # at most one
 
 
-class WorkerFacts(NamedTuple):
-    """A Dask worker. identity: of what draws there; traits: that, and versions of libraries and of our code."""
-
-    traits: Mapping[str, str]
-    identity: Mapping[str, str]
-    info: DeviceInfo
-    machine: Mapping[str, Any]
-
-
-def worker_here(setup: Setup) -> Worker:
-    """On a Dask worker, the process that draws; another one if the setup has changed."""
-    if setup not in _started:
-        while _started:
-            _started.popitem()[1].stop()
-        _started[setup] = Worker(*setup)
-    return _started[setup]
-
-
-def describe(setup: Setup) -> WorkerFacts:
-    """Facts about this Dask worker. Raises ShadowbenchError without OpenGL."""
+def drawn(setup: Setup, task: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+    """On a Dask worker, `task(drawer, …)` with the process that draws; another one if the setup has changed."""
     with _drawing:
-        worker = worker_here(setup)
-        identity = GLDrawer(worker).device_identity
-        return WorkerFacts({**versions(), **of_rows(), **identity}, identity, worker.info, machine())
+        if setup not in _started:
+            while _started:
+                _started.popitem()[1].stop()
+            _started[setup] = Worker(*setup)
+        return task(GLDrawer(_started[setup]), *arguments, **options)
 
 
-def call(setup: Setup, method: Callable[..., Any], arguments: Sequence[Any], options: Mapping[str, Any]) -> Any:
-    """Result of a call of the process that draws beside this Dask worker."""
-    with _drawing:
-        return worker_here(setup).call(method, *arguments, **options)
+def describe(drawer: GLDrawer) -> tuple[Mapping[str, str], Mapping[str, str], DeviceInfo, Mapping[str, Any]]:
+    """Of a Dask worker: versions that rows depend on, what draws there, and its device and computer."""
+    return {**versions(), **of_rows()}, drawer.device_identity, drawer.info, drawer.machine
 
 
 def measure_block(
-    block: Block, cells: Sequence[CellText], setup: Setup, options: Mapping[str, Any]
+    drawer: GLDrawer, block: Block, cells: Sequence[CellText], plugins: Sequence[Path], options: Mapping[str, Any]
 ) -> tuple[list[Record], dict[str, bytes]]:
     """Rows of a block with these cells, and images by path in the run folder, by a campaign in a temporary one."""
-    with _drawing, TemporaryDirectory(prefix="shadowbench-") as name:
-        known, folder = techniques_with(setup[0]), Path(name)
-        specs = {text: parse_spec(text, known) for spec, _, home in cells for text in (spec, home) if text}
-        read = tuple(Cell(specs[spec], phase, specs.get(home or "")) for spec, phase, home in cells)
-        with Campaign(folder, GLDrawer(worker_here(setup)), LogReporter(), **options) as campaign:
-            list(campaign.measure([replace(block, cells=read)]))
-        rows = [row for row, _ in stream_rows(folder / "rows.jsonl")]
+    with TemporaryDirectory(prefix="shadowbench-") as name:
+        known, folder = techniques_with(plugins), Path(name)
+        specs = {text: parse_spec(text, known) for spec, _, home in cells for text in (spec, home or spec)}
+        read = [Cell(specs[spec], phase, specs[home] if home else None) for spec, phase, home in cells]
+        with Campaign(folder, drawer, LogReporter(), **options) as campaign:
+            list(campaign.measure([replace(block, cells=tuple(read))]))
+        rows, _ = read_rows(folder / "rows.jsonl")
         return rows, {file.relative_to(folder).as_posix(): file.read_bytes() for file in folder.glob("*/*.png")}
 
 
@@ -101,32 +73,31 @@ class DaskCampaign(Campaign):
     ) -> None:
         with suppress(TimeoutError):
             client.wait_for_workers(1, 60)
-        answers: dict[str, WorkerFacts | Exception] = client.run(describe, setup, on_error="return")
+        answers: dict[str, Any] = client.run(drawn, setup, describe, on_error="return")
         expected = {**versions(), **of_rows()} | ({"renderer": renderer} if renderer else {})
-        admitted: dict[str, WorkerFacts] = {}
-        reason = "no worker within 60 s; allowed: one or more"
+        admitted, reason = list[str](), "no worker within 60 s; allowed: one or more"
         for address, facts in sorted(answers.items()):
-            if isinstance(facts, Exception):
-                why = quoted(message(facts))
-            elif unequal := [name for name in expected if facts.traits.get(name) != expected[name]]:
-                why = f"{unequal[0]} is {facts.traits.get(unequal[0])} there, not {expected[unequal[0]]}"
+            there = {} if isinstance(facts, Exception) else {**facts[0], **facts[1]}
+            differs = next((name for name in expected if there.get(name) != expected[name]), None)
+            if differs is not None:
+                why = f"{differs} is {there[differs]} there, not {expected[differs]}" if there else message(facts)
+                reason = f"worker {address} is left out: {quoted(why)}"
+                reporter.note(reason)
             else:
-                admitted[address] = facts
-                expected |= facts.identity
-                continue
-            reason = f"worker {address} is left out: {why}"
-            reporter.note(reason)
+                admitted.append(address)
+                expected |= there
         if not admitted:
             raise InputError(f"--dask: {reason}")
-        facts, *_ = admitted.values()
-        self.info, self.limits, worker = facts.info, setup[1], cast("Worker", self)
-        super().__init__(folder, GLDrawer(worker, facts.identity, facts.machine), reporter, **options)
-        self._client, self._setup, self._options = client, setup, options | {"keep_going": False}
-        self._addresses = [*admitted] if len(admitted) < len(answers) else None  # None: also those that join later
+        _, identity, self.info, machine = answers[admitted[0]]
+        self.limits = setup[1]
+        super().__init__(folder, GLDrawer(cast("Worker", self), identity, machine), reporter, **options)
+        self._client, self._plugins, self._options = client, setup[0], options | {"keep_going": False}
+        self._drawn = partial(drawn, setup)
+        self._addresses = admitted if len(admitted) < len(answers) else None  # None: also those that join later
 
     def call(self, method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         """See `Worker`."""
-        ((_, result),) = self._map(call, [self._setup], [method], [arguments], [options])
+        ((_, result),) = self._map(self._drawn, [lambda drawer: drawer.worker.call(method, *arguments, **options)])
         return result()
 
     def measure(self, blocks: Iterable[Block]) -> Iterator[list[Result]]:
@@ -136,11 +107,9 @@ class DaskCampaign(Campaign):
         for _ in range(sum(len(block.cells) for block in listed) - sum(len(cells) for _, cells in missing)):
             self.reporter.step("measured before")
         bare = [replace(block, cells=(), rounds=0, reference=DEFAULT_REFERENCE) for block, _ in missing]
-        texts = [
-            [(cell.spec.full_text, cell.phase, cell.home and cell.home.full_text) for cell in cells]
-            for _, cells in missing
-        ]
-        for index, result in self._map(measure_block, bare, texts, setup=self._setup, options=self._options):
+        texts = [[(c.spec.full_text, c.phase, c.home and c.home.full_text) for c in cells] for _, cells in missing]
+        measured = partial(self._drawn, measure_block, plugins=self._plugins, options=self._options)
+        for index, result in self._map(measured, bare, texts):
             block, cells = missing[index]
             with self._attempt(*called(block)):
                 rows, images = result()
@@ -148,20 +117,14 @@ class DaskCampaign(Campaign):
                     raise ShadowbenchError("--dask: a worker that joined later, or a plug-in there, differs")
                 for name, data in images.items():  # before the rows, which promise them
                     (self.folder / name).parent.mkdir(exist_ok=True)
-                    with replace_file(self.folder / name) as temporary:
-                        temporary.write_bytes(data)
+                    (self.folder / name).write_bytes(data)
                 self.store.append(*rows)
             for cell in cells:
                 self.reporter.step(f"{block.view.scene.name} {cell.spec.text}")
         yield from map(self.results, listed)
 
-    def _traced(self, views: Sequence[View]) -> Iterator[tuple[int, Callable[[], Shadows]]]:
-        return self._map(trace_view, views)
-
-    def _map(
-        self, function: Callable[..., Any], *jobs: Sequence[Any], **same: Any
-    ) -> Iterator[tuple[int, Callable[[], Any]]]:
-        """Index and result of each task, as they end. A result raises the task's error, others as ShadowbenchError."""
+    def _map(self, task: Callable[..., Any], *jobs: Sequence[Any]) -> Iterator[tuple[int, Callable[[], Any]]]:
+        """See `Campaign`: as the tasks end. A result raises the task's error, others as ShadowbenchError."""
         from distributed import as_completed
 
         def result() -> Any:
@@ -170,10 +133,9 @@ class DaskCampaign(Campaign):
             except ShadowbenchError:
                 raise
             except Exception as error:  # of the system there, or Dask's: the scheduler has gone, or workers die
-                kept = "what was measured is kept, and the same command goes on"
-                raise ShadowbenchError(f"--dask: {quoted(message(error))}; {kept}") from None
+                raise ShadowbenchError(f"--dask: {quoted(message(error))}; repeat the command to resume") from None
 
-        futures = self._client.map(function, *jobs, **same, retries=3, pure=False, workers=self._addresses)
+        futures = self._client.map(task, *jobs, retries=3, pure=False, workers=self._addresses)
         indices = {future: index for index, future in enumerate(futures)}
         for future in as_completed(futures, loop=self._client.loop):
             yield indices[future], result
@@ -190,12 +152,12 @@ def dask_campaign(
         from distributed import Client, LocalCluster
     except ImportError:
         raise InputError(f"--dask needs Dask; {how_to_install('dask')}") from None
-    local = re.fullmatch(r"local:([1-9]\d{0,2})", where)
-    if local is None and where.partition(":")[0] == "local":
-        raise InputError(f"--dask {where}: allowed: local:N with N from 1 to 999, or a scheduler's address")
     for name in ("distributed", "distributed.client"):  # the latter has a level of its own
         logging.getLogger(name).setLevel(logging.CRITICAL)  # errors are reported in one line
     dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 TiB"})  # scenes are in the graph
+    local = re.fullmatch(r"local:([1-9]\d{0,2})", where)
+    if local is None and where.startswith("local:"):
+        raise InputError(f"--dask {where}: allowed: local:N with N from 1 to 999, or a scheduler's address")
     with ExitStack() as stack:
         cluster: Any = where
         if local is not None:
@@ -210,8 +172,8 @@ def dask_campaign(
         try:
             client = Client(cluster, timeout=10, set_as_default=False)
         except (OSError, ValueError, TypeError, RuntimeError) as error:  # the last two: TLS on one side only
-            reason = quoted(message(error)) or type(error).__name__
             allowed = "local:N, or the address of a scheduler, such as tcp://host:8786"
-            raise InputError(f"--dask {where}: no Dask scheduler answers ({reason}); allowed: {allowed}") from None
+            reason = f"no Dask scheduler answers ({quoted(message(error))})"
+            raise InputError(f"--dask {where}: {reason}; allowed: {allowed}") from None
         stack.callback(client.close, timeout=2)
         yield DaskCampaign(folder, client, setup, renderer, reporter, **options)

@@ -6,7 +6,7 @@ from importlib.metadata import entry_points
 from typing import Any, Concatenate
 
 from shadowbench.errors import InputError, ShadowbenchError, Unsupported
-from shadowbench.measure.campaign import UNSHADOWED, Block, Cell, Drawer, reference_name, status_of
+from shadowbench.measure.campaign import UNSHADOWED, Block, Cell, reference_name, status_of
 from shadowbench.measure.session import CellRequest, Rendering, Session, Surface
 from shadowbench.measure.time_rows import Samples, Times
 from shadowbench.measure.worker import CellFailed, DeviceInfo, MemoryExceeded, P, R, Worker
@@ -22,17 +22,20 @@ DRAWERS = "shadowbench.drawers"  # group of entry points
 
 
 @contextmanager
-def drawer_of(worker: Worker) -> Iterator[Drawer]:
+def drawer_of(worker: Worker) -> Iterator["GLDrawer"]:
     """The drawer of a worker's techniques, inside those that entry points name: they draw what is not ours."""
     with ExitStack() as stack:
-        drawer: Drawer = GLDrawer(worker)
+        drawer = GLDrawer(worker)
         for point in entry_points(group=DRAWERS):
             drawer = stack.enter_context(point.load()(drawer))
         yield drawer
 
 
 class GLDrawer:
-    """Drawer of a worker process; identity, machine: of one elsewhere."""
+    """What draws cells, by calls of a worker process that has limits and is replaced after a failure.
+
+    identity, machine: of a worker elsewhere.
+    """
 
     def __init__(
         self, worker: Worker, identity: Mapping[str, str] | None = None, machine: Mapping[str, Any] | None = None
@@ -45,7 +48,7 @@ class GLDrawer:
         return self.worker.info
 
     def identity(self, cell: Cell) -> Mapping[str, str]:
-        """See `Drawer`. Raises InputError for a cell of another engine."""
+        """What draws a cell and traces, by which keys of rows differ: the renderer, and how Embree rounds there."""
         assert cell.spec.drawn_here
         return self.device_identity
 
@@ -58,7 +61,7 @@ class GLDrawer:
 
     @property
     def machine(self) -> Mapping[str, Any]:
-        """The computer."""
+        """The computer, as by `measure.machine.machine`."""
         from shadowbench.measure.machine import machine  # the worker's start does not wait for this import
 
         return self._machine or machine()
@@ -68,11 +71,15 @@ class GLDrawer:
         return CellRequest(cell.spec.full_text, cell.phase, block.coordinates, room)
 
     def unsupported(self, block: Block, cell: Cell) -> str | None:
-        """See `Drawer`."""
+        """Why a cell's technique does not support a block's view; None if it does."""
         return self.worker.call(Session.unsupported, block.view, self._request(block, cell))
 
     def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
-        """See `Drawer`. In a new worker if memory runs out."""
+        """A cell drawn in each view of a block, in their order. Raises Unsupported and CellFailed.
+
+        keep: it will be timed, so that what was built for it stays if there is room. If memory runs out, it is drawn
+        in a new worker.
+        """
         room = int(_KEPT_SHARE * self.worker.limits.bytes) if keep else 0
         for view in (block.view, *block.later):
             try:
@@ -82,7 +89,7 @@ class GLDrawer:
                 yield self.worker.call(Session.draw, view, self._request(block, cell))
 
     def surface(self, block: Block) -> Surface:
-        """See `Drawer`."""
+        """What masks of a block's view are drawn over. Raises CellFailed."""
         return self.worker.call(Session.surface, block.view, block.coordinates)
 
     def shaders(self, block: Block, cell: Cell) -> list[ShaderText]:
@@ -90,9 +97,10 @@ class GLDrawer:
         return self.worker.call(Session.shaders, block.view, self._request(block, cell))
 
     def time(self, block: Block, sizes: Mapping[Cell, int]) -> Iterator[tuple[Cell, Times | str]]:
-        """See `Drawer`. Timed in groups that fit in memory, each with the reference and `unshadowed`.
+        """Times of cells of a block, or why one has none; sizes: their GPU bytes. Also why a reference failed.
 
-        A cell that fails is dropped, and the rest of its group is timed again without it.
+        They are timed in groups that fit in memory, each with the reference and `unshadowed`. A cell that fails is
+        dropped, and the rest of its group is timed again without it. Where memory runs out, each is timed alone.
         """
         name, no_ratio = reference_name(block.reference_cell.spec), None
         reference = [block.reference_cell]
@@ -102,7 +110,7 @@ class GLDrawer:
             except (CellFailed, Unsupported) as reason:
                 yield reference[0], str(reason)
                 reference, no_ratio = [], status_of(reason)
-        groups, ate = _groups(sizes, _GROUP_SHARE * self.worker.limits.bytes), set[Cell]()
+        groups, alone = _groups(sizes, _GROUP_SHARE * self.worker.limits.bytes), set[Cell]()
         while groups:
             group = groups.pop(0)
             try:
@@ -110,8 +118,10 @@ class GLDrawer:
             except _GroupFailed as failure:
                 self._release_timed()
                 failed = failure.cell
-                if again := failure.tried_again(group, ate):
-                    groups[:0] = again
+                if failed and isinstance(failure.reason, MemoryExceeded) and not (len(group) == 1 and failed in alone):
+                    # Also if it was alone: the worker may have held memory of earlier cells, and a new one has none.
+                    alone |= {failed} if len(group) == 1 else set()
+                    groups[:0] = [[cell] for cell in group]
                 elif failed is None or failed not in (*group, *reference):  # no other can be left out
                     what = "opening the view" if failed is None else "the floor, unshadowed"
                     yield from ((cell, f"{what}: {failure}") for cell in group)
@@ -166,16 +176,6 @@ class _GroupFailed(Exception):
     def __init__(self, cell: Cell | None, reason: CellFailed | Unsupported) -> None:
         super().__init__(str(reason))
         self.cell, self.reason = cell, reason
-
-    def tried_again(self, group: list[Cell], ate: set[Cell]) -> list[list[Cell]]:
-        """Groups to time instead, if memory ran out, perhaps for other cells; ate: cells that were alone before."""
-        if self.cell is None or not isinstance(self.reason, MemoryExceeded):
-            return []
-        if len(group) > 1:
-            return [group[: len(group) // 2], group[len(group) // 2 :]]
-        first = self.cell not in ate
-        ate.add(self.cell)  # the worker may have held memory of earlier cells; a fresh one has none
-        return [group] if first else []
 
 
 def _groups(sizes: Mapping[Cell, int], limit: float) -> list[list[Cell]]:

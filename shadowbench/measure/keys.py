@@ -8,7 +8,7 @@ import inspect
 import json
 import re
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 SOURCES = {".py", ".glsl", ".vert", ".geom", ".frag"}
 _COMMENT = re.compile(r"//.*|/\*[\s\S]*?\*/")
-_INCLUDE = re.compile(r'^[ \t]*#include[ \t]+(?:"([^"]+)"|<\w+>).*', re.MULTILINE)
-_CHOICE = re.compile(r"<\w+>")
 
 
 def view_key(view: View) -> str:
@@ -58,7 +56,7 @@ def joint_key(parts: Sequence[object]) -> str:
 
 
 def sources_of(spec: Spec) -> str:
-    """Digest of the shaders that a spec may use, composed, and of plug-ins' files."""
+    """Digest of the shaders that a spec may use, without comments, and of plug-ins' files."""
     return _sources(spec.techniques, tuple(map(type, spec.components)))
 
 
@@ -72,52 +70,26 @@ def _sources(techniques: Sequence[type[Technique]], components: Sequence[type[Co
     classes += [base for one in techniques for base in one.Params.__mro__]
     files = dict.fromkeys(source_file(one) for one in classes if not _is_library_class(one))
     plugins = [file for file in files if not file.is_relative_to(PACKAGE)]
-    digest = hashlib.sha256()
-    for text in sorted({glsl(name)[0] for name in shader_names(techniques, components, plugged=bool(plugins))}):
-        digest.update(text.encode() + b"\0")
+    digest = hashlib.sha256(b"".join(map(_shader, shader_names(techniques))))
     beside = (other for file in plugins for other in (file, *plugin_sources(file)))
     for name, data in sorted((file.name, file.read_bytes()) for file in dict.fromkeys(beside)):
         digest.update(name.encode() + b"\0" + data + b"\0")
     return digest.hexdigest()
 
 
-def shader_names(
-    techniques: Sequence[type[Technique]], components: Iterable[type[Component]], *, plugged: bool
-) -> list[str]:
-    """Built-in shader files that a cell may use, besides what these include: its techniques', components', and shared.
+@cache
+def _shader(name: str) -> bytes:
+    """Text of a shader file without comments and indentation."""
+    text = _COMMENT.sub("", (data_folder("shaders") / name).read_text(encoding="utf-8"))
+    return "\n".join(filter(None, map(str.strip, text.splitlines()))).encode() + b"\0"
 
-    plugged: whether a plug-in draws. It may include any shared file, as do techniques that build on others.
-    """
+
+def shader_names(techniques: Sequence[type[Technique]]) -> list[str]:
+    """Built-in shader files that a cell may use: its techniques' own, and those in no technique's folder."""
     bases = {base for one in techniques for base in one.__mro__}
     others = {other.name for other in own_techniques() if other not in bases}
-    folder, any_shared = data_folder("shaders"), plugged or any(one.catalogue.builds_on for one in techniques)
-    names = [file.relative_to(folder) for file in files_in(folder) if any_shared or file.suffix != ".glsl"]
-    parts = () if any_shared else components
-    own = [one.shader for one in parts if one.shader]
-    return [*(name.as_posix() for name in names if name.parts[0] not in others), *own]
-
-
-@cache
-def glsl(name: str) -> tuple[str, frozenset[str]]:
-    """A shader with its includes, without comments and indentation, and the names of the files in it.
-
-    Where what it includes depends on a choice, as in `map/<map>.glsl`, it has all; what fills a whole slot has a name
-    of its own among `shader_names`.
-    """
-    folder, taken = data_folder("shaders"), set[str]()
-
-    def expanded(name: str) -> str:
-        if name in taken:
-            return ""
-        taken.add(name)
-        return _INCLUDE.sub(included, _COMMENT.sub("", (folder / name).read_text(encoding="utf-8")))
-
-    def included(match: re.Match[str]) -> str:
-        files = sorted(folder.glob(_CHOICE.sub("*", match[1]))) if match[1] else ()
-        return "\n".join(expanded(file.relative_to(folder).as_posix()) for file in files)
-
-    text = expanded(name)
-    return "\n".join(line for line in map(str.strip, text.splitlines()) if line), frozenset(taken)
+    names = [file.relative_to(data_folder("shaders")) for file in files_in(data_folder("shaders"))]
+    return [name.as_posix() for name in names if name.parts[0] not in others]
 
 
 def _is_library_class(cls: type) -> bool:

@@ -9,25 +9,25 @@ import platform
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import psutil
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.files import check_outputs, replace_file
-from shadowbench.gl.clock import WALL, Sample
-from shadowbench.measure.rows import SCHEMA, StudyFacts, command_line
+from shadowbench.files import cache_folder, check_outputs, replace_file
+from shadowbench.gl.clock import WALL
+from shadowbench.measure.rows import SCHEMA, Record, command_line
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import CellFailed, DeviceInfo, Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
-from shadowbench.truths.cache import KEPT_BYTES, cache_folder
-from shadowbench.truths.embree import packet_width
+from shadowbench.truths.cache import KEPT_BYTES
+from shadowbench.truths.embree import default_device
 from shadowbench.versions import VERSION, installed
 
 if TYPE_CHECKING:
-    from shadowbench.measure.campaign import Drawer
+    from shadowbench.measure.gl_drawer import GLDrawer
 
 _LIBRARIES = ("moderngl", "pyglm", "numpy", "embreex", "scikit-image", "scipy", "pandas", "trimesh", "pydantic")
 
@@ -42,7 +42,7 @@ def machine() -> dict[str, Any]:
     }
 
 
-def machine_key(drawer: "Drawer") -> str:
+def machine_key(drawer: "GLDrawer") -> str:
     """Hex key of what a drawer's times depend on besides the cell's key: machine, renderer, the initial clock.
 
     Not the clock of a row: a device that gave up timer queries in one run tries them again in the next.
@@ -58,7 +58,7 @@ def versions() -> dict[str, str]:
     return {"shadowbench": VERSION, "python": platform.python_version(), **libraries}
 
 
-def write_run_file(file: Path, drawer: "Drawer", notes: Sequence[str], study: StudyFacts, keys: Iterable[str]) -> None:
+def write_run_file(file: Path, drawer: "GLDrawer", notes: Sequence[str], study: Record, keys: Iterable[str]) -> None:
     """Write `run.json`: command, versions, machine, clock, assumptions, study and the keys of its cells."""
     text = {
         "schema": SCHEMA,
@@ -83,48 +83,8 @@ def _processor() -> str:
     return named[1].strip() if named else platform.processor() or "unknown"
 
 
-SPEC = "shadow-map:size=1024"  # the default reference, in the default view size of a study
-SCENE, VIEW_SIZE, ROUNDS = "cube-on-plane", 512, 9
-SERIES = 5
+ROUNDS = 45
 MAX_NOISE = 1.05
-
-
-class Noise(NamedTuple):
-    """Median ratio of a cell's time to its own over interleaved rounds, inverted if below 1; 1 means no noise.
-
-    ratio: over all `n` rounds; worst: largest ratio over the SERIES series of ROUNDS rounds.
-    """
-
-    ratio: float
-    worst: float
-    n: int
-    frame_ms: float
-    clock: str
-
-
-def measure_noise(worker: Worker) -> Noise:
-    """Prepare one cell twice and time the two in turn. Raises CellFailed."""
-    scene = load_scene(SCENE)
-    view = view_of(scene, scene.cameras[0], scene.lights[0], VIEW_SIZE)
-    for _ in range(2):
-        worker.call(Session.prepare_timing, view, CellRequest(SPEC))
-    worker.call(Session.raise_clocks)
-    samples: list[list[Sample]] = []
-    while len(samples) < SERIES * ROUNDS:
-        samples.append([worker.call(Session.time_frame, index) for index in range(2)])
-        if len({sample.clock for pair in samples for sample in pair}) > 1:
-            samples = []  # the clock changed from queries to the wall, for good: times of two clocks have no ratio
-    worker.call(Session.release_timed)
-    ms = np.array([[sample.ms for sample in pair] for pair in samples])
-    ratios = ms[:, 0] / ms[:, 1]
-    series = [_at_least_one(part) for part in np.split(ratios, SERIES)]
-    return Noise(_at_least_one(ratios), max(series), len(ratios), float(np.median(ms)), samples[0][0].clock)
-
-
-def _at_least_one(ratios: np.ndarray) -> float:
-    """Median of the ratios, or its inverse if that is larger."""
-    median = float(np.median(ratios))
-    return max(median, 1 / median)
 
 
 def diagnosis() -> dict[str, dict[str, Any]]:
@@ -135,17 +95,14 @@ def diagnosis() -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {"machine": machine(), "versions": versions()}
     try:
         with Worker() as worker:
-            info = worker.info
-            found["opengl"] = dataclasses.asdict(info) | {"why_this_clock": _clock_reason(info, info.clock)}
-            found["opengl"] |= clock_noise(worker, info)
+            found["opengl"] = dataclasses.asdict(worker.info) | _noise(worker)
     except ShadowbenchError as error:
         found["opengl"] = {"missing": str(error)}
-    width = packet_width()
     found["embree"] = {
-        "rays_at_once": f"{width}, native to this processor" if width > 1 else "1: Embree's library cannot be loaded",
+        "rays_at_once": f"{default_device().width}, native to this processor",
         "instruction_set": os.environ.get("SHADOWBENCH_ISA") or "the processor's best; SHADOWBENCH_ISA chooses another",
     }
-    cache = cache_folder()
+    cache = cache_folder("truth")
     files = list(cache.glob("*.npz"))
     found["truth_cache"] = {
         "folder": str(cache),
@@ -161,22 +118,29 @@ def diagnosis() -> dict[str, dict[str, Any]]:
     return found
 
 
-def clock_noise(worker: Worker, info: DeviceInfo) -> dict[str, Any]:
-    """Timing noise of a cell against itself, and the clock if it changed: timer queries may prove unusable."""
+def measure_noise(worker: Worker) -> tuple[float, str]:
+    """Median ratio of a cell's times to its own, timed as if it were two, at least 1; the clock. Raises CellFailed."""
+    scene = load_scene("cube-on-plane")
+    view = view_of(scene, scene.cameras[0], scene.lights[0], 512)
+    for _ in range(2):
+        worker.call(Session.prepare_timing, view, CellRequest("shadow-map:size=1024"))
+    worker.call(Session.raise_clocks)
+    pairs = [[worker.call(Session.time_frame, index) for index in range(2)] for _ in range(ROUNDS)]
+    worker.call(Session.release_timed)
+    clock = pairs[-1][1].clock  # a GPU whose timer is wrong goes over to the wall, for good
+    ratio = float(np.median([one.ms / other.ms for one, other in pairs if one.clock == other.clock]))
+    return max(ratio, 1 / ratio), clock
+
+
+def _noise(worker: Worker) -> dict[str, Any]:
     try:
-        found = measure_noise(worker)
+        ratio, clock = measure_noise(worker)
     except CellFailed as error:  # the rest of the diagnosis still counts
         return {"noise": f"not measured: {error}"}
-    values: dict[str, Any] = {
-        "noise": round(found.ratio, 4),
-        f"noise_worst_of_{ROUNDS}_rounds": round(found.worst, 4),
-        "noise_is": f"the ratio of {SPEC} on {SCENE} to itself, timed as if it were two, over {found.n} rounds",
-    }
-    if found.clock != info.clock:
-        values = {"clock": found.clock, "why_this_clock": _clock_reason(info, found.clock), **values}
-    if found.ratio > MAX_NOISE:
-        values["noise_is"] += f"; more than {MAX_NOISE}: something else runs here, and smaller differences mean nothing"
-    return values
+    noise = f"{ratio:.4f}, the ratio of a shadow map's time to its own over {ROUNDS} rounds"
+    if ratio > MAX_NOISE:
+        noise += "; something else runs here, and smaller differences mean nothing"
+    return {"clock": clock, "why_this_clock": _clock_reason(worker.info, clock), "noise": noise}
 
 
 def _clock_reason(info: DeviceInfo, clock: str) -> str:

@@ -1,14 +1,13 @@
 """Scoring a mask of any renderer against a truth; needs no GL."""
 
 import math
-from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Camera, View
+from shadowbench.scenes.model import View
 from shadowbench.scenes.triangles import facet_normals
 from shadowbench.scenes.vectors import Floats
 from shadowbench.scores.comparison import Comparison, PreparedTruth
@@ -17,11 +16,9 @@ from shadowbench.scores.metrics import values_of
 from shadowbench.truths.trace import Truth
 
 
-def prepare_truth(truth: Truth, points: Callable[[], Floats] | None = None) -> PreparedTruth:
-    """Truth as the input of metrics. points: as `positions`, for a truth without a view."""
-    return PreparedTruth(
-        truth.arrays(), points if truth.view is None else partial(positions, truth.view, truth.triangle)
-    )
+def prepare_truth(truth: Truth) -> PreparedTruth:
+    """Truth as the input of metrics."""
+    return PreparedTruth(truth.arrays(), None if truth.view is None else partial(positions, truth.view, truth.triangle))
 
 
 def positions(view: View, triangle: NDArray[np.int32]) -> Floats:
@@ -29,36 +26,19 @@ def positions(view: View, triangle: NDArray[np.int32]) -> Floats:
 
     A plane seen edge-on, which receivers cannot be, has points anywhere.
     """
-    return points_at(view.camera, depths(view, triangle))
-
-
-def depths(view: View, triangle: NDArray[np.int32]) -> Floats:
-    """(N, N) distances of `positions` along the camera's axis in metres."""
     camera, geometry = view.camera, view.scene.geometry
-    depth = np.empty((view.size, view.size))
-    for row, (hit, rays) in enumerate(zip(triangle, _rays(camera, view.size), strict=True)):
+    slope = np.tan(camera.fov_y / 2) * ((np.arange(view.size) + 0.5) * (2 / view.size) - 1)
+    right, up, back = camera.basis()
+    points = np.empty((*triangle.shape, 3))
+    for row, hit in enumerate(triangle):
+        rays = slope[:, np.newaxis] * right - slope[row] * up - back  # of length 1 along the camera's axis
         corners = geometry.corners(np.maximum(hit, 0))
         normals = facet_normals(corners)
         toward = np.einsum("ix,ix->i", normals, rays)
         away = np.einsum("ix,ix->i", normals, corners[:, 0] - camera.position)
-        depth[row] = np.where(hit < 0, 0, away / np.where(toward == 0, 1, toward))
-    return depth
-
-
-def points_at(camera: Camera, depth: Floats) -> Floats:
-    """(N, N, 3) points at the pixels' centres, in metres from the eye, at depths (N, N)."""
-    points = np.empty((*depth.shape, 3))
-    for row, rays in enumerate(_rays(camera, len(depth))):
-        points[row] = rays * depth[row][:, np.newaxis]
+        depth = np.where(hit < 0, 0, away / np.where(toward == 0, 1, toward))
+        points[row] = rays * depth[:, np.newaxis]
     return points
-
-
-def _rays(camera: Camera, size: int) -> Iterator[Floats]:
-    """(N, 3) directions through the pixels of each row, of length 1 along the camera's axis."""
-    slope = np.tan(camera.fov_y / 2) * ((np.arange(size) + 0.5) * (2 / size) - 1)
-    right, up, back = camera.basis()
-    for row in range(size):
-        yield slope[:, np.newaxis] * right - slope[row] * up - back
 
 
 def mask_record(

@@ -3,8 +3,6 @@
 import io
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,6 @@ from PIL import Image
 from shadowbench.files import replace_file
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports.texts import COLUMNS, cost_text, digits, error_text, value_text
-from shadowbench.results.frame import SweepPositions, positions_of
 from shadowbench.results.summary import Setting, Summary, known
 from shadowbench.techniques.unshadowed import Unshadowed
 
@@ -92,20 +89,10 @@ def quantity(field: str, title: str | Sequence[str] | None, **more: Any) -> Char
 
 
 def log_axis(channel: str, values: Sequence[float]) -> Chart:
-    """A logarithmic scale and axis with a margin; over many decades only powers of ten are labelled."""
-    decades = f"log(domain('{channel}')[1] / domain('{channel}')[0]) / LN10"
-    leading = "round(datum.value / pow(10, floor(log(datum.value) / LN10 + 1e-9)))"
-    labelled = f"{leading} == 1 || {decades} < 2.2 && indexof([2, 5], {leading}) >= 0 || {decades} < 0.8"
-    lowest = min(values) / (1.3 if channel == "x" else 2.4)
-    return {
-        "scale": {"type": "log", "domain": [lowest, max(values) * 1.8], "nice": False},
-        "axis": {
-            "grid": True,
-            "gridOpacity": {"condition": {"test": labelled, "value": 1}, "value": 0},
-            "labelExpr": f"{labelled} ? format(datum.value, '.6~r') : ''",
-            "labelOverlap": True,
-        },
-    }
+    """A logarithmic scale and axis with a margin."""
+    domain = [min(values) / (1.3 if channel == "x" else 2.4), max(values) * 1.8]
+    scale = {"type": "log", "domain": domain, "nice": False}
+    return {"scale": scale, "axis": {"grid": True, "format": ".6~r", "tickCount": 5, "labelOverlap": "greedy"}}
 
 
 def chart_point(summary: Summary, one: Setting) -> Chart:
@@ -139,11 +126,9 @@ def styles_of(specs: Iterable[str]) -> Styles:
     every = list(dict.fromkeys(specs))
     first = {spec.partition(":")[0]: spec for spec in reversed(every)}.values()
     order = sorted(every, key=lambda spec: (spec == Unshadowed.name, spec not in first))
+    colors = len(COLORS)  # where they repeat, shapes move on by one
     return {
-        spec: (
-            COLORS[index % len(COLORS)],
-            SHAPES[(index + index // len(COLORS)) % len(SHAPES)],
-        )  # where colours repeat
+        spec: (COLORS[index % colors], SHAPES[(index + index // colors) % len(SHAPES)])
         for index, spec in enumerate(order)
     }
 
@@ -179,8 +164,6 @@ _PASS_TIMES = [
     "so that their sum may exceed the frame;",
     "tick: the whole frame, timed separately",
 ]
-_LEAST_SHARE = 1e-3  # axes of shares are linear below, so as to include 0, and logarithmic above
-_SHARES = (0.0, _LEAST_SHARE, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 _CHANGES = {"light": "when the light moves", "view": "when light or camera moves", "frame": "every frame"}
 # A label at the right edge goes below its point and to the left, where a Pareto front has no other.
 _NO_ROOM = "scale('x', datum.cost) + 8 + 6.5 * length(datum.label) > width"
@@ -279,88 +262,13 @@ def size_chart(summary: Summary, styles: Styles | None) -> Chart | None:
     return chart_of(f"Error against map size in {summary.title}", points, layer, 400)
 
 
-@dataclass(frozen=True)
-class Curve:
-    """Bias sweep of a spec at one map size in one scene.
-
-    points: (factor, setting) pairs by increasing factor; best: the factor that minimises the error, 1 − IoU or RMSE,
-    times 1 − SSIM.
-    """
-
-    base: str
-    map_size: int | None
-    points: tuple[tuple[float, Setting], ...]
-    best: float
-
-
-def curves(summary: Summary, swept: SweepPositions) -> list[Curve]:
-    """Curves of a scene, by base spec and map size; settings without a successful cell are left out."""
-    points: dict[tuple[str, int | None], list[tuple[float, Setting]]] = {}
-    for one in summary.shown:
-        if one.ssim == one.ssim:  # not NaN
-            for base, factor in positions_of(swept, one.spec, one.map_size):
-                points.setdefault((base, one.map_size), []).append((factor, one))
-    bases = list(dict.fromkeys(base for several in swept.values() for base, _ in several))
-    swept_curves = []
-    for base, size in sorted(points, key=lambda key: (bases.index(key[0]), key[1] or 0)):
-        at_size = sorted(points[base, size], key=lambda point: point[0])
-        best, _ = min(at_size, key=lambda point: point[1].error * (1 - point[1].ssim))
-        swept_curves.append(Curve(base, size, tuple(at_size), best))
-    return swept_curves
-
-
-def bias_charts(summary: Summary) -> dict[str, Chart]:
-    """Acne against contact over the factors of each bias sweep, by its spec; none for soft shadows."""
-    points: dict[str, list[Chart]] = {}
-    for curve in [] if summary.soft else curves(summary, summary.run.sweep_positions):
-        for factor, one in curve.points:
-            if not (known(one.contact) and known(one.acne)):
-                continue
-            point = chart_point(summary, one)
-            tooltip = {"spec": one.spec, "× bias": f"{factor:g}", "contact": digits(one.contact)} | point["tooltip"]
-            place = {"map": tooltip["map"], "contact": one.contact, "acne": one.acne}
-            point |= {**place, "factor": factor, "label": f"×{factor:g}", "best": factor == curve.best}
-            point["tooltip"] = tooltip
-            drawn = points.setdefault(curve.base, [])
-            if drawn and place.items() <= drawn[-1].items():  # one label where points coincide, as without acne
-                point["label"], drawn[-1]["label"] = f"{drawn[-1]['label']}, {point['label']}", ""
-            drawn.append(point)
-    return {base: _bias_chart(f"Acne against contact of {base} in {summary.title}", of) for base, of in points.items()}
-
-
-def _bias_chart(about: str, points: Sequence[Chart]) -> Chart:
-    """A line for each map size, and the factors beside its points."""
-    maps = list(dict.fromkeys(point["map"] for point in points))
-    color = {
-        "field": "map",
-        "title": "map size",
-        "scale": {"domain": maps, "range": [COLORS[index % len(COLORS)] for index in range(len(maps))]},
-        "legend": {"orient": "top"},
-    }
-    titles = {"x": ("contact", "contact shadow lost (peter-panning)"), "y": ("acne", "acne")}
-    at = {channel: _share(points, *names) for channel, names in titles.items()}
-    best = {"condition": {"test": "datum.best", "value": INK}, "value": None}
-    layer: list[Chart] = [
-        mark("line", {**at, "color": color, "order": {"field": "factor"}}, strokeWidth=1.5),
-        mark("point", {**at, "color": color, "stroke": best} | TOOLTIP, filled=True, size=70, strokeWidth=2),
-        mark("text", {**at, "text": {"field": "label"}}, align="left", dx=7, dy=-7, fontSize=11, color=INK),
-    ]
-    return chart_of(about, points, layer, 320)
-
-
-def _share(points: Sequence[Chart], field: str, title: str) -> Chart:
-    """A channel of shares from 0 to the first label beyond all of them."""
-    most = max(_LEAST_SHARE, *(point[field] for point in points))
-    ticks = [0.0, *(tick for below, tick in pairwise(_SHARES) if below < most)]
-    scale = {"type": "symlog", "constant": _LEAST_SHARE, "domain": [0, ticks[-1]], "nice": False}
-    return quantity(field, title, scale=scale, axis={"values": ticks, "format": "~g", "grid": True})
-
-
-def pass_chart(summary: Summary, size: int | None) -> Chart | None:
-    """Stacked bars of the pass times of specs at one map size and of those without a map; None without times.
+def pass_chart(summary: Summary) -> Chart | None:
+    """Stacked bars of the pass times of specs at the median map size and of those without a map; None without times.
 
     Passes are stacked in the order in which they are drawn.
     """
+    sizes = sorted({one.map_size for one in summary.shown if one.map_size and known(one.cost)})
+    size = sizes[(len(sizes) - 1) // 2] if sizes else None
     passes = {one.Index: summary.passes(one) for one in summary.timed}
     shown = [one for one in summary.timed if passes[one.Index] and one.map_size in (None, size)]
     if not shown:
@@ -399,12 +307,6 @@ def pass_chart(summary: Summary, size: int | None) -> Chart | None:
     ]
     at_size = f"map size {size}" if size else "no maps"
     return chart_of(f"Time of each pass in {summary.title}, {at_size}", bars, layer, {"step": _BAR})
-
-
-def default_size(summary: Summary) -> int | None:
-    """The map size of charts that show one: the median size, rounded down; None without maps."""
-    sizes = sorted({one.map_size for one in summary.shown if one.map_size and known(one.cost)})
-    return sizes[(len(sizes) - 1) // 2] if sizes else None
 
 
 # Files

@@ -28,15 +28,15 @@ from shadowbench.scores.difference import difference_over, weight, with_facets
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS, is_soft
 
-_SHOWN_FAULTS = 2  # below a small picture
+_SHOWN_FAULTS = 2  # below a picture
 _STEPS = 16  # quantisation of a difference's colour, for compression
 
 Picture = tuple[Record, dict[str, Any]]
 """The row of a cell whose picture is shown, and what the page says of it.
 
 view: camera and light, or axis value and light; cells of the same view share a truth. score: of its configuration, a
-median over views and phases if it has several; own: then the picture's own score; caption: text below the picture;
-error: by which its configuration is ranked, None without one; faults: what is wrong with its soft shadows.
+median over views and phases if it has several; caption: text below the picture; faults: what is wrong with its soft
+shadows.
 """
 
 
@@ -74,9 +74,7 @@ def _scored_cell(row: Record, one: Setting, summary: Summary) -> dict[str, Any]:
         "size": one.map_size,
         "view": f"{row['view']}, {row['light']}",
         "score": score,
-        "own": own if one.cells > 1 else "",
         "caption": caption,
-        "error": one.error if known(one.error) else None,
         "faults": fault_lines(summary, one)[:_SHOWN_FAULTS],
     }
 

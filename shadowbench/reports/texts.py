@@ -242,7 +242,7 @@ def fault_lines(summary: Summary, one: Setting) -> list[str]:
     if not summary.soft:
         return []
     values = {name: value if known(value := getattr(one, name)) else None for name in (*METRICS, "width_bias")}
-    return [f"{fault.name}: {fault.line}" for fault in soft_faults(values, values["width_bias"])]
+    return [f"{name}: {line}" for name, line in soft_faults(values, values["width_bias"]).items()]
 
 
 def unscored(summary: Summary) -> list[tuple[str, str]]:

@@ -15,7 +15,7 @@ from shadowbench.errors import InputError, printable
 from shadowbench.files import replace_file
 from shadowbench.measure.columns import COSTS, MORE, MORE_TIMES, SOMETIMES, TIMES
 from shadowbench.measure.columns import IDENTITY as FIRST
-from shadowbench.measure.rows import Record, Result, RunFile, read_run_file, stream_rows
+from shadowbench.measure.rows import Record, Result, read_rows, read_run_file
 from shadowbench.plugin.params import parameters_of
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.strict import short
@@ -57,7 +57,7 @@ class Run:
 
     label: str
     folder: Path
-    about: RunFile
+    about: Record
     rows: tuple[Record, ...]
     times: Mapping[str, Record]
     earlier: frozenset[str]
@@ -146,12 +146,8 @@ def rows_file(folder: Path) -> Path:
 def _read(folder: Path, label: str) -> Run:
     """A folder, which may be without cells. Raises InputError."""
     file = rows_file(folder)
-    records: dict[str, list[Record]] = {"score": [], "time": []}
-    complete = 0
-    for row, end in stream_rows(file):
-        records[row["kind"]].append(row)
-        complete = end
-    scores, times = records["score"], records["time"]
+    rows, complete = read_rows(file)
+    scores, times = ([row for row in rows if row["kind"] == kind] for kind in ("score", "time"))
     if len({"axis" in row for row in scores}) > 1:
         raise InputError(f"{file}: found cells of `run` and of `stress`; allowed: those of one, in a folder of its own")
     about = read_run_file(folder / "run.json")

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import SUN_RADIUS, Camera, Light, Mesh, Scene
@@ -136,43 +135,22 @@ class _Columns(NamedTuple):
 
 def _columns(meshes: Sequence[Mesh], low: Floats, cell: Floats) -> _Columns:
     """The columns of meshes. low: their lowest corner; cell: (3,) the units of x, of heights and of z."""
+    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = (np.concatenate([mesh.vertices for mesh in meshes]) - low) / cell
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, first, strict=False)])
+    height = vertices[:, 1]
+    bottom = height[faces].min(axis=1)
+    upwards = np.argsort(bottom)
     lowest, floor = np.full((2, COLUMNS, COLUMNS), np.inf)
-    feet, batch = list[Floats](), list[Floats]()
-    held = 0
-
-    def cells_of(points: Floats) -> NDArray[np.intp]:
-        cells: NDArray[np.intp] = np.clip(points[..., [0, 2]], 0, COLUMNS - 1).astype(np.intp)
-        return cells
-
-    def add() -> None:
-        corners = np.concatenate(batch)
-        batch.clear()
+    for part in in_slices(len(upwards), _BATCH):
+        if bottom[upwards[part.start]] >= floor.max():
+            break  # all others are above a floor, as most of a forest is
+        corners = vertices[faces[upwards[part]]]
         _rasterize(corners[..., [0, 2]] - 0.5, corners[..., 1], lowest, floor)
-        points = corners.reshape(-1, 3)
-        at, height = np.ravel_multi_index(tuple(cells_of(points).T), floor.shape), points[:, 1]
-        least = np.full(floor.size, np.inf)
-        np.minimum.at(least, at, height)
-        deepest = np.flatnonzero(height == least[at])
-        feet.append(points[deepest[np.unique(at[deepest], return_index=True)[1]]])
-
-    for mesh in sorted(meshes, key=lambda mesh: mesh.bounds[0, 1]):
-        own = (mesh.bounds - low) / cell
-        (left, far), (right, near) = cells_of(own)
-        if own[0, 1] >= floor[left : right + 1, far : near + 1].max():
-            continue  # all of it is above a floor, as most instances in a forest are
-        vertices = (mesh.vertices - low) / cell
-        for part in in_slices(len(mesh.faces), _BATCH):
-            a, b, c = vertices[:, 1][mesh.faces[part]].T
-            below = np.minimum(np.minimum(a, b), c) < floor.max()
-            if below.any():
-                batch.append(vertices[mesh.faces[part][below]])
-                held += len(batch[-1])  # as summing a batch of tiny meshes anew for each is quadratic
-            if held >= _BATCH:
-                add()
-                held = 0
-    if batch:
-        add()
-    return _Columns(lowest, floor, np.concatenate(feet))
+    cells = np.clip(vertices[:, [0, 2]], 0, COLUMNS - 1).astype(np.intp) @ [COLUMNS, 1]
+    by_height = np.lexsort((height, cells))
+    feet = by_height[np.unique(cells[by_height], return_index=True)[1]]
+    return _Columns(lowest, floor, vertices[feet])
 
 
 def _rasterize(plan: Floats, height: Floats, lowest: Floats, floor: Floats) -> None:

@@ -1,16 +1,15 @@
 """Surfaces cut out by alpha, as leaves are: bitmaps, made once when a scene is loaded, that say where one is opaque.
 
-A sub-texel is opaque where α₈ / 255 · factor · vertex alpha ≥ cutoff at its centre, but for rounding. α₈ is that of the
+A sub-texel is opaque where α₈ / 255 · factor ≥ cutoff at its centre, but for rounding. α₈ is that of the
 texel, or mixed bilinearly of the four around, as the texture's sampler says for magnification; always of the base
 level, without mip maps, and never decoded from sRGB. Truth, techniques and exported files all take the nearest
 sub-texel, so that all of them see the same surface.
 
 A texel has one sub-texel where the sampler takes the nearest, else SUBTEXELS², fewer in images of more than MOST_SIDE /
-SUBTEXELS. Where vertex alpha varies over a mesh, each of its triangles has a bitmap of its own. Texture coordinates are
-interpolated linearly across the triangle; u = v = 0 is the corner of the first texel, v downwards, as in glTF.
+SUBTEXELS. Texture coordinates are interpolated linearly across the triangle; u = v = 0 is the corner of the first
+texel, v downwards, as in glTF.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -27,9 +26,7 @@ Single = NDArray[np.float32]
 WRAPS: tuple[Wrap, ...] = ("repeat", "mirror", "clamp")
 SUBTEXELS = 8  # along a side of a texel
 MOST_SIDE = 4096  # sub-texels along a side of an image, above which a texel has fewer
-TILE_SIDES = (17, 257)  # least and most sub-texels along a side of a triangle of its own
-MOST_TILED = 1 << 26  # sub-texels of such triangles in a mesh, above which each has fewer
-ROUNDED = 1e-3  # of a step of 8 bits: several times what mixing alphas and vertex alphas in float32 rounds
+ROUNDED = 1e-3  # of a step of 8 bits: several times what mixing alphas in float32 rounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,40 +79,8 @@ class Cutout:
 def cut_out(
     alpha: Alphas, factor: float = 1.0, cutoff: float = 0.5, nearest: bool = False, wrap: Wraps = ("repeat", "repeat")
 ) -> Cutout:
-    """The cut-out of (H, W) texels."""
+    """The cut-out of (H, W) texels; factor: of their alphas."""
     return Cutout.of(_subtexels(alpha, nearest, wrap) * factor >= 255.0 * cutoff - ROUNDED * factor, wrap)
-
-
-def cut_out_triangles(
-    alpha: Alphas,
-    factor: float,
-    cutoff: float,
-    nearest: bool,
-    wrap: Wraps,
-    coordinates: Single | None,
-    vertex_alpha: Single,
-) -> tuple[Cutout, Single]:
-    """One cut-out with a square tile for each triangle, and (F, 3, 2) places in it.
-
-    coordinates: (F, 3, 2) texture coordinates, None for 0; vertex_alpha: (F, 3). A tile's first row and column are two
-    sides of its triangle, with corners at centres of sub-texels; as fine as the texture's ones, within TILE_SIDES.
-    """
-    values, count = _subtexels(alpha, nearest, wrap), len(vertex_alpha)
-    corners = (np.zeros((count, 3, 2)) if coordinates is None else coordinates) * np.array(values.shape[::-1])
-    extent = np.ptp(corners, axis=1).max() + 1
-    side = int(min(np.clip(np.ceil(extent), *TILE_SIDES), max(2, math.isqrt(MOST_TILED // count))))
-    row_of_tiles = math.ceil(math.sqrt(count))
-    bits = np.zeros((-(-count // row_of_tiles) * side, row_of_tiles * side), dtype=np.bool_)
-    third, second = np.mgrid[:side, :side] / (side - 1)
-    weights = np.stack([1 - second - third, second, third], axis=2)
-    tiles = np.stack(np.divmod(np.arange(count), row_of_tiles)[::-1], axis=1) * side
-    for tile, own, alphas in zip(tiles, corners, vertex_alpha, strict=True):
-        column, row = np.moveaxis(np.floor(weights @ own), 2, 0)
-        texels = values[wrapped(row, values.shape[0], wrap[1]), wrapped(column, values.shape[1], wrap[0])]
-        opaque = texels * (factor * (weights @ alphas)) >= 255.0 * cutoff - ROUNDED * factor
-        bits[tile[1] : tile[1] + side, tile[0] : tile[0] + side] = opaque
-    places = tiles[:, np.newaxis] + np.array([[0, 0], [side - 1, 0], [0, side - 1]]) + 0.5
-    return Cutout.of(bits), places.astype(np.float32)
 
 
 def _subtexels(alpha: Alphas, nearest: bool, wrap: Wraps) -> Single:

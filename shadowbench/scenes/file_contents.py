@@ -1,6 +1,6 @@
 """What a mesh file holds: meshes with their materials, cameras and lights; and its meshes placed in the world."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,13 +10,11 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.cutouts import Cutout
 from shadowbench.scenes.model import GREY, Camera, Light, Mesh
 from shadowbench.scenes.scene_tables import LONGEST_NAME, name_from
-from shadowbench.scenes.triangles import MOST_TRIANGLES, Texture, Triangles, checked, transformed, with_area
+from shadowbench.scenes.triangles import MOST_TRIANGLES, Triangles, checked, transformed, with_area
 from shadowbench.scenes.vectors import Floats, Vec3, vec3
 
 BLEND_CUTOFF = 0.5
 """Alpha below which surfaces are cut out whose material mixes them with what is behind."""
-MOST_MASKED = 1 << 27
-"""Limit on the texels of a file's masks, thirty-two of 2048², which techniques hold in one texture."""
 OPAQUE = np.full((1, 1), 255, dtype=np.uint8)
 """Alphas of a material without an image."""
 
@@ -26,7 +24,6 @@ class Look(NamedTuple):
 
     color: Vec3 = GREY
     cutout: Cutout | None = None
-    texture: Texture | None = None
     coordinates: NDArray[np.float32] | None = None
     places: NDArray[np.float32] | None = None
     tints: NDArray[np.float32] | None = None
@@ -73,56 +70,30 @@ def unique_name(name: str | None, default: str, taken: set[str]) -> str:
     return candidate
 
 
-_BATCH = 1 << 12
-"""Triangles that are looked at together, at least."""
-
-
-def check_count(meshes: Iterable[Mesh], where: str) -> None:
+def check_count(meshes: Sequence[Mesh], where: str) -> None:
     """Raise InputError that begins with `where` if meshes, each copy counted, have more than MOST_TRIANGLES."""
     count = sum(len(mesh.faces) for mesh in meshes)
     if count > MOST_TRIANGLES:
         raise InputError(f"{where}: {count} triangles, each copy of a mesh counted; a scene may have {MOST_TRIANGLES}")
 
 
-def placed(instances: Iterable[tuple[Mesh, Floats]], where: str) -> tuple[list[Mesh], int]:
+def placed(instances: Sequence[tuple[Mesh, Floats]], where: str) -> tuple[list[Mesh], int]:
     """The meshes under affine (4, 4) matrices without triangles of zero area, and the number of those.
 
     Raises InputError that begins with `where` for coordinates that become infinite or too large.
     """
+    moved = [transformed(Triangles(mesh.vertices, mesh.faces), matrix) for mesh, matrix in instances]
+    first = np.cumsum([0, *(len(each.vertices) for each in moved)])
+    faces = np.concatenate([each.faces + start for each, start in zip(moved, first, strict=False)])
+    vertices = checked(np.concatenate([each.vertices for each in moved]), where)
+    kept = np.split(with_area(Triangles(vertices, faces)), np.cumsum([len(each.faces) for each in moved[:-1]]))
     meshes, dropped = [], 0
-    for mesh, matrix, (vertices, faces), kept in _moved(instances, where):
-        lost = int(len(kept) - kept.sum())
+    for (mesh, matrix), (vertices, faces), own in zip(instances, moved, kept, strict=True):
+        lost = int(len(own) - own.sum())
         dropped += lost
         if lost:  # and without the vertices that only those used
-            used, corners = np.unique(faces[kept], return_inverse=True)
+            used, corners = np.unique(faces[own], return_inverse=True)
             vertices, faces = vertices[used], corners.reshape(-1, 3).astype(np.int32)
         if len(faces):
-            meshes.append(mesh.reshaped(vertices, faces, matrix, kept if lost else None))
+            meshes.append(mesh.reshaped(vertices, faces, matrix, own if lost else None))
     return meshes, dropped
-
-
-def _moved(
-    instances: Iterable[tuple[Mesh, Floats]], where: str
-) -> Iterator[tuple[Mesh, Floats, Triangles, NDArray[np.bool_]]]:
-    """Meshes, their matrices, their triangles under these, and which have an area; many tiny meshes are one batch."""
-    batch = list[tuple[Mesh, Floats, Triangles]]()
-    held = 0
-
-    def looked_at() -> Iterator[tuple[Mesh, Floats, Triangles, NDArray[np.bool_]]]:
-        vertices = checked(np.concatenate([each.vertices for *_, each in batch]), where)
-        first = np.cumsum([0, *(len(each.vertices) for *_, each in batch)])
-        ends = np.cumsum([len(each.faces) for *_, each in batch])
-        faces = [each.faces + start for (*_, each), start in zip(batch, first, strict=False)]
-        kept = np.split(with_area(Triangles(vertices, np.concatenate(faces))), ends[:-1])
-        for (mesh, matrix, triangles), own in zip(batch, kept, strict=True):
-            yield mesh, matrix, triangles, own
-
-    for mesh, matrix in instances:
-        batch.append((mesh, matrix, transformed(Triangles(mesh.vertices, mesh.faces), matrix)))
-        held += len(mesh.faces)
-        if held >= _BATCH:
-            yield from looked_at()
-            batch.clear()
-            held = 0
-    if batch:
-        yield from looked_at()

@@ -7,16 +7,14 @@ camera's node.
 import math
 import re
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.cutouts import Alphas, Cutout, Single, Wrap, cut_out, cut_out_triangles
+from shadowbench.scenes.cutouts import Alphas, Cutout, Single, Wrap, cut_out
 from shadowbench.scenes.file_contents import (
     BLEND_CUTOFF,
     BY_DEFAULT,
-    MOST_MASKED,
     OPAQUE,
     Chosen,
     Contents,
@@ -25,7 +23,7 @@ from shadowbench.scenes.file_contents import (
     unique_name,
 )
 from shadowbench.scenes.gltf_layout import Layout, Material, NodeTable, TextureInfo, TextureTransform
-from shadowbench.scenes.gltf_pose import Node, Posed, Poser, corner_normals, pose_at, scene_nodes
+from shadowbench.scenes.gltf_pose import Node, Posed, Poser, pose_at, scene_nodes
 from shadowbench.scenes.gltf_storage import (
     TRIANGLES,
     Data,
@@ -36,17 +34,13 @@ from shadowbench.scenes.gltf_storage import (
     read_primitives,
     read_uri,
 )
-from shadowbench.scenes.images import MOST_BYTES, read_image
-from shadowbench.scenes.model import GREY, WHITE, WIDEST_CONE, Camera, Light, Mesh
-from shadowbench.scenes.scene_tables import NARROWEST
-from shadowbench.scenes.triangles import Singles, Texture, Triangles, triangles_of
+from shadowbench.scenes.images import read_image
+from shadowbench.scenes.model import GREY, WIDEST_CONE, Camera, Light, Mesh
 from shadowbench.scenes.vectors import Floats, unit, vec3
 from shadowbench.strict import validated
 
 _NEAREST = 9728  # GL_NEAREST
 _WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}  # GL_CLAMP_TO_EDGE, GL_MIRRORED_REPEAT, …
-_BILINEAR: tuple[bool, tuple[Wrap, Wrap]] = (False, ("repeat", "repeat"))
-_NOT_DRAWN = "drawn without this texture"
 
 
 class Materials:
@@ -59,11 +53,9 @@ class Materials:
     def __init__(self, data: Data, path: Path, coordinates: bool = False) -> None:
         self._data, self._path, self._all_coordinates = data, path, coordinates
         self._cutouts: dict[tuple[int, float], Cutout] = {}
-        self._textures: dict[tuple[object, ...], Texture] = {}
-        self._masks: dict[object, Alphas] = {}
-        self._contents: dict[object, bytes] = {}
+        self._masks: dict[int, Alphas] = {}
         self._blended: set[int] = set()
-        self._left_out = 0
+        self._left_out = self._fading = 0
         self._lines: set[str] = set()
 
     def look(self, primitive: TrianglePrimitive) -> Look | None:
@@ -73,111 +65,68 @@ class Materials:
         """
         number = primitive.primitive.material
         material = self._data.layout.materials[number] if number is not None else Material()
-        texture, (alpha, tints) = self._texture(material), self._of_vertices(primitive)
-        mapped = material.texture is not None and (texture is not None or material.alphaMode != "OPAQUE")
-        needed = self._all_coordinates or mapped
-        coordinates = self._coordinates(primitive, material.texture) if needed else None
-        cutout, places = self._cutout(number, material, coordinates, alpha)
+        alpha, tints = self._of_vertices(primitive)
+        cutout = None if number is None or material.alphaMode == "OPAQUE" else self._cutout(number, material, alpha)
         if cutout is not None and cutout.share == 0.0:
             self._left_out += 1
             return None
         if cutout is not None and cutout.share == 1.0:
-            cutout = places = None
-        texture = None if coordinates is None else texture
-        color = material.color or (GREY if texture is None else WHITE)
-        color = vec3(np.clip(color[:3], 0.0, 1.0))
-        return Look(color, cutout, texture, coordinates, places, tints)
+            cutout = None
+        needed = self._all_coordinates or (cutout is not None and material.texture is not None)
+        coordinates = self._coordinates(primitive, material.texture) if needed else None
+        places = None if cutout is None or coordinates is None else cutout.places(coordinates)
+        color = vec3(np.clip((material.color or GREY)[:3], 0.0, 1.0))
+        return Look(color, cutout, coordinates, places, tints)
 
     @property
     def notes(self) -> list[str]:
         """A line for each simplification."""
-        where, lines = self._data.where, []
-        if self._blended:
-            lines.append(f"{len(self._blended)} blended material(s) cut out where alpha is below {BLEND_CUTOFF:g}")
-        if self._left_out:
-            lines.append(f"{self._left_out} primitive(s) left out whose alpha is below the cutoff everywhere")
-        return [*(f"{where}: {line}" for line in lines), *sorted(self._lines)]
+        lines = [
+            (len(self._blended), f"blended material(s) cut out where alpha is below {BLEND_CUTOFF:g}"),
+            (self._left_out, "primitive(s) left out whose alpha is below the cutoff everywhere"),
+            (self._fading, "primitive(s) whose vertices differ in alpha cut out by the largest"),
+        ]
+        return [f"{self._data.where}: {count} {line}" for count, line in lines if count] + sorted(self._lines)
 
-    def _cutout(
-        self, number: int | None, material: Material, coordinates: Single | None, vertex_alpha: Single | None
-    ) -> tuple[Cutout | None, Single | None]:
-        """How a primitive is cut out, None for not at all, and the places of its corners in that."""
-        if number is None or material.alphaMode == "OPAQUE":
-            return None, None
+    def _cutout(self, number: int, material: Material, vertex_alpha: Single | None) -> Cutout:
+        """How a primitive is cut out."""
         if material.alphaMode == "BLEND":
             self._blended.add(number)
         cutoff = BLEND_CUTOFF if material.alphaMode == "BLEND" else material.alphaCutoff
         factor = 1.0 if material.color is None or len(material.color) < 4 else min(max(material.color[3], 0.0), 1.0)
-        mask, sampling = OPAQUE, _BILINEAR
-        if (image := self._image(material, "alpha not read, taken as 1")) is not None:
-            mask, sampling = self._mask(image), self._sampling(material)
-        least, most = (
-            (1.0, 1.0) if vertex_alpha is None else (vertex_alpha.min(initial=1.0), vertex_alpha.max(initial=0.0))
-        )
-        if vertex_alpha is not None and least < most:
-            return cut_out_triangles(mask, factor, cutoff, *sampling, coordinates, vertex_alpha)
-        factor *= float(most)
+        if vertex_alpha is not None and vertex_alpha.size:
+            factor *= float(vertex_alpha.max())
+            self._fading += bool(vertex_alpha.min() < vertex_alpha.max())
         if (number, factor) not in self._cutouts:
-            self._cutouts[number, factor] = cut_out(mask, factor, cutoff, *sampling)
-        cutout = self._cutouts[number, factor]
-        return cutout, None if coordinates is None else cutout.places(coordinates)
+            self._cutouts[number, factor] = cut_out(self._mask(material), factor, cutoff, *self._sampling(material))
+        return self._cutouts[number, factor]
 
-    def _texture(self, material: Material) -> Texture | None:
-        """The texture of a material's base colour, made once; None, with a note, for one that cannot be read."""
-        if (image := self._image(material, _NOT_DRAWN)) is None:
-            return None
-        where, source = f"{self._data.where}: images {image + 1}", self._source(image)
-        if source not in self._contents:
-            try:
-                content = self._content(image)
-                if sum(map(len, self._contents.values())) + len(content) > MOST_BYTES:
-                    raise InputError(f"{where}: above {MOST_BYTES >> 20} MiB of images")
-            except InputError as error:
-                self._lines.add(f"{error}: {_NOT_DRAWN}")
-                return None
-            self._contents[source] = content
-        wrap, opaque = self._sampling(material)[1], material.alphaMode == "OPAQUE"
-        texture = Texture(self._contents[source], where, wrap, opaque)
-        return self._textures.setdefault((source, *wrap, opaque), texture)
-
-    def _image(self, material: Material, lost: str) -> int | None:
-        """The number of the image of a material's base colour; None without one, with a note if it is not read."""
-        texture = None if material.texture is None else self._data.layout.textures[material.texture.index]
-        if texture is not None and texture.image is None:
+    def _mask(self, material: Material) -> Alphas:
+        """The alphas of a material's texture, decoded once; opaque without one, with a note if it is not read."""
+        if material.texture is None:
+            return OPAQUE
+        texture = self._data.layout.textures[material.texture.index]
+        if texture.image is None:
             kind = " or ".join(sorted(texture.extensions)) or "a texture without an image"
-            self._lines.add(f"{self._data.where}: {kind}: {lost}")
-        return None if texture is None else texture.image
+            self._lines.add(f"{self._data.where}: {kind}: alpha not read, taken as 1")
+            return OPAQUE
+        if texture.image not in self._masks:
+            where = f"{self._data.where}: images {texture.image + 1}"
+            texels = read_image(self._content(texture.image, where), where)
+            self._masks[texture.image] = np.ascontiguousarray(texels[..., 3])
+        return self._masks[texture.image]
 
     def _sampling(self, material: Material) -> tuple[bool, tuple[Wrap, Wrap]]:
         """Whether a material's texture is magnified to its nearest texel, and its wraps."""
-        assert material.texture is not None
-        number = self._data.layout.textures[material.texture.index].sampler
+        number = None if material.texture is None else self._data.layout.textures[material.texture.index].sampler
         if number is None:
-            return _BILINEAR
+            return False, ("repeat", "repeat")
         sampler = self._data.layout.samplers[number]
         return sampler.magFilter == _NEAREST, (_WRAPS[sampler.wrapS], _WRAPS[sampler.wrapT])
 
-    def _mask(self, number: int) -> Alphas:
-        """The alphas of an image, decoded once."""
-        source = self._source(number)
-        if source not in self._masks:
-            where = f"{self._data.where}: images {number + 1}"
-            self._masks[source] = np.ascontiguousarray(read_image(self._content(number), where)[..., 3])
-            if (total := sum(mask.size for mask in self._masks.values())) > MOST_MASKED:
-                raise InputError(f"{where}: {total} texels of masks by now; a file may have {MOST_MASKED}")
-        return self._masks[source]
-
-    def _source(self, number: int) -> object:
-        """Where the bytes of an image are, which several images may share."""
-        image = self._data.layout.images[number]
-        if image.bufferView is None:
-            return image.uri
-        view = self._data.layout.bufferViews[image.bufferView]
-        return view.buffer, view.byteOffset, view.end
-
-    def _content(self, number: int) -> bytes:
+    def _content(self, number: int, where: str) -> bytes:
         """The bytes of an image. Raises InputError."""
-        image, where = self._data.layout.images[number], f"{self._data.where}: images {number + 1}"
+        image = self._data.layout.images[number]
         if image.bufferView is not None:
             view = self._data.layout.bufferViews[image.bufferView]
             return self._data.buffers[view.buffer][view.byteOffset : view.end]
@@ -212,24 +161,16 @@ TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
 
 
 def instance_matrices(data: Data, node: NodeTable) -> Floats:
-    """(N, 4, 4) float64 matrices from each instance of a node's mesh to the node; the identity for one without.
-
-    Raises InputError for attributes that are not finite or no rotation.
-    """
+    """(N, 4, 4) float64 matrices from each instance of a node's mesh to the node; the identity for one without."""
     from scipy.spatial.transform import Rotation  # the import takes 0.3 s
 
     if not node.instances:
         return np.eye(4)[None]
-    where = f"{data.where}: node {node.name or ''!r:.60}: EXT_mesh_gpu_instancing"
     attributes = {
         name: floats_of(data, node.instances[name], kind) for name, kind in TYPES.items() if name in node.instances
     }
-    if not all(np.isfinite(rows).all() for rows in attributes.values()):
-        raise InputError(f"{where}: found infinite or undefined numbers; allowed are finite ones")
     matrices = np.tile(np.eye(4), (data.layout.instance_count(node), 1, 1))
     if "ROTATION" in attributes:
-        if not attributes["ROTATION"].any(axis=1).all():
-            raise InputError(f"{where}: found a rotation of four zeros; allowed: unit quaternions")
         matrices[:, :3, :3] = Rotation.from_quat(attributes["ROTATION"]).as_matrix()
     matrices[:, :3, :3] *= attributes.get("SCALE", np.ones((1, 3)))[:, None, :]
     matrices[:, :3, 3] = attributes.get("TRANSLATION", 0.0)
@@ -244,18 +185,6 @@ HONOURED = re.compile(
 """Extensions that are supported, or do not affect the geometry."""
 
 
-class Source(NamedTuple):
-    """A primitive: its triangles as a node's matrix moves them, None where all nodes deform it; and its material.
-
-    normals: of the triangles, None if it is flat; posed: by number of a node that deforms it.
-    """
-
-    triangles: Triangles | None
-    normals: Singles | None
-    posed: dict[int, Posed]
-    look: Look
-
-
 def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
     """The contents of a .gltf or .glb as chosen, in the order of its nodes.
 
@@ -268,54 +197,32 @@ def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
             raise InputError(
                 f"{where}: extensionsRequired: {extension!r:.60} is not supported; save the file without it"
             )
-    if layout.primitives and all(each.mode < TRIANGLES for each in layout.primitives):
-        kind = "Gaussian splats" if "KHR_gaussian_splatting" in layout.extensionsUsed else "points or lines"
-        found = f"holds {len(layout.primitives)} primitive(s) of {kind}, and no triangles"
-        raise InputError(f"{where}: {found}; at least one is needed")
     data = read_buffers(layout, chunk, path, where)
     pose, pose_notes = pose_at(data, chosen)
     nodes = scene_nodes(layout, pose)
     poser, materials = Poser(data, pose, nodes), Materials(data, path, chosen.coordinates)
-    sources: list[list[Source]] = [[] for _ in layout.meshes]
-    for each in read_primitives(data):
-        posed = poser.posed(each)
-        still = triangles_of(each.positions, each.faces, where) if poser.stands(each, posed) else None
-        if (look := materials.look(each)) is not None:
-            normals = None if still is None else corner_normals(each, each.floats("NORMAL", "VEC3"))
-            sources[each.mesh].append(Source(still, normals, posed, look))
-    instances = _instances(data, nodes, sources)
-    cameras, lights, notes = _cameras(layout, nodes, where), _lights(layout, nodes, where), _notes(layout, nodes, where)
-    notes += materials.notes + pose_notes + poser.notes
-    notes += cameras[1] + lights[1]
-    return Contents(instances, cameras[0], lights[0], notes)
-
-
-def _instances(data: Data, nodes: list[Node], sources: list[list[Source]]) -> list[tuple[Mesh, Floats]]:
-    """The primitives of visible nodes, as often as they are drawn, each with its matrix. sources: by mesh."""
-    layout = data.layout
-    instances: list[tuple[Mesh, Floats]] = []
-    hidden = 0
+    shapes: dict[int, list[tuple[Posed, Look]]] = {node.number: [] for node in nodes}
+    for primitive in read_primitives(data):
+        posed = poser.posed(primitive)
+        if posed and (look := materials.look(primitive)) is not None:
+            for number, shape in posed.items():
+                shapes[number].append((shape, look))
+    instances = []
     for node in nodes:
-        if node.data.mesh is None:
-            continue
-        rows = sources[node.data.mesh]
-        if not node.visible:
-            hidden += sum(len(source.triangles.faces) for source in rows if source.triangles)
+        own = shapes[node.number]
+        if node.data.mesh is None or not own:
             continue
         name = node.data.name or layout.meshes[node.data.mesh].name or "mesh"
         copies = instance_matrices(data, node.data)
-        for k, source in enumerate(rows, 1):
-            shape = source.triangles, node.matrix, source.normals
-            triangles, matrix, normals = source.posed.get(node.number, shape)
-            assert triangles is not None  # as some node does not deform it
-            title = name if len(rows) == 1 else f"{name} {k}"
+        for k, (shape, look) in enumerate(own, 1):
+            title = name if len(own) == 1 else f"{name} {k}"
             for number, copy in enumerate(copies, 1):
                 once = title if len(copies) == 1 else f"{title} {number}"
-                mesh = Mesh(once, *triangles, normals=normals, **source.look._asdict())
-                instances.append((mesh, matrix @ copy))
-    if hidden and not any(len(mesh.faces) for mesh, _ in instances):
-        raise InputError(f"{data.where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
-    return instances
+                mesh = Mesh(once, *shape.triangles, normals=shape.normals, **look._asdict())
+                instances.append((mesh, shape.matrix @ copy))
+    (cameras, camera_notes), (lights, light_notes) = _cameras(layout, nodes, where), _lights(layout, nodes, where)
+    notes = [*_notes(layout, nodes, where), *materials.notes, *pose_notes, *poser.notes, *camera_notes, *light_notes]
+    return Contents(instances, cameras, lights, notes)
 
 
 def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera], list[str]]:
@@ -325,19 +232,14 @@ def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera
     for node in nodes:
         if node.data.camera is None:
             continue
-        data = layout.cameras[node.data.camera]
-        if data.type == "orthographic":
+        camera = layout.cameras[node.data.camera]
+        if (lens := camera.perspective) is None:
             orthographic += 1
             continue
-        if data.yfov < (least := math.radians(NARROWEST)):
-            raise InputError(f"{where}: camera: perspective: yfov is {data.yfov:g} rad; allowed: from {least:.3g}")
-        if not 0.0 < data.znear < (math.inf if data.zfar is None else data.zfar):
-            found = f"znear is {data.znear:g} and zfar {data.zfar}"
-            raise InputError(f"{where}: camera: perspective: {found}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
-        name = unique_name(node.data.name or data.name, "camera", {camera.name for camera in cameras})
+        name = unique_name(node.data.name or camera.name, "camera", {camera.name for camera in cameras})
         up, target = vec3(unit(node.matrix[:3, 1])), target_of(position, forward)
-        cameras.append(Camera(name, vec3(position), target, data.yfov, up, data.znear, data.zfar))
+        cameras.append(Camera(name, vec3(position), target, lens.yfov, up, lens.znear, lens.zfar))
     left_out = f"{where}: {orthographic} orthographic camera(s) left out: cameras here are perspective"
     return cameras, [left_out] if orthographic else []
 
@@ -359,8 +261,6 @@ def _lights(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Light],
             lights.append(Light(name, "point", position=position))
         else:
             angle, widest = 2 * data.outerConeAngle, math.radians(WIDEST_CONE)
-            if not 0.0 < angle <= math.pi + 1e-6:
-                raise InputError(f"{light_where}: outerConeAngle {angle / 2:g}; allowed: above 0, to pi/2")
             if angle > widest:
                 notes.append(f"{light_where}: cone of {math.degrees(angle):.4g}° taken as {WIDEST_CONE:g}°")
             lights.append(Light(name, "spot", direction, position, min(angle, widest)))

@@ -16,7 +16,7 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.file_contents import Chosen
 from shadowbench.scenes.gltf_layout import NUMBERS, Animation, Channel, Layout, NodeTable, Sampler, Skin
 from shadowbench.scenes.gltf_storage import Data, TrianglePrimitive, as_floats, floats_of, stored
-from shadowbench.scenes.triangles import MOST_TRIANGLES, Singles, Triangles, normal_matrices, triangles_of, unit_normals
+from shadowbench.scenes.triangles import Singles, Triangles, normal_matrices, triangles_of, unit_normals
 from shadowbench.scenes.vectors import Floats
 
 Pose = Mapping[tuple[int, str], Floats]
@@ -52,10 +52,6 @@ def pose_at(data: Data, chosen: Chosen) -> tuple[Pose, list[str]]:
         if key not in samples:
             samples[key] = _sampled(data, clip.samplers[channel.sampler], kind, width, time)
         value, start, end = samples[key]
-        if channel.target.path == "rotation" and not (np.isfinite(value).all() and value.any()):
-            raise InputError(
-                f"{where}: animations {number + 1}: a rotation at {time:g} s is {value}; allowed: not zero"
-            )
         pose[node, channel.target.path] = value
         first, last = min(first, start), max(last, end)
     notes = [_note(layout, number, time, first, last, where)]
@@ -115,8 +111,6 @@ def _sampled(data: Data, sampler: Sampler, kind: str, width: int, time: float) -
         return as_floats(stored(data, sampler.output, kind, rows=slice(start, start + rows)), accessor).ravel()
 
     first, last = float(keys[0]), float(keys[-1])
-    if not (math.isfinite(first) and math.isfinite(last)):
-        raise InputError(f"{where}: times from {first:g} to {last:g}; allowed: finite ones, or the clip none")
     before = bisect.bisect_right(keys, time, key=float) - 1
     if before < 0 or before == len(keys) - 1 or sampler.interpolation == "STEP":
         return value(max(before, 0)), first, last
@@ -185,12 +179,9 @@ def scene_nodes(layout: Layout, pose: Pose) -> list[Node]:
 def joint_worlds(layout: Layout, pose: Pose, nodes: list[Node]) -> dict[int, Floats]:
     """(4, 4) node-to-world matrices by index: of the scene's nodes, and of all others if skins use those."""
     worlds = {node.number: node.matrix for node in nodes}
-    joints = {joint for node in nodes if node.data.skin is not None for joint in layout.skins[node.data.skin].joints}
-    if not joints <= worlds.keys():
+    if any(node.data.skin is not None for node in nodes):
         roots = [root for root in _roots(layout) if root not in worlds]
         worlds |= {node.number: node.matrix for node in _tree(layout, pose, roots, set(worlds))}
-    if lost := joints - worlds.keys():
-        raise InputError(f"nodes {min(lost) + 1}: is a joint and its own ancestor")
     return worlds
 
 
@@ -260,14 +251,13 @@ class Poser:
         return [line] if self._uneven else []
 
     def posed(self, primitive: TrianglePrimitive) -> dict[int, Posed]:
-        """A primitive as each visible node deforms it that does, by the node's number."""
+        """A primitive as each visible node draws it, by the node's number."""
         users = [node for node in self._users.get(primitive.mesh, ()) if node.visible]
-        deformed = {node.number: self._deformed(primitive, node) for node in users}
-        return {index: each for index, each in deformed.items() if each is not None}
-
-    def stands(self, primitive: TrianglePrimitive, posed: Mapping[int, object]) -> bool:
-        """Whether a primitive is also needed as it is stored. posed: what the method of this name returned."""
-        return not posed or len(posed) < len(self._users[primitive.mesh])
+        posed = {node.number: self._deformed(primitive, node) for node in users}
+        if None in posed.values():
+            still = triangles_of(primitive.positions, primitive.faces, self._data.where)
+            normals = corner_normals(primitive, primitive.floats("NORMAL", "VEC3"))
+        return {node.number: posed[node.number] or Posed(still, node.matrix, normals) for node in users}
 
     def _deformed(self, primitive: TrianglePrimitive, node: Node) -> Posed | None:
         weights, skin = self._weights(node, primitive.mesh), node.data.skin
@@ -378,8 +368,6 @@ def _influences(primitive: TrianglePrimitive, joints: int) -> tuple[NDArray[np.i
     where = primitive.data.where
     if not sets:
         return None
-    if (count := len(sets) * len(primitive.positions)) > MOST_TRIANGLES:
-        raise InputError(f"{where}: {count} sets of joints of a primitive's vertices; allowed are {MOST_TRIANGLES}")
     numbers, weights = [], []
     for each in sets:
         number, weight = primitive.integers(f"JOINTS_{each}", "VEC4"), primitive.floats(f"WEIGHTS_{each}", "VEC4")
@@ -388,8 +376,6 @@ def _influences(primitive: TrianglePrimitive, joints: int) -> tuple[NDArray[np.i
         numbers.append(number.astype(np.int32))
         weights.append(weight)
     number, weight = np.hstack(numbers), np.hstack(weights)
-    if not (np.isfinite(weight).all() and (weight >= 0.0).all()):
-        raise InputError(f"{where}: a weight of a joint is {weight.min():g}; allowed: finite ones, not below 0")
     number[(weight == 0.0) & (number >= joints)] = 0  # exporters leave anything there
     if number.max(initial=0) >= joints:
         raise InputError(f"{where}: a vertex has joint {number.max()}; its skin has {joints}, counted from 0")

@@ -1,8 +1,6 @@
 """The numbers of a glTF: its JSON, buffers, decompressed, elements of accessors, and primitives' vertices and indices.
 
-Buffers are a .glb's binary chunk, data URIs or files in its folder. Draco is decoded in a process of its own, meshopt's
-streams here: their decoder writes as many elements as it is asked for, whatever the stream says, and what it is asked
-for is checked against the stream's size and its bufferView's before.
+Buffers are a .glb's binary chunk, data URIs or files in its folder.
 """
 
 import base64
@@ -19,14 +17,10 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.files import read_beside
-from shadowbench.scenes.draco import Blob, Decoded, decode
-from shadowbench.scenes.gltf_layout import NUMBERS, Accessor, BufferView, Layout, Primitive, Range
+from shadowbench.scenes.compression import DracoBlob, DracoMesh, decode_draco, decode_meshopt
+from shadowbench.scenes.gltf_layout import NUMBERS, Accessor, Layout, Primitive, Range
 from shadowbench.scenes.polygons import fan_faces, strip_faces
 from shadowbench.scenes.vectors import Floats
-from shadowbench.strict import short
-
-BOUNDS_OFF = 0.01
-"""Difference from an accessor's min and max, as a share of the largest extent, that exporters' rounding explains."""
 
 
 class Data(NamedTuple):
@@ -40,12 +34,9 @@ class Data(NamedTuple):
 def floats_of(data: Data, index: int, *types: str) -> Floats:
     """(count, n) float64 elements of an accessor of one of the types, with normalised integers as fractions.
 
-    types: as in the specification, SCALAR, VEC2, VEC3, VEC4 or MAT4. Raises InputError for another one, and for
-    elements that the accessor's own min and max contradict.
+    types: as in the specification, SCALAR, VEC2, VEC3, VEC4 or MAT4. Raises InputError for another one.
     """
-    accessor, elements = data.layout.accessors[index], stored(data, index, *types)
-    _check_bounds(elements, accessor, f"{data.where}: accessors {index + 1}")
-    return as_floats(elements, accessor)
+    return as_floats(stored(data, index, *types), data.layout.accessors[index])
 
 
 def integers_of(data: Data, index: int, *types: str) -> NDArray[Any]:
@@ -80,28 +71,6 @@ def stored(data: Data, index: int, *types: str, rows: slice = slice(None)) -> ND
     return elements
 
 
-def _check_bounds(elements: NDArray[Any], accessor: Accessor, where: str) -> None:
-    """Raise InputError for elements that are not as their accessor's min and max say.
-
-    So they are where a byteStride or an offset is wrong, and triangles would go from anywhere to anywhere.
-    """
-    if accessor.min is None or accessor.max is None or not len(elements):
-        return
-    if {len(accessor.min), len(accessor.max)} != {elements.shape[1]}:
-        found = f"{len(accessor.min)} and {len(accessor.max)} numbers"
-        raise InputError(f"{where}: found min and max of {found}; allowed: {elements.shape[1]}, as its elements")
-    given = np.array([accessor.min, accessor.max])
-    read = np.array([elements.min(axis=0), elements.max(axis=0)])
-    off = BOUNDS_OFF * np.ptp(given, axis=0).max() + 1e-6 * np.abs(given).max()
-    # Some exporters give those of normalised integers as fractions. What is NaN is refused elsewhere, if it matters.
-    if all((np.abs(values - given) > off).any() for values in (read.astype(np.float64), as_floats(read, accessor))):
-        low, high, least, most = (f"({', '.join(f'{value:.6g}' for value in row)})" for row in (*read, *given))
-        raise InputError(
-            f"{where}: found elements from {low} to {high}, but min and max say {least} to {most}: its data, or the "
-            "byteStride or an offset, are wrong"
-        )
-
-
 def _range(data: Data, part: Range) -> NDArray[Any]:
     """(count, n) elements, a view of their buffer."""
     view = data.layout.bufferViews[part.bufferView]
@@ -130,28 +99,15 @@ def _wrong(data: Data, index: int, allowed: str) -> InputError:
 
 
 def decompressed(data: Data) -> Data:
-    """The same with each compressed bufferView in a buffer of its own. Raises InputError for an invalid stream."""
+    """The same with each compressed bufferView in a buffer of its own. Raises InputError or ValueError."""
     views, buffers = list(data.layout.bufferViews), list(data.buffers)
     for k, view in enumerate(views):
-        if view.compressed is not None:
+        if (packed := view.compressed) is not None:
+            stream = buffers[packed.buffer][packed.byteOffset : packed.end]
             views[k] = view.model_copy(update={"buffer": len(buffers), "byteOffset": 0, "compressed": None})
-            buffers.append(_decoded(view, data, f"{data.where}: bufferViews {k + 1}"))
+            rows = decode_meshopt(stream, packed.count, packed.byteStride, packed.mode, packed.filter, data.where)
+            buffers.append(rows)
     return Data(data.layout.model_copy(update={"bufferViews": views}), buffers, data.where)
-
-
-def _decoded(view: BufferView, data: Data, where: str) -> bytes:
-    import meshopt  # not on all platforms
-
-    packed = view.compressed
-    assert packed is not None
-    if not packed.count:
-        return b""
-    stream = data.buffers[packed.buffer][packed.byteOffset : packed.end]
-    try:
-        rows = meshopt.decode_gltf_buffer(stream, packed.count, packed.byteStride, packed.mode, packed.filter)
-    except ValueError as error:
-        raise InputError(f"{where}: cannot be decompressed: {short(error)}") from error
-    return bytes(rows)
 
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
@@ -278,15 +234,15 @@ def read_primitives(data: Data) -> Iterator[TrianglePrimitive]:
             yield TrianglePrimitive(number, each, faces, data, {})
 
 
-def _decompressed(data: Data) -> dict[tuple[Any, ...], Decoded]:
+def _decompressed(data: Data) -> dict[tuple[Any, ...], DracoMesh]:
     """All primitives of KHR_draco_mesh_compression, decoded once each, by bufferView and ids of the attributes."""
     blobs = {}
     for each in data.layout.primitives:
         if each.draco is not None and "POSITION" in each.draco_ids:
             view = data.layout.bufferViews[each.draco]
             blob = data.buffers[view.buffer][view.byteOffset : view.end]
-            blobs[each.draco, *each.draco_ids.items()] = Blob(blob, each.draco_ids)
-    return dict(zip(blobs, decode([*blobs.values()], data.where), strict=True)) if blobs else {}
+            blobs[each.draco, *each.draco_ids.items()] = DracoBlob(blob, each.draco_ids)
+    return dict(zip(blobs, decode_draco([*blobs.values()], data.where), strict=True)) if blobs else {}
 
 
 def _faces(data: Data, primitive: Primitive, count: int, where: str) -> NDArray[Any]:

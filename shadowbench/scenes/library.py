@@ -16,7 +16,7 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
 from shadowbench.scenes.cutouts import Cutout, Wrap, cut_out
-from shadowbench.scenes.file_contents import BY_DEFAULT, MOST_MASKED, Chosen, check_count, placed
+from shadowbench.scenes.file_contents import BY_DEFAULT, Chosen, check_count, placed
 from shadowbench.scenes.images import mask_of, read_image
 from shadowbench.scenes.meshes import GLTF_SUFFIXES, MESH_SUFFIXES, USD_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene
@@ -81,12 +81,7 @@ def _named_tables(tables: list[dict[str, Any]], kind: str, file: str) -> Iterato
 
 def read_document(path: Path) -> SceneFile:
     """The validated top level of a scene file. Raises InputError if it is unreadable or not TOML."""
-    document = read_toml(path, path.name)
-    if "scenes" in document and "mesh" not in document:
-        raise InputError(
-            f"{path.name}: found a study file; allowed: a scene file, or `shadowbench run --study` with it"
-        )
-    return validated(SceneFile, document, path.name)
+    return validated(SceneFile, read_toml(path, path.name), path.name)
 
 
 def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
@@ -116,7 +111,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
             raise InputError(f"{where}: {copies} meshes by now, each copy counted; allowed are at most {MOST_COPIES}")
         tables.append((list(_copies(table, sources)), where))
         dropped += lost
-    check_count((mesh for instances, _ in tables for mesh, _ in instances), path.name)
+    check_count([mesh for instances, _ in tables for mesh, _ in instances], path.name)
     meshes: list[Mesh] = []
     for instances, where in tables:
         more, flat = placed(instances, where)
@@ -188,7 +183,6 @@ class _Files:
         self._folders = [folder.resolve() for folder in (scene.parent, assets) if folder is not None]
         self.read: dict[tuple[Path, Chosen], Scene] = {}
         self._cutouts: dict[tuple[object, ...], Cutout] = {}
-        self._masked = 0  # texels of their images
 
     def meshes(self, table: MeshTable, where: str) -> tuple[tuple[Mesh, ...], int]:
         """The meshes of a table's file in object space, and the zero-area triangles of the file."""
@@ -205,10 +199,6 @@ class _Files:
         key = file, table.cutoff, table.mask_filter, wrap
         if key not in self._cutouts:
             alpha = mask_of(read_image(file.read_bytes(), f"{where}: {mask!r:.60}"))
-            self._masked += alpha.size
-            if self._masked > MOST_MASKED:
-                found = f"{self._masked} texels of masks by now"
-                raise InputError(f"{where}: {found}; a scene file may have {MOST_MASKED}")
             cutout = cut_out(alpha, 1.0, table.cutoff, table.mask_filter == "nearest", (wrap, wrap))
             if cutout.share == 0.0:
                 found = f"below the cutoff {table.cutoff:g} everywhere, so that nothing is left"
@@ -225,21 +215,16 @@ class _Files:
     def _resolved(self, file: str, where: str) -> Path:
         """The path of a file with links resolved. Raises InputError outside the scene's folder and `assets`."""
         where = f"{where}: {file!r:.200}"
-        folders = self._folders
         try:
-            paths = [path for folder in folders if (path := Path(os.path.realpath(folder / file))).is_file()]
+            for path in [Path(os.path.realpath(folder / file)) for folder in self._folders]:
+                if path.is_file() and any(path.is_relative_to(folder) for folder in self._folders):
+                    return path
         except (OSError, ValueError) as error:  # a null byte, a name too long
             raise InputError(f"{where} cannot be a path: {short(error)}") from error
-        if not paths:
-            more = f" or {folders[1]}" if len(folders) > 1 else " (or give --assets DIR)"
-            raise InputError(f"{where} is not a file in {folders[0]}{more}")
-        for path in paths:
-            if any(path.is_relative_to(folder) for folder in folders):
-                return path
-        raise InputError(f"{where} leads to {paths[0]}, outside {folders[0]}; allowed are that folder and --assets DIR")
+        folders = " or ".join(map(str, self._folders))
+        raise InputError(f"{where} is not a file in {folders}, or leads outside; --assets DIR gives another folder")
 
 
-LONGEST_PATH = 4096
 WITHOUT_UP = (".obj", ".ply", ".stl", ".off")
 """Mesh formats that do not specify the up axis; in glTF it is y."""
 
@@ -267,8 +252,6 @@ def load_scene(
         return read_scene_file(data_folder("scenes") / f"{text}.toml", assets)
     path = Path(text)
     suffix = path.suffix.lower()
-    if "\0" in text or not text or len(text) > LONGEST_PATH:
-        raise InputError(f"scene {text!r:.60}: neither a built-in scene nor a path")
     if text.encode(errors="ignore").decode() != text:
         raise InputError(f"{text!r:.200}: the path is not valid UTF-8; rename the file or folder")
     if assets is not None and not assets.is_dir():

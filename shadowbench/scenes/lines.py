@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes.polygons import Integers
 
-LONGEST_LINE = 100_000
-"""Limit in bytes: enough for a polygon of thousands of corners."""
 BLANK = np.isin(np.arange(256), np.frombuffer(b" \t\v\f", dtype=np.uint8))
 INDICES = re.compile(rb"[-+]?\d+(/([-+]?\d+)?)*")
 DECIMAL = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.IGNORECASE)
@@ -88,15 +86,13 @@ def without_comments(text: bytes) -> bytes:
 
 
 def lines_of(text: bytes, where: str, file: bytes | None = None) -> Lines:
-    """The non-empty lines of a text that ends with a newline. Raises InputError for too long lines and NUL bytes."""
+    """The non-empty lines of a text that ends with a newline. Raises InputError for NUL bytes."""
     letters = np.frombuffer(text, dtype=np.uint8)
     ends = np.flatnonzero(letters == ord("\n"))
     starts = np.concatenate([[0], ends[:-1] + 1])
     lines = Lines(text, text if file is None else file, starts, ends, where)
     if (nul := text.find(b"\0")) >= 0:
         raise lines.error(int(np.searchsorted(ends, nul)), "found a NUL byte; allowed is text in ASCII or UTF-8")
-    if len(ends) and int((ends - starts).max()) > LONGEST_LINE:
-        raise InputError(f"{where}: a line of more than {LONGEST_LINE} bytes; allowed are shorter ones")
     indented = np.flatnonzero(BLANK[letters[starts]])
     while len(indented):
         starts[indented] += 1

@@ -15,6 +15,7 @@ from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.obj import read_obj
 from shadowbench.scenes.ply_off_stl import read_off, read_ply, read_stl
 from shadowbench.scenes.polygons import Polygons, triangulated
+from shadowbench.scenes.scene_tables import MOST_COPIES
 from shadowbench.scenes.triangles import checked, welded
 from shadowbench.strict import short
 
@@ -66,6 +67,8 @@ def _polygonal(path: Path, where: str, coordinates: bool) -> Contents:
     if not len(polygons.counts) and len(polygons.vertices):
         found = f"holds {len(polygons.vertices)} points, and no triangles"
         raise InputError(f"{where}: {found}; at least one is needed")
+    if len(polygons.names) > MOST_COPIES:
+        raise InputError(f"{where}: {len(polygons.names)} objects; allowed are at most {MOST_COPIES}")
     checked(polygons.vertices, where)
     corners, polygon, notes = triangulated(polygons, where)
     faces = polygons.corners[corners]
@@ -92,7 +95,7 @@ def _assembled(contents: Contents, name: str, where: str) -> Scene:
     total = sum(len(mesh.faces) for mesh, _ in contents.instances)
     if total == 0:
         raise InputError(f"{where}: holds no triangles; at least one is needed")
-    check_count((mesh for mesh, _ in contents.instances), where)
+    check_count([mesh for mesh, _ in contents.instances], where)
     meshes, dropped = placed(contents.instances, where)
     if not meshes:
         raise InputError(f"{where}: all {total} triangles have zero area; at least one must have some")

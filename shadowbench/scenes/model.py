@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.cutouts import Cutout, cutout_faces
-from shadowbench.scenes.triangles import Geometry, Texture, TexturedFaces, bounds_of, mirrors, turned, used_by
+from shadowbench.scenes.triangles import Geometry, bounds_of, mirrors, turned, used_by
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
 
 GREY: Vec3 = (0.8, 0.8, 0.8)
@@ -32,8 +32,7 @@ class Mesh:
     and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere; places:
     (F, 3, 2) float32 of the triangles' corners in it, in sub-texels, None for 0. coordinates: (F, 3, 2) float32 texture
     coordinates of the corners, None for 0. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None
-    if it is flat, and zero at corners without one. texture, and tints, (F, 3) float32 linear RGB that color is
-    multiplied by, are of pictures only.
+    if it is flat, and zero at corners without one. tints: (F, 3) float32 linear RGB that color is multiplied by.
     """
 
     name: str
@@ -47,7 +46,6 @@ class Mesh:
     coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
     places: NDArray[np.float32] | None = field(default=None, repr=False)
     normals: NDArray[np.float32] | None = field(default=None, repr=False)
-    texture: Texture | None = None
     tints: NDArray[np.float32] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -104,11 +102,6 @@ def joined(meshes: Sequence[Mesh]) -> Geometry:
         colors=_triangle_colors(meshes),
         cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.places) for mesh in meshes]),
         corner_normals=_normals(meshes),
-        textured=tuple(
-            TexturedFaces(int(first), mesh.texture, mesh.coordinates)
-            for first, mesh in zip(np.cumsum([0, *counts[:-1]]), meshes, strict=True)
-            if mesh.texture is not None and mesh.coordinates is not None
-        ),
     )
 
 
@@ -336,10 +329,8 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     distance = float(np.abs(position - target).max())
     least = NEAREST_TARGET * float(np.abs([position, target, (low + high) / 2]).max())
     if distance < least:
-        raise InputError(
-            f"camera {camera.name!r} of {scene.name}: position and target are only {distance:.3g} m apart, so that "
-            f"rounding may change the direction; they must be at least {least:.3g} m apart here"
-        )
+        apart = f"position and target are {distance:.3g} m apart; allowed here: {least:.3g} m or more"
+        raise InputError(f"camera {camera.name!r} of {scene.name}: {apart}")
     farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
     nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
     nearest /= np.sqrt(1 + 2 * np.tan(camera.fov_y / 2) ** 2)

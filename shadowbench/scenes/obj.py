@@ -19,23 +19,17 @@ import numpy as np
 from shadowbench.errors import InputError, printable
 from shadowbench.files import read_beside
 from shadowbench.scenes.cutouts import Alphas, Cutout, Wrap, cut_out
-from shadowbench.scenes.file_contents import BLEND_CUTOFF, MOST_MASKED, OPAQUE, Look
-from shadowbench.scenes.images import MOST_BYTES, mask_of, read_image
+from shadowbench.scenes.file_contents import BLEND_CUTOFF, OPAQUE, Look
+from shadowbench.scenes.images import mask_of, read_image
 from shadowbench.scenes.lines import Lines, Rows, lines_of, numbers, with_newlines, without_comments
-from shadowbench.scenes.model import GREY, WHITE
+from shadowbench.scenes.model import GREY
 from shadowbench.scenes.polygons import Integers, Polygons
-from shadowbench.scenes.scene_tables import MOST_COPIES
-from shadowbench.scenes.triangles import Singles, Texture, unit_normals
+from shadowbench.scenes.triangles import Singles, unit_normals
 from shadowbench.scenes.vectors import vec3
 
 _KEYS = ("kd", "d", "tr", "map_kd", "map_d")
 _MOVES = {"-o": 0.0, "-s": 1.0, "-t": 0.0}
 """Options of a map, of up to three numbers, and the value without effect."""
-
-
-class _Map(NamedTuple):
-    file: str
-    wrap: Wrap
 
 
 class MaterialFiles:
@@ -45,11 +39,9 @@ class MaterialFiles:
         self._folder, self._where = folder, where
         self._lines: dict[str, None] = {}
         self._cut: set[str] = set()
-        self._files: dict[str, bytes | None] = {}
         self._looks: dict[tuple[object, ...], Look] = {}
         self._cutouts: dict[tuple[object, ...], Cutout] = {}
         self._masks: dict[tuple[str, bool], Alphas] = {}
-        self._textures: dict[tuple[_Map, bool], Texture] = {}
         self._fields: dict[str, dict[str, str]] = {}
         for file in dict.fromkeys(file for name in names for file in self._separate(name)):
             text = (self._read("mtllib", file) or b"").decode("utf-8", errors="replace")
@@ -65,12 +57,9 @@ class MaterialFiles:
     def look(self, name: str) -> Look | None:
         """What a material looks like, one object for all alike, grey if no file has it; None if opaque nowhere."""
         fields = self._fields.get(name, {})
-        alpha, colors = self._map("map_d", fields), self._map("map_kd", fields)
+        (file, wrap), (colored, _) = self._map("map_d", fields), self._map("map_kd", fields)
         dissolve = _numbers(fields.get("d"), 1) or [1.0 - one for one in _numbers(fields.get("tr"), 1)] or [1.0]
-        mask = OPAQUE
-        if alpha is not None:
-            mask = self._mask(alpha.file, colored=colors is not None and colors.file == alpha.file)
-        wrap: Wrap = "repeat" if alpha is None else alpha.wrap
+        mask = self._mask(file, colored == file) if file else OPAQUE
         factor = min(max(dissolve[0], 0.0), 1.0)
         key = id(mask), factor, wrap
         if key not in self._cutouts:
@@ -82,14 +71,13 @@ class MaterialFiles:
         if cutout.share == 0.0:
             return None
         color = _numbers(fields.get("kd"), 3)
-        texture = None if colors is None else self._texture(colors, opaque)
-        if texture is not None:
-            color = color if any(color) else list(WHITE)  # black where exporters mean: see the texture
-        look = Look(vec3(np.clip(color or GREY, 0.0, 1.0)), None if opaque else cutout, texture)
-        return self._looks.setdefault((look.color, id(look.cutout), id(texture)), look)
+        if colored and not any(color):  # black where exporters mean: see the texture
+            color = []
+        look = Look(vec3(np.clip(color or GREY, 0.0, 1.0)), None if opaque else cutout)
+        return self._looks.setdefault((look.color, id(look.cutout)), look)
 
-    def _map(self, key: str, fields: dict[str, str]) -> _Map | None:
-        """An image of a material."""
+    def _map(self, key: str, fields: dict[str, str]) -> tuple[str, Wrap]:
+        """The file of a material's image, empty without one, and its wrap."""
         words = fields.get(key, "").split()
         wrap: Wrap = "repeat"
         while len(words) > 1 and words[0].startswith("-"):
@@ -103,13 +91,7 @@ class MaterialFiles:
                 value = words.pop(0).lower()
                 words = words[1:] if option == "-mm" else words
                 wrap = "clamp" if option == "-clamp" and value == "on" else wrap
-        return _Map(" ".join(words), wrap) if words else None
-
-    def _texture(self, colors: _Map, opaque: bool) -> Texture | None:
-        if (content := self._read("map_Kd", colors.file)) is None:
-            return None
-        where, wrap = f"{self._where}: map_Kd {colors.file!r:.60}", (colors.wrap, colors.wrap)
-        return self._textures.setdefault((colors, opaque), Texture(content, where, wrap, opaque))
+        return " ".join(words), wrap
 
     def _mask(self, file: str, colored: bool) -> Alphas:
         """Alphas of an image, read once; opaque, with a note, if not read. colored: whether it is map_Kd."""
@@ -118,10 +100,6 @@ class MaterialFiles:
             if (content := self._read("map_d", file)) is not None:
                 try:
                     image = read_image(content, f"{self._where}: map_d {file!r:.60}")
-                    total = sum(each.size for each in self._masks.values()) + image.size // 4
-                    if total > MOST_MASKED:
-                        found = f"{total} texels of masks by now; a file may have {MOST_MASKED}"
-                        raise InputError(f"{self._where}: map_d {file!r:.60}: {found}")
                     mask = np.ascontiguousarray(image[..., 3]) if colored else mask_of(image)
                 except InputError as error:
                     self._lines[f"{error}: left out"] = None
@@ -129,19 +107,12 @@ class MaterialFiles:
         return self._masks[file, colored]
 
     def _read(self, what: str, file: str) -> bytes | None:
-        """A file in the folder, read once; None, with a note, for one that is not there or too large."""
-        if file not in self._files:
-            self._files[file] = None
-            try:
-                self._files[file] = read_beside(file, self._folder, f"{self._where}: {what} {file!r:.60}", self._room)
-            except InputError as error:
-                self._lines[f"{error}: left out"] = None
-        return self._files[file]
-
-    @property
-    def _room(self) -> int:
-        """How many bytes may still be read."""
-        return MOST_BYTES - sum(len(content or b"") for content in self._files.values())
+        """A file in the folder; None, with a note, for one that is not there."""
+        try:
+            return read_beside(file, self._folder, f"{self._where}: {what} {file!r:.60}")
+        except InputError as error:
+            self._lines[f"{error}: left out"] = None
+            return None
 
     def _separate(self, names: str) -> list[str]:
         """The files of a statement: one whose name may have blanks, or several."""
@@ -203,9 +174,9 @@ def read_obj(data: bytes, where: str, folder: Path, coordinates: bool = False) -
     corners = faces.references(0, vertex_lines, "vertex")[1]
     others = lines.select(~(is_a["v"] | is_a["f"] | is_a["vn"] | is_a["vt"]))
     parts, notes = _parts(lines.select(is_a["o"], skip=1), others, face_lines, folder)
-    notes = [*(f"{where}: {note}" for note in (_more_numbers(vertices), _left_out(others)) if note), *notes]
+    notes = [*_left_out(others), *notes]
     normals = _normals(faces, lines.select(is_a["vn"], skip=2))
-    needed = coordinates or any(look is not None and (look.cutout or look.texture) for look in parts.looks)
+    needed = coordinates or any(look is not None and look.cutout is not None for look in parts.looks)
     places = _coordinates(faces, lines.select(is_a["vt"], skip=2)) if needed else None
     seen = np.array([look is not None for look in parts.looks])[parts.owners]
     counts, owners = faces.counts[seen], parts.owners[seen]
@@ -216,18 +187,6 @@ def read_obj(data: bytes, where: str, folder: Path, coordinates: bool = False) -
         notes.append(f"{where}: {len(seen) - len(counts)} face(s) left out whose material is opaque nowhere")
     looks = tuple(look or Look() for look in parts.looks)
     return Polygons(vertices.vectors, corners, counts, owners, parts.names, notes, normals, places, looks)
-
-
-def _more_numbers(vertices: Rows) -> str:
-    """A note on numbers of vertices after x y z, which are left out; empty without.
-
-    A fourth is the weight of a rational curve, not of a polygon: as in Blender and tinyobjloader, no coordinate is
-    divided by it.
-    """
-    more = vertices.counts > 3
-    more[more] = (vertices.counts[more] > 4) | (vertices.values[vertices.starts[more] + 3] != 1)
-    count = int(np.count_nonzero(more))
-    return f"weights or colours of {count} vertices left out: the first three numbers are x y z" if count else ""
 
 
 class _Faces:
@@ -306,8 +265,6 @@ def _parts(objects: Lines, others: Lines, faces: Lines, folder: Path) -> tuple[_
     statement = np.searchsorted(uses.starts, faces.starts)
     pairs = owners * len(kinds) + np.array([number[id(looks[name])] for name in materials])[statement]
     distinct, parts = np.unique(pairs, return_inverse=True)
-    if len(distinct) > MOST_COPIES:
-        raise InputError(f"{faces.where}: {len(distinct)} objects by material; allowed are at most {MOST_COPIES}")
     if not len(distinct):
         return _Parts(parts, (None,), (Look(),)), files.notes
     keys = list(kinds)
@@ -327,8 +284,6 @@ def _values(statements: Lines) -> list[str]:
 
 def _objects(objects: Lines, faces: Lines) -> tuple[Integers, tuple[str | None, ...]]:
     """(P,) index of each face's object, and the distinct object names; statements with the same name are one object."""
-    if len(objects.starts) > MOST_COPIES:
-        raise InputError(f"{objects.where}: {len(objects.starts)} objects; allowed are at most {MOST_COPIES}")
     # A name may have a number sign.
     names = [None, *(name or None for name in _values(objects._replace(text=objects.file)))]
     number = {name: k for k, name in enumerate(dict.fromkeys(names))}
@@ -336,11 +291,8 @@ def _objects(objects: Lines, faces: Lines) -> tuple[Integers, tuple[str | None, 
     return owners[np.searchsorted(objects.starts, faces.starts)], tuple(number)
 
 
-def _left_out(others: Lines) -> str:
-    """A note with the numbers of unsupported statements, such as curves or damaged lines; empty without."""
-    words = (printable(others.line(k).split(None, 1)[0]) for k in range(len(others.starts)))
-    statements = Counter(word for word in words if word.lower() not in NO_SHAPE)
-    counts = ", ".join(f"{count} {word:.20}" for word, count in statements.most_common(5)) + ", ..." * (
-        len(statements) > 5
-    )
-    return f"{statements.total()} statement(s) left out that make no face: {counts}" if statements else ""
+def _left_out(others: Lines) -> list[str]:
+    """A note on unsupported statements, such as curves or damaged lines, if there are any."""
+    words = Counter(printable(others.line(k).split(None, 1)[0]) for k in range(len(others.starts)))
+    counts = [f"{count} {word:.20}" for word, count in words.most_common() if word.lower() not in NO_SHAPE]
+    return [f"{others.where}: left out, as they make no face: {', '.join(counts[:5])}"] if counts else []

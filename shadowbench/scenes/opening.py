@@ -7,8 +7,6 @@ import hashlib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -58,10 +56,7 @@ SHARED = 0.1
 """Least share of the points inside that stand on one floor; on the top of a table fewer do."""
 SUNNY = 0.02
 """Least share of the points inside that the assumed sun must reach to be kept."""
-MOST = 0.5
-"""Least share of the places of an interior, seen from above, where one stands inside; 0.67 to 0.87 in rooms."""
-_OFF_WALLS = 0.02  # least distance from walls, as a share of the scene's size; few places in an engine have it
-_PLACES, _FEW_PLACES, _LEVELS = 1600, 256, 8  # from which floors are sought: seen from above, and levels of each
+_PLACES, _LEVELS = 1600, 8  # from which floors are sought: seen from above, and levels of each
 _AROUND, _ABOVE = 72, 56  # directions of rays: horizontal, and of the upper half of the sphere
 _ROOM = 0.005  # least distance of walls from the camera, as a share of the scene's size
 _BACK = 0.8  # how far the camera stands back, as a share of the distance of the nearest wall
@@ -102,8 +97,8 @@ def chosen_view(
 def opened(scene: str | Path | Scene, options: SceneOptions, tracer_of: TracerOf | None = None) -> Scene:
     """A scene by name or file, or a loaded one, with what options ask of camera, lights and ground. Raises InputError.
 
-    tracer_of: recognizes interiors and places a camera inside them, which gets a lamp in place of a sun that was
-    assumed and does not come in.
+    tracer_of: places a camera inside an interior, which gets a lamp in place of a sun that was assumed and does not
+    come in.
     """
     if isinstance(scene, Scene):
         loaded = scene
@@ -112,9 +107,6 @@ def opened(scene: str | Path | Scene, options: SceneOptions, tracer_of: TracerOf
     loaded = without_ground(loaded) if options.no_ground else loaded
     if options.camera is not None:
         loaded = _seen_from(loaded, options.camera, options.target, tracer_of)
-    elif tracer_of and loaded is not scene and "camera" in loaded.assumed and is_interior(loaded, tracer_of):
-        note = f"{loaded.name} seems to be an interior, which the assumed camera sees from outside: --camera inside"
-        loaded = replace(loaded, notes=(note, *loaded.notes))
     if options.lamp is not None:
         loaded = with_lights(loaded, [_lamp(options.lamp)])
     elif options.sun_at is not None:
@@ -242,7 +234,7 @@ def interior(scene: Scene, tracer_of: TracerOf) -> Interior:
     that distance behind; the lamp is above it. Points inside a solid count only if there is no other. Raises InputError
     if none is inside.
     """
-    places = _places(scene, _PLACES, tracer_of)
+    places = _places(scene, tracer_of)
     inside = (places.facing if places.facing.any() else places.inside) & (places.wall >= _ROOM)
     if not inside.any():
         raise InputError(f"--camera inside: {scene.name} encloses no free space; allowed: a side, or X,Y,Z")
@@ -265,22 +257,12 @@ def interior(scene: Scene, tracer_of: TracerOf) -> Interior:
     return Interior(camera, note, light, bool(places.sunny[inside].mean() >= SUNNY))
 
 
-def is_interior(scene: Scene, tracer_of: TracerOf) -> bool:
-    """Whether in most places of a scene one stands inside, off its walls: from outside only they would be seen."""
-    if find_spec("embreex") is None:  # drawing does without
-        return False
-    places = _places(scene, _FEW_PLACES, tracer_of)
-    stands = places.facing & (places.wall >= _OFF_WALLS)
-    inside, of_all = (len(np.unique(eyes[:, [0, 2]], axis=0)) for eyes in (places.eye[stands], places.eye))
-    return inside > MOST * of_all
-
-
-def _places(scene: Scene, places: int, tracer_of: TracerOf) -> _Places:
-    """Points at eye height above each floor at about so many places of a scene, seen from above."""
+def _places(scene: Scene, tracer_of: TracerOf) -> _Places:
+    """Points at eye height above each floor of a scene."""
     place = content_of(scene).placement
     geometry = place.scene(scene).geometry
     tracer = tracer_of(geometry)
-    eye, floor, height, in_metres = _eyes(tracer, place.points(content_of(scene).geometry.bounds), place.scale, places)
+    eye, floor, height, in_metres = _eyes(tracer, place.points(content_of(scene).geometry.bounds), place.scale)
     rise = (np.arange(_ABOVE) + 0.5) / _ABOVE  # a spiral of directions that are equally dense
     turn, level = math.pi * (3 - math.sqrt(5)) * np.arange(_ABOVE), np.sqrt(1 - rise**2)
     directions = np.concatenate([_around(), np.stack([level * np.cos(turn), rise, level * np.sin(turn)], axis=1)])
@@ -310,11 +292,11 @@ def _places(scene: Scene, places: int, tracer_of: TracerOf) -> _Places:
     )
 
 
-def _eyes(tracer: Any, bounds: Floats, scale: float, places: int) -> tuple[Floats, Floats, Floats, Mask]:
+def _eyes(tracer: Any, bounds: Floats, scale: float) -> tuple[Floats, Floats, Floats, Mask]:
     """(N, 3) points at eye height, (N,) heights of their floors, heights from those to ceilings, whether in metres."""
     low, high = bounds
     width, _, depth = np.maximum(high - low, 1e-3)
-    across, along = (math.ceil(math.sqrt(places * share)) for share in (width / depth, depth / width))
+    across, along = (math.ceil(math.sqrt(_PLACES * share)) for share in (width / depth, depth / width))
     steps = [(np.arange(count) + 0.5) / count for count in (across, _LEVELS, along)]
     start = low + np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3) * (high - low)
     down = tracer.hits(start, -_UP, _FAR).distance.astype(np.float64)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes.lines import Lines, lines_of, numbers, with_newlines, without_comments
 from shadowbench.scenes.polygons import Integers, Polygons, gather, strip_faces
-from shadowbench.scenes.scene_tables import MOST_COPIES
 from shadowbench.scenes.triangles import check_indices, unit_normals
 from shadowbench.scenes.vectors import Floats
 
@@ -81,16 +80,12 @@ def read_ply(data: bytes, where: str) -> Polygons:
 
 
 def _polygons(elements: list[Element], columns: dict[str, dict[str, Column]], notes: list[str], where: str) -> Polygons:
-    rows = {element.name: element.rows for element in elements}
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
-    splats = next((name for name in ("packed_position", "f_dc_0") if name in vertex), None)
-    if splats and not rows.get("face"):
-        raise InputError(f"{where}: holds {rows['vertex']} Gaussian splats, and no triangles; at least one is needed")
     if any(axis not in vertex or vertex[axis].counts is not None for axis in "xyz"):
         raise InputError(f"{where}: element vertex: the properties x, y and z are needed, a number each")
     vertices = np.stack([vertex[axis].values for axis in "xyz"], axis=1, dtype=np.float64)
     lists = [face[name] for name in (*INDICES, *face) if name in face and face[name].counts is not None]
-    if not lists and rows.get("face"):
+    if not lists and any(element.name == "face" and element.rows for element in elements):
         raise InputError(f"{where}: element face: found no list; {INDICES[0]} is needed")
     strips = _strips(columns.get("tristrips", {}))
     values = np.concatenate([strips.ravel(), *(column.values for column in lists[:1])])
@@ -313,8 +308,6 @@ def _solids(text: bytes, where: str) -> Polygons:
     lines = lines_of(text, where)
     is_a = {keyword: lines.begin_with(keyword) for keyword in KEYWORDS}
     solids, ends, facet, vertex = (np.flatnonzero(is_a[kind]) for kind in ("solid", "endsolid", "facet", "vertex"))
-    if len(solids) > MOST_COPIES:
-        raise InputError(f"{where}: {len(solids)} solids; allowed are at most {MOST_COPIES}, or a binary file")
     outside = np.searchsorted(solids, facet) != np.searchsorted(ends, facet) + 1
     if len(solids) != len(ends) or (solids > ends).any() or (solids[1:] < ends[:-1]).any() or outside.any():
         raise InputError(f"{where}: cut short: a solid without its endsolid")

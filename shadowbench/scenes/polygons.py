@@ -51,8 +51,6 @@ def _first_of_run(corners: NDArray[np.int64], restart: int) -> NDArray[np.int64]
 Integers = NDArray[np.int64]
 Number = TypeVar("Number", bound=np.generic)
 
-MOST_CORNERS = 32_000
-"""Limit for earcut, which is quadratic: the root of the sum of the polygons' squared numbers of corners."""
 OTHER_DIAGONAL = np.array([[1, 2, 3], [1, 3, 0]])
 """A quad's fan from its second corner."""
 FLAT_ENOUGH = 1e-3
@@ -90,7 +88,7 @@ def gather(values: NDArray[Number], starts: Integers, counts: Integers) -> NDArr
 def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, list[str]]:
     """(F, 3) int64 triangles as indices of corners, (F,) their polygons, and notes on malformed polygons.
 
-    They are in the order of their polygons. Raises InputError for too many triangles, or too large polygons.
+    They are in the order of their polygons. Raises InputError for too many triangles.
     """
     vertices, corners, counts = polygons.vertices, polygons.corners, polygons.counts
     sizes = np.maximum(counts - 2, 0)
@@ -102,7 +100,7 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
     second = starts[owner] + 1 + np.arange(total) - rows[owner]
     faces = np.stack([starts[owner], second, second + 1], axis=1)
     many = np.flatnonzero(counts > 3)
-    nonplanar = crossing = work = 0
+    nonplanar = crossing = 0
     kept = np.ones(total, dtype=bool)
     for part in in_slices(len(many)):
         chosen = many[part]
@@ -115,10 +113,6 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
         valid[other_fan] = True
         faces[rows[chosen[other_fan], None] + np.arange(2)] = others[np.isin(quads, other_fan)]
         waiting = np.flatnonzero(~valid)
-        work += int((counts[chosen[waiting]] ** 2).sum())
-        if work > MOST_CORNERS**2:
-            largest = f"concave polygons of up to {counts[chosen[waiting]].max()} corners take too long to triangulate"
-            raise InputError(f"{where}: {largest}; allowed is one of {MOST_CORNERS} corners, or several as costly")
         for k in waiting:
             size, row, start = (int(of[chosen[k]]) for of in (counts, rows, starts))
             triangulation = _earcut(vertices[corners[start : start + size]], fans.normals[k])

@@ -5,13 +5,12 @@ import re
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.options import LATEST
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light
 from shadowbench.scenes.triangles import LARGEST
-from shadowbench.scenes.vectors import Vec3
 from shadowbench.strict import Strict, validated
 
 MOST_COPIES = 50_000
@@ -28,25 +27,15 @@ NAME = re.compile(rf"\w[\w .+-]{{0,{LONGEST_NAME - 1}}}")
 NAMES = f"up to {LONGEST_NAME} letters, digits, spaces, or any of _ . + -, the first a letter, a digit or _"
 
 
-def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"found {value!r:.60}; allowed: a number")
-    if not abs(value) <= LARGEST:
-        raise ValueError(f"found {value!r:.60}; allowed: a number of at most {LARGEST:.0e} either way")
-    return float(value)
+def _checked(valid: Callable[[tuple[float, ...]], bool], allowed: str) -> AfterValidator:
+    """Accepts numbers that are valid together."""
 
+    def check(numbers: tuple[float, ...]) -> tuple[float, ...]:
+        if not valid(numbers):
+            raise ValueError(f"found {list(numbers)}; allowed: {allowed}")
+        return numbers
 
-def _numbers(count: int, allowed: str, valid: Callable[[tuple[float, ...]], bool]) -> BeforeValidator:
-    """Reads a list of `count` numbers that are valid together."""
-
-    def read(value: object) -> tuple[float, ...]:
-        if isinstance(value, list | tuple) and len(value) == count:
-            numbers = tuple(_number(part) for part in value)
-            if valid(numbers):
-                return numbers
-        raise ValueError(f"found {value!r:.60}; allowed: {allowed}")
-
-    return BeforeValidator(read)
+    return AfterValidator(check)
 
 
 def _name(value: object) -> str:
@@ -63,26 +52,20 @@ def name_from(text: str) -> str:
     return re.sub(r"[^\w .+-]", "-", text).lstrip(" .+-")
 
 
-Number = Annotated[float, BeforeValidator(_number)]
-Three = Annotated[Vec3, _numbers(3, "three numbers", lambda three: True)]
-Direction = Annotated[Vec3, _numbers(3, "a direction of three numbers, not three zeros", any)]
+Number = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
+Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
+Three = tuple[Number, Number, Number]
+Direction = Annotated[Three, _checked(any, "a direction of three numbers, not three zeros")]
 Scale = Annotated[
-    Vec3,
-    _numbers(3, "a number or three, none of them 0", all),
+    Three,
+    _checked(all, "a number or three, none of them 0"),
     BeforeValidator(lambda value: value if isinstance(value, list | tuple) else [value] * 3),
 ]
 Size = Annotated[
-    tuple[float, float],
-    _numbers(
-        2,
-        "two numbers, a width and a height above 0, or both 0 for a hard light",
-        lambda size: min(size) > 0.0 or not any(size),
-    ),
+    tuple[Number, Number],
+    _checked(lambda size: min(size) > 0.0 or not any(size), "a width and a height above 0, or both 0 for a hard light"),
 ]
-Color = Annotated[
-    Vec3,
-    _numbers(3, "linear red, green, blue, each from 0 to 1", lambda color: min(color) >= 0.0 and max(color) <= 1.0),
-]
+Color = tuple[Share, Share, Share]  # linear red, green, blue
 Name = Annotated[str, BeforeValidator(_name)]
 Flag = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(min_length=1, strict=True)]

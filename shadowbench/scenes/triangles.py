@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.options import LARGEST as LARGEST
-from shadowbench.scenes.cutouts import CutoutFaces, Wrap
+from shadowbench.scenes.cutouts import CutoutFaces
 from shadowbench.scenes.vectors import Floats
 
 Faces = NDArray[np.int32]
@@ -28,31 +28,6 @@ class Triangles(NamedTuple):
 
     vertices: Floats
     faces: Faces
-
-
-@dataclass(frozen=True, eq=False)
-class Texture:
-    """A surface's base colour, of pictures only: no score, mask or key depends on it. Decoded when one is drawn.
-
-    content: an image file in sRGB, whose first row is at v = 0; where: the beginning of its errors; wrap: of u and v
-    outside 0 to 1; opaque: whether its alpha says nothing.
-    """
-
-    content: bytes = field(repr=False)
-    where: str
-    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
-    opaque: bool = True
-
-
-class TexturedFaces(NamedTuple):
-    """Consecutive triangles of a scene with one texture.
-
-    first: index of the first; coordinates: (K, 3, 2) float32 texture coordinates of the corners.
-    """
-
-    first: int
-    texture: Texture
-    coordinates: NDArray[np.float32]
 
 
 def triangles_of(vertices: NDArray[Any], faces: NDArray[Any], where: str) -> Triangles:
@@ -110,8 +85,9 @@ def mirrors(matrix: Floats) -> bool:
 
 def with_area(triangles: Triangles) -> NDArray[np.bool_]:
     """(F,) bool, False for triangles of zero area."""
-    kept: NDArray[np.bool_] = heights(triangles)[0] > FLATTEST
-    return kept
+    vertices, faces = triangles.vertices, triangles.faces
+    kept = [heights(Triangles(vertices, faces[part]))[0] > FLATTEST for part in in_slices(len(faces))]
+    return np.concatenate(kept) if kept else np.zeros(0, dtype=bool)
 
 
 def heights(triangles: Triangles) -> tuple[Floats, Floats]:
@@ -140,7 +116,7 @@ class Geometry:
 
     vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives, planar: (F,) bool; colors: (F, 3) float64, linear;
     cutouts: the cut-out triangles, None without any; corner_normals: (F, 3, 3) float32 of smooth surfaces, zero at
-    corners without one, None if there is none at all; textured: the triangles with a texture, in order.
+    corners without one, None if there is none at all.
     """
 
     vertices: Floats
@@ -151,7 +127,6 @@ class Geometry:
     colors: Floats
     cutouts: CutoutFaces | None = None
     corner_normals: NDArray[np.float32] | None = None
-    textured: tuple[TexturedFaces, ...] = ()
 
     @property
     def count(self) -> int:

@@ -39,13 +39,11 @@ class PreparedTruth(ThresholdedMask):
     """
 
     def __init__(self, arrays: Mapping[str, Any], positions: Callable[[], NDArray[np.float64]] | None = None) -> None:
-        """The truth of (H, W) arrays by name; others than these are ignored.
+        """The truth of the (H, W) arrays of a `Truth`, by name; `irradiance` and `triangle` are ignored.
 
-        visibility, standard_error, receivers, undecided, area, blocker, cosine, diagonal, and where there are smooth
-        surfaces shading_cosine and facet_shadow: as of a `Truth`. positions:
-        returns (H, W, 3) points of the surfaces in metres, finite everywhere; called once, for a truth with penumbrae;
-        None if unknown, so that no width of a penumbra is. Visibility and area are quantised, so that a stored mask of
-        the truth has no error. Raises ValueError for arrays of different shapes and values out of range.
+        positions: returns (H, W, 3) points of the surfaces in metres, finite everywhere; called once, for a truth with
+        penumbrae; None if unknown, so that no width of a penumbra is. Visibility and area are quantised, so that a
+        stored mask of the truth has no error. Raises ValueError for values out of range.
         """
         self.undecided: Mask = np.asarray(arrays["undecided"], np.bool_)
         super().__init__(arrays["visibility"], np.asarray(arrays["receivers"], np.bool_) & ~self.undecided)
@@ -55,14 +53,9 @@ class PreparedTruth(ThresholdedMask):
         )
         self.diagonal = float(arrays["diagonal"])
         self._positions = positions
-        none = dict.fromkeys(SMOOTH, np.zeros(self.shape))
-        smooth = arrays if "facet_shadow" in arrays else none
+        smooth = arrays if "facet_shadow" in arrays else dict.fromkeys(SMOOTH, np.zeros(self.shape))
         self.shading_cosine: Single = np.ascontiguousarray(smooth["shading_cosine"], np.float32)
         self.facet_shadow: Mask = np.asarray(smooth["facet_shadow"], np.bool_) & ~self.undecided
-        for name in (*("area", "blocker", "cosine", "standard_error", "undecided", "valid"), *SMOOTH):
-            found = getattr(self, name).shape
-            if found != self.shape:
-                raise ValueError(f"{name} has shape {found}, visibility {self.shape}; allowed: the same")
 
     @property
     def image_diagonal(self) -> float:
@@ -116,12 +109,12 @@ class PreparedTruth(ThresholdedMask):
     @cached_property
     def smooth_light(self) -> float:
         """Sum of N·L by smooth normals over the pixels that are lit, or that only the surface's own facets shadow."""
-        return total(self.shading_cosine, self.lit | self.facet_shadow)
+        return total_of(np.positive, self.lit | self.facet_shadow, self.shading_cosine)
 
     @cached_property
     def cosine_sum(self) -> float:
         """Sum of N·L over valid pixels."""
-        return total(self.cosine, self.valid)
+        return total_of(np.positive, self.valid, self.cosine)
 
     @cached_property
     def penumbra(self) -> Mask:
@@ -157,12 +150,12 @@ class PreparedTruth(ThresholdedMask):
     @cached_property
     def mean_variance(self) -> float:
         """Mean `variance` over valid pixels; 0 if there are none."""
-        return mean(self.variance, self.valid) or 0.0
+        return mean_of(np.positive, self.valid, self.variance) or 0.0
 
     @cached_property
     def mean_variance_pen(self) -> float:
         """Mean `variance` over the penumbra; 0 if there is none."""
-        return mean(self.variance, self.penumbra) or 0.0
+        return mean_of(np.positive, self.penumbra, self.variance) or 0.0
 
     @cached_property
     def step_squared(self) -> Single:
@@ -255,7 +248,8 @@ class Comparison(ThresholdedMask):
 
         truth = self.truth
         similarity = loops.ssim_map(self.visibility, truth.visibility, truth.valid, WEIGHTS, C1, C2)
-        return mean(similarity, truth.valid[INSIDE]), mean(similarity, truth.edge_zone[INSIDE])
+        inside, at_edge = (mean_of(np.positive, where[INSIDE], similarity) for where in (truth.valid, truth.edge_zone))
+        return inside, at_edge
 
     @cached_property
     def penumbra_widths(self) -> NDArray[np.float64] | None:
@@ -301,27 +295,14 @@ def mean_of(function: Callable[..., Single], where: Mask, *images: Single) -> fl
 
 
 def total_of(function: Callable[..., Single], where: Mask, *images: Single) -> float:
-    """Sum of a function of contiguous images over a set of pixels: NumPy's over the whole image, to the last bit.
-
-    In bands, which stay in the processor's cache.
-    """
+    """Sum of a function of images over a set of pixels, in float64 and by bands, which stay in the cache."""
+    # The last digits of a float32 sum would depend on its order, and so on the processor.
     flat, counted, sum_ = [image.ravel() for image in images], where.ravel(), 0.0
     for first in range(0, where.size, _BAND):
         band = slice(first, first + _BAND)
         values = function(*(image[band] for image in flat))
         sum_ = values.sum(where=counted[band], dtype=np.float64, initial=sum_)
     return float(sum_)
-
-
-def mean(values: Single, where: Mask) -> float | None:
-    """Mean over a set of pixels; None if it is empty."""
-    return ratio(total(values, where), int(np.count_nonzero(where)))
-
-
-def total(values: Single, where: Mask) -> float:
-    """Sum over a set of pixels."""
-    # In float64: the last digits of a float32 sum depend on its order, and so on the processor.
-    return float(values.sum(where=where, dtype=np.float64))
 
 
 def ratio(part: float, whole: float) -> float | None:

@@ -1,10 +1,10 @@
-"""Difference pictures: false shadow, false light and dark facets, each in a colour, over a grey image; their legend."""
+"""Difference pictures: false shadow, false light and dark facets, each in a colour, over a grey image."""
 
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from shadowbench.files import replace_file
 from shadowbench.scores.comparison import Comparison
@@ -12,10 +12,6 @@ from shadowbench.scores.comparison import Comparison
 FALSE_SHADOW, FALSE_LIGHT = (213, 94, 0), (0, 114, 178)  # Okabe & Ito 2008: vermillion and blue
 FACETS = (204, 121, 167)  # reddish purple
 _LIT, _SHADOW, _UNSCORED = 235, 150, 255
-_TICKS = (-1.0, -0.25, -0.04, 0.0, 0.04, 0.25, 1.0)  # every third where there is little room
-_ROOM = 180  # pixels of width
-_BAR, _FONT = 8, 10  # pixels
-_GREY = 200.0
 
 
 def difference_over(grey: NDArray[np.floating], signed: NDArray[np.floating]) -> NDArray[np.uint8]:
@@ -44,36 +40,16 @@ def weight(error: NDArray[np.floating], soft: bool) -> NDArray[np.floating]:
 
 
 def difference_picture(comparison: Comparison) -> NDArray[np.uint8]:
-    """(H, N, 3) uint8 sRGB: the truth in greys, blended towards orange where the mask is darker, blue where lighter.
+    """(H, W, 3) uint8 sRGB: the truth in greys, blended towards orange where the mask is darker, blue where lighter.
 
-    The blend weight is the difference of visibility; pixels that are not scored are white. Of soft shadows the weight
-    is the root of the difference, and the picture has a legend below it, so that H > N. Where smooth surfaces are in
-    the shadow of their own triangles, the mask's darkness is purple, whether or not it is that of the truth.
+    The blend weight is the difference of visibility, of soft shadows its root; pixels that are not scored are white.
+    Where smooth surfaces are in the shadow of their own triangles, the mask's darkness is purple, as is the truth's.
     """
     prepared = comparison.truth
     grey = np.where(prepared.valid, _SHADOW + (_LIT - _SHADOW) * prepared.visibility, _UNSCORED)
     error = np.where(prepared.valid, comparison.signed_error, 0)
     picture = difference_over(grey, weight(error, prepared.soft))
-    picture = with_facets(picture, prepared.facet_shadow, comparison.visibility)
-    return with_legend(picture) if prepared.soft else picture
-
-
-def with_legend(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A (H, W, 3) difference picture of soft shadows, with the scale of its colours below it."""
-    width = picture.shape[1]
-    scale = difference_over(np.full((_BAR, width), _GREY), np.broadcast_to(np.linspace(-1, 1, width), (_BAR, width)))
-    wide = width >= _ROOM
-    image = Image.new("RGB", (width, _BAR + (2 if wide else 1) * (_FONT + 4)), "white")
-    image.paste(Image.fromarray(scale), (0, 0))
-    draw, font = ImageDraw.Draw(image), ImageFont.load_default(_FONT)
-    for tick in _TICKS if wide else _TICKS[::3]:
-        x = (1 + float(weight(np.array(tick), soft=True))) / 2 * (width - 1)
-        anchor = "la" if tick == -1 else "ra" if tick == 1 else "ma"
-        draw.text((x, _BAR + 2), f"{tick:+g}" if tick else "0", "black", font, anchor)
-    words = ((0, "la", "too dark"), (width / 2, "ma", "mask - truth"), (width - 1, "ra", "too light"))
-    for x, anchor, text in words if wide else ():
-        draw.text((x, _BAR + _FONT + 4), text, "black", font, anchor)
-    return np.vstack([picture, np.asarray(image)])
+    return with_facets(picture, prepared.facet_shadow, comparison.visibility)
 
 
 def write_difference(file: Path, picture: NDArray[np.uint8]) -> None:

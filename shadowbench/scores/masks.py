@@ -21,8 +21,7 @@ Mask = NDArray[np.bool_]
 LEVELS = 65535
 OVERSHOOT = 1e-6  # rounding in a shader may exceed [0, 1] by this much; more is an error
 
-# A 16-bit grey PNG opens as "I;16", in older Pillow as "I".
-_FULL_SCALE = {"L": 255, "I;16": LEVELS, "I": LEVELS}
+_FULL_SCALE = {"L": 255, "I;16": LEVELS}  # by Pillow's modes
 NOWHERE = np.iinfo(np.int32).max
 """Squared distance to an empty set."""
 

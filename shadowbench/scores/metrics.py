@@ -8,7 +8,7 @@ import inspect
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,6 @@ from shadowbench.scores.comparison import (
     PENUMBRA,
     Comparison,
     PreparedTruth,
-    mean,
     mean_of,
     overlap,
     ratio,
@@ -40,7 +39,6 @@ WIDTH_FACTOR = 1.25  # between drawn and true penumbrae
 SLOPE = 0.25  # distance of `hardening` from 1
 NOISY = 0.5  # share of `rmse_pen`: a hard edge has noise too, and its error is another
 BANDED = 0.1  # share of the penumbra
-_NAMES = ("rmse_pen", "bias_pen", "bleed", "false_dark", "noise", "banding", "width")
 
 
 @dataclass(frozen=True)
@@ -266,7 +264,7 @@ def bleed(comparison: Comparison) -> float | None:
     """Mean visibility of the umbra (true visibility below 0.01, at least 8 px from lighter and undecided pixels): light
     bleeding. A blur that reaches farther counts too.
     """
-    return mean(comparison.visibility, comparison.truth.umbra)
+    return mean_of(np.positive, comparison.truth.umbra, comparison.visibility)
 
 
 @metric("lower", "both")
@@ -411,54 +409,32 @@ def leading_error(metrics: Mapping[str, Any], among: Collection[str] = KINDS_OF_
     return max(shares, key=lambda name: shares[name], default=None)
 
 
-class SoftFault(NamedTuple):
-    """A fault: its name, the set of a PreparedTruth's pixels that it is about, a line of text, and its mean error.
-
-    error: of visibility over the region, by which faults are ordered; infinite for a cause of errors, as a wrong width.
-    """
-
-    name: str
-    region: str
-    line: str
-    error: float = math.inf
-
-
-def soft_faults(metrics: Mapping[str, float | None], wider: float | None = None) -> list[SoftFault]:
-    """Faults of a soft shadow that stand out, causes first, then the largest error first.
+def soft_faults(metrics: Mapping[str, float | None], wider: float | None) -> dict[str, str]:
+    """Lines on the faults of a soft shadow that stand out, by name, causes first, then the largest mean error first.
 
     metrics: values of `score`, of a truth with a penumbra; wider: median log₂ of the drawn over the true width of
     penumbrae, None if unknown.
     """
-    rmse, bias, bleed, dark, noise, banding, width = (metrics.get(name) or 0.0 for name in _NAMES)
+    names = ("rmse_pen", "bias_pen", "bleed", "false_dark", "noise", "banding", "width")
+    rmse, bias, bleed, dark, noise, banding, width = (metrics.get(name) or 0.0 for name in names)
     hardening = metrics.get("hardening")
-    found = []
-    if width >= math.log2(WIDTH_FACTOR):
-        found.append(_wrong_width(width, wider))
-    if hardening is not None and abs(hardening - 1) >= SLOPE:
-        line = f"drawn penumbrae widen {hardening:.2g} times as much as true ones (hardening)"
-        found.append(SoftFault("contact hardening", "penumbra", line))
-    if abs(bias) >= LEAST:
-        line = f"by {abs(bias):.2g} on average, where 1 is full light (bias_pen)"
-        found.append(SoftFault(f"penumbra too {'light' if bias > 0 else 'dark'}", "penumbra", line, abs(bias)))
-    if bleed >= LEAST:
-        line = f"the umbra's mean visibility is {bleed:.2g}, not 0 (bleed)"
-        found.append(SoftFault("light bleeding", "umbra", line, bleed))
-    if dark >= LEAST:
-        line = f"full light is too dark by {dark:.2g} on average (false_dark)"
-        found.append(SoftFault("false shadow", "full_light", line, dark))
-    if noise >= max(LEAST, NOISY * rmse):
-        line = f"the error varies by {noise:.2g} where visibility should be equal (noise)"
-        found.append(SoftFault("noise", "penumbra", line, noise))
-    if banding >= BANDED:
-        line = f"{banding:.0%} of the penumbra is flat steps of grey (banding)"
-        found.append(SoftFault("banding", "penumbra", line, LEAST))
-    return sorted(found, key=lambda fault: -fault.error)
-
-
-def _wrong_width(width: float, wider: float | None) -> SoftFault:
-    """The fault of the metric `width`, which is unsigned."""
-    if wider is None or abs(wider) < width / 2:
+    slope = 1.0 if hardening is None else hardening
+    way = "wide" if (wider or 0.0) > 0 else "narrow"
+    wrong_width = f"penumbra too {way}", f"{2**width:.2g} times too {way} (median; width)"
+    if wider is None or abs(wider) < width / 2:  # the metric is unsigned
         line = f"half of those drawn are at least {2**width:.2g} times too wide or too narrow (width)"
-        return SoftFault("penumbra width", "penumbra", line)
-    way = "wide" if wider > 0 else "narrow"
-    return SoftFault(f"penumbra too {way}", "penumbra", f"{2**width:.2g} times too {way} (median; width)")
+        wrong_width = "penumbra width", line
+    light = f"penumbra too {'light' if bias > 0 else 'dark'}"
+    faults = [  # whether each stands out, its mean error, name and line
+        (width >= math.log2(WIDTH_FACTOR), math.inf, *wrong_width),
+        (abs(slope - 1) >= SLOPE, math.inf, "contact hardening",
+         f"drawn penumbrae widen {slope:.2g} times as much as true ones (hardening)"),
+        (abs(bias) >= LEAST, abs(bias), light, f"by {abs(bias):.2g} on average, where 1 is full light (bias_pen)"),
+        (bleed >= LEAST, bleed, "light bleeding", f"the umbra's mean visibility is {bleed:.2g}, not 0 (bleed)"),
+        (dark >= LEAST, dark, "false shadow", f"full light is too dark by {dark:.2g} on average (false_dark)"),
+        (noise >= max(LEAST, NOISY * rmse), noise, "noise",
+         f"the error varies by {noise:.2g} where visibility should be equal (noise)"),
+        (banding >= BANDED, LEAST, "banding", f"{banding:.0%} of the penumbra is flat steps of grey (banding)"),
+    ]  # fmt: skip
+    ordered = sorted((fault for fault in faults if fault[0]), key=lambda fault: -fault[1])
+    return {name: line for _, _, name, line in ordered}

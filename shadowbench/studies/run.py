@@ -18,50 +18,27 @@ if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measu
     from shadowbench.results.frame import Run
 
 T = TypeVar("T")
-_MOST_PARTS = 10_000
 _PIXEL_S = 12e-9  # seconds of a drawn pixel or texel, on two cores without a GPU
 _DRAWN = 4  # frames that take as long as drawing and scoring a cell
 _TIMED = 4 / 3  # frames of a round, with the passes
 _LONG_S = 60.0  # from which an estimate is given
 
 
-@dataclass(frozen=True)
-class Part:
-    """Part `number` of `count`, from 1, for machines that share nothing; `merge` joins their folders."""
+def dealt(items: Sequence[T], part: str | None, identity: Callable[[T], object], reporter: Reporter) -> list[T]:
+    """The items of a part K/N, in their order; all for None. Raises InputError for another part.
 
-    number: int = 1
-    count: int = 1
-
-    @classmethod
-    def named(cls, text: str | None) -> "Part":
-        """The part that `K/N` names; the whole for None. Raises InputError."""
-        found = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", "1/1" if text is None else text)
-        part = cls(*map(int, found.groups())) if found else cls(0, 0)
-        if not 1 <= part.number <= part.count <= _MOST_PARTS:
-            allowed = f"K/N, as in 3/16, with K from 1 to N and N up to {_MOST_PARTS}"
-            raise InputError(f"--part: found {text!r:.60}; allowed: {allowed}")
-        return part
-
-    def of(self, items: Sequence[T], identity: Callable[[T], object]) -> list[T]:
-        """The items of this part, in their order; parts differ in length by at most one, and may be empty.
-
-        They are dealt in the order of hashes, which mixes large and small ones, and is the same on every machine.
-        identity: a JSON value unique to an item.
-        """
-
-        def digest(index: int) -> bytes:
-            return hashlib.sha256(json.dumps(identity(items[index])).encode()).digest()
-
-        return [items[index] for index in sorted(sorted(range(len(items)), key=digest)[self.number - 1 :: self.count])]
-
-    def announce(self, items: Sequence[object], reporter: Reporter) -> None:
-        """Note if this part, of several, has no items: there were more parts than views."""
-        if not items and self.count > 1:
-            told = "nothing to measure, as the cells of a view stay together"
-            reporter.note(f"--part {self.number}/{self.count}: {told}")
-
-
-WHOLE = Part()
+    Parts differ in length by at most one, and may be empty, which is noted. They are dealt in the order of hashes,
+    which mixes large and small ones, and is the same on every machine. identity: a JSON value unique to an item.
+    """
+    named = re.fullmatch(r"0*([1-9]\d{0,4})/0*([1-9]\d{0,4})", "1/1" if part is None else part, re.ASCII)
+    number, count = map(int, named.groups()) if named else (2, 1)
+    if number > count:
+        raise InputError(f"--part: found {part!r:.60}; allowed: K/N, as in 3/16, with K from 1 to N, N up to 99999")
+    digests = [hashlib.sha256(json.dumps(identity(item)).encode()).digest() for item in items]
+    own = sorted(range(len(items)), key=digests.__getitem__)[number - 1 :: count]
+    if not own and part is not None:  # there are more parts than views
+        reporter.note(f"--part {part}: nothing to measure, as the cells of a view stay together")
+    return [items[index] for index in sorted(own)]
 
 
 def names_of(block: Block) -> list[str]:
@@ -83,17 +60,16 @@ class StudyResult:
     failures: tuple[Failure, ...] = ()
 
 
-def measure(study: Study, campaign: Campaign, part: Part = WHOLE) -> StudyResult:
+def measure(study: Study, campaign: Campaign, part: str | None = None) -> StudyResult:
     """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`. Existing rows are reused.
 
-    campaign: in that folder; part: measure only its blocks. If it keeps going, scenes, truths and blocks that fail are
-    left out. Raises InputError for a scene that cannot be read and a map or view too large for the device. A cell that
-    fails gets a row with that status.
+    campaign: in that folder; part: K/N, to measure only its blocks. If it keeps going, scenes, truths and blocks that
+    fail are left out. Raises InputError for a scene that cannot be read and a map or view too large for the device. A
+    cell that fails gets a row with that status.
     """
     failures: list[Failure] = []
     blocks = readable_blocks(study, failures) if campaign.keep_going else [*study.blocks()]
-    blocks = part.of(blocks, names_of)
-    part.announce(blocks, campaign.reporter)
+    blocks = dealt(blocks, part, names_of, campaign.reporter)
     check_sizes(study, campaign.drawer.info)
     notes = list(dict.fromkeys(_notes(study, blocks)))
     # Before anything is written: a view that shows nothing raises InputError.

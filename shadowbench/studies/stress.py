@@ -15,7 +15,7 @@ from shadowbench.plugin.spec import Spec
 from shadowbench.results.frame import read_folders, write_table
 from shadowbench.results.ranges import OperatingRange, failure, operating_ranges, points_frame, ranges_frame
 from shadowbench.scenes.model import LightKind
-from shadowbench.studies.run import WHOLE, Part
+from shadowbench.studies.run import dealt
 from shadowbench.studies.study import Study
 
 Point = tuple[Axis, LightKind, Value]
@@ -79,17 +79,18 @@ def stress(
     campaign: Campaign,
     *,
     quick: bool = False,
-    part: Part = WHOLE,
+    part: str | None = None,
 ) -> StressResult:
     """Sweep specs along axes and write rows, `ranges.csv`, `table.csv` and `run.json` into a campaign's folder.
 
-    campaign: with the options SWEEPING, whose drawer has LIMITS; quick: a few values of each axis; part: measure only
-    its points. Raises InputError for a folder with other files. A cell that fails gets a row with that status.
+    campaign: with the options SWEEPING, whose drawer has LIMITS; quick: a few values of each axis; part: K/N, to
+    measure only its points. Raises InputError for a folder with other files. A cell that fails gets a row with that
+    status.
     """
-    points = part.of(points_of(axes, quick), lambda point: [point[0].name, *point[1:]])
+    points = points_of(axes, quick)
     homes = {(axis, light): len(block_at(specs, (axis, light, axis.default)).cells) for axis, light, _ in points}
     points = [point for point in points if homes[point[:2]]]
-    part.announce(points, campaign.reporter)
+    points = dealt(points, part, lambda point: [point[0].name, *point[1:]], campaign.reporter)
     campaign.reporter.stage("stress", sum(homes[axis, light] for axis, light, _ in points))
     with campaign:
         measured = campaign.measure(block_at(specs, point) for point in points)
@@ -101,7 +102,7 @@ def stress(
         write_table(campaign.folder / "ranges.csv", ranges_frame(ranges))
         study = Study.of([axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0)
         campaign.finish(study.facts, [], [row["key"] for row in rows])
-        empty = not campaign.store.scores and part != WHOLE
+        empty = not campaign.store.scores and part is not None
         shown = () if empty else read_folders([campaign.folder])[1][0].rows
         write_table(campaign.folder / "table.csv", points_frame(shown))
     return StressResult(tuple(rows), tuple(ranges), tuple(dict.fromkeys(campaign.failures)))

@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self, cast
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import BeforeValidator, Field, InstanceOf, ValidationInfo, model_validator
 
@@ -13,7 +13,6 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder, replace_file
 from shadowbench.measure.campaign import DEFAULT_REFERENCE, Block, Cell, reference_name
 from shadowbench.measure.flips import Step, Stepped
-from shadowbench.measure.rows import StudyFacts
 from shadowbench.measure.worker import Limits
 from shadowbench.options import (
     AS_STUDIED,
@@ -79,11 +78,11 @@ class SceneFields(Strict):
         """The fields as options. Raises InputError."""
         return SceneOptions(**{field.name: getattr(self, field.name) for field in fields(SceneOptions)})
 
-    def scene_facts(self) -> StudyFacts:
+    def scene_facts(self) -> dict[str, Any]:
         """The fields that are set and `sun`, for `run.json`; not `assets`, which is a folder of one machine."""
         names = [field.name for field in fields(SceneOptions) if field.name not in ("assets", "sun")]
         given = {name: value for name in names if (value := getattr(self, name)) is not None and value is not False}
-        return cast(StudyFacts, {"sun": self.sun, **given})
+        return {"sun": self.sun, **given}
 
 
 class Study(SceneFields):
@@ -155,7 +154,7 @@ class Study(SceneFields):
         return Limits(self.time_limit, int(self.memory_limit * 2**30))
 
     @property
-    def facts(self) -> StudyFacts:
+    def facts(self) -> dict[str, Any]:
         """The study's entry in `run.json`."""
         return {
             "scenes": [scene if isinstance(scene, str) else scene.name for scene in self.scenes],

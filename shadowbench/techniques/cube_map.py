@@ -16,6 +16,7 @@ from shadowbench.maps.filters import Filter, Hardware
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
+from shadowbench.techniques.shadow_map import ShadowMap
 
 _MARGIN = 1.001  # so that the farthest caster is stored nearer than an empty texel
 _NEAREST = 2.0**-24  # near plane as a share of far: closer to the light than float32 positions can resolve
@@ -41,6 +42,7 @@ class CubeMap(Technique):
         picture_scene="lamp-by-wall",
         grid=MAP_GRID,
         soft_grid=MAP_SOFT_GRID,
+        builds_on=(ShadowMap,),
     )
     presets = {"course": "bias=constant(world=0.05),filter=pcf-20"}
 

@@ -1,13 +1,12 @@
 """Visibility of a light without a size: one shadow ray per sample, and tests of what that ray cannot decide.
 
 A pixel is undecided if its visibility changes within the rasteriser's subpixel grid or with the shadow ray's offset δ.
-
 A shadow ray that starts δ above the surface skips a segment of length δ/(N·L), which is long for grazing light; in
-float32 Embree cannot start lower. For N·L below LOW_LIGHT that segment is tested in float64, against triangles found in
-the tree. Above it, a receiver counts as lit even if a caster lower than δ/4 above its plane, at most 2.5 δ along L,
-blocks it.
+float32 Embree cannot start lower. For N·L below LOW_LIGHT that segment is tested in float64, by a tree. Above it, a
+receiver counts as lit even if a caster lower than δ/4 above its plane, at most 2.5 δ along L, blocks it.
 """
 
+from functools import cached_property, partial
 from itertools import product
 from threading import Lock
 from typing import Any
@@ -19,7 +18,7 @@ from shadowbench.compiled import compiled
 from shadowbench.geometry.tree import LEAF, Tree, build_tree
 from shadowbench.scenes.triangles import Geometry, facet_normals
 from shadowbench.scenes.vectors import Floats
-from shadowbench.truths.embree import over_slices, rows_a_slice
+from shadowbench.truths.embree import over_rows
 from shadowbench.truths.packets import CutoutArrays, cutout_arrays, is_opaque_at
 from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ShadowRays, ViewRays
 
@@ -32,22 +31,19 @@ LEAST = 1e-30  # of a direction's part along an axis, which is divided by
 
 
 def hard_shadows(
-    rays: ViewRays, near: "NearCasters", triangle: Indices, delta: float, pixel_samples: int
+    rays: ViewRays, geometry: Geometry, triangle: Indices, delta: float, pixel_samples: int
 ) -> dict[str, NDArray[Any]]:
     """Truth's per-pixel arrays except `triangle`, flattened, in local lengths; triangle: (size²,), −1 for a miss."""
-
-    def decide(rows: slice) -> dict[str, NDArray[Any]]:
-        part = triangle[rows.start * rays.size : rows.stop * rays.size]
-        return _decide(rays, near, rows, part, delta, pixel_samples)
-
-    parts = list(over_slices(decide, rays.size, rows_a_slice(rays.size)))
+    work = partial(_decide, rays, NearCasters(geometry), triangle, delta, pixel_samples)
+    parts = list(over_rows(work, rays.size))
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _decide(
-    rays: ViewRays, near: "NearCasters", rows: slice, triangle: Indices, delta: float, pixel_samples: int
+    rays: ViewRays, near: "NearCasters", triangle: Indices, delta: float, pixel_samples: int, rows: slice
 ) -> dict[str, NDArray[Any]]:
     """Truth's per-pixel arrays except `triangle`, for some rows, flattened, in local lengths."""
+    triangle = triangle[rows.start * rays.size : rows.stop * rays.size]
     directions = rays.directions(rows)
     centres = rays.receivers(directions, triangle)
     shadow_rays = rays.shadow_rays(centres, delta)
@@ -59,7 +55,7 @@ def _decide(
     ]
     codes = np.stack([_classify(centres, blocked, len(triangle)), *(code for code, _ in samples)])
     blocker = np.full(len(triangle), np.inf)
-    blocker[centres.rays[blocked]] = rays.blockers(centres.select(blocked), delta)
+    _, blocker[centres.rays[blocked]] = rays.nearest_casters(centres.select(blocked), delta)
     undecided = np.zeros(len(triangle), dtype=bool)
     undecided[centres.rays] = _depends_on_offset(rays, centres, shadow_rays, blocked, delta)
 
@@ -141,7 +137,11 @@ class NearCasters:
 
     def __init__(self, geometry: Geometry) -> None:
         self._geometry, self._building = geometry, Lock()
-        self._search: tuple[Tree, CutoutArrays] | None = None
+
+    @cached_property
+    def _search(self) -> tuple[Tree, CutoutArrays]:
+        tree = build_tree(self._geometry.vertices, self._geometry.caster_faces)
+        return tree, cutout_arrays(self._geometry.cutouts, self._geometry.count)
 
     def nearest_blockers(self, receivers: Receivers, height: float, eye: Floats) -> tuple[Floats, Mask]:
         """(N,) distance along L to the nearest caster within `height` above each receiver, inf if none; (N,) covered.
@@ -154,9 +154,6 @@ class NearCasters:
         if not count:
             return distance, covered
         with self._building:  # by the first thread that needs it: few views have grazing light
-            if self._search is None:
-                tree = build_tree(geometry.vertices, geometry.caster_faces)
-                self._search = tree, cutout_arrays(geometry.cutouts, geometry.count)
             tree, cut = self._search
         casters = geometry.vertices, geometry.faces, np.flatnonzero(geometry.casts)[tree.order]
         length = np.minimum(height / receivers.cosine, receivers.distance)
@@ -191,9 +188,7 @@ def _find_nearest(  # type: ignore[no-untyped-def]
                     continue
                 face = faces[caster]
                 t = hit(vertices, face, point, way, corners, through, sides)
-                if not AT_SURFACE < t < length[i]:
-                    continue
-                if not is_opaque_at(cut, caster, sides):
+                if not AT_SURFACE < t < length[i] or not is_opaque_at(cut, caster, sides):
                     continue
                 if _rises(vertices, face, own_normals[i], way, own_corners[i]):
                     cross(vertices[face[1]] - vertices[face[0]], vertices[face[2]] - vertices[face[0]], normal)

@@ -1,14 +1,7 @@
-"""Packets of 16, 8 or 4 rays, traced by the Embree library inside the embreex wheel, which itself traces single rays.
-
-The same answers come at several times the rate (`benchmarks/test_truth.py` measures both).
-"""
+"""Compiled code around Embree: queries of packets of 16, 8 or 4 rays, and the filter of hits on cut-out triangles."""
 
 import ctypes
-import os
-import weakref
 from functools import cache
-from importlib import import_module
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
@@ -19,148 +12,25 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from shadowbench.compiled import cached_if_possible, compiled
-from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.scenes.cutouts import CutoutFaces
+from shadowbench.truths.embree import CUT_OUT, load_library
 
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
-INSTRUCTION_SETS = ("sse2", "sse4.2", "avx", "avx2", "avx512")
-_NATIVE = {16: 34, 8: 33, 4: 32}  # RTC_DEVICE_PROPERTY_NATIVE_RAY…_SUPPORTED of each width of a packet
-_TRIANGLES, _INDICES, _VERTICES = 0, 0, 1  # RTCGeometryType, RTCBufferType
-_UINT3, _FLOAT3 = 0x5003, 0x9003  # RTCFormat
-_ROBUST = 4  # RTC_SCENE_FLAG_ROBUST
-_CUT_OUT = 1  # number of the geometry of cut-out triangles; that of the others is 0
-_LOCATIONS = ("../embreex.libs", ".dylibs", ".")  # from the package: auditwheel and delvewheel, delocate, none
 LANE = 22  # words of a lane, at least: 12 of an RTCRay, 9 of an RTCHit
 
-Single = NDArray[np.float32]
 Words = NDArray[np.uint32]
-Flags = NDArray[np.bool_]
 
 # Numba caches a kernel that names a symbol, but none that holds a ctypes pointer.
 _query = types.void(*[types.intp] * 4)  # pointers: valid, scene, rays, arguments
-_SYMBOLS = [f"rtc{query}{width}" for query in ("Occluded", "Intersect") for width in _NATIVE]
+_SYMBOLS = [f"rtc{query}{width}" for query in ("Occluded", "Intersect") for width in (16, 8, 4)]
 _occluded16, _occluded8, _occluded4, _intersect16, _intersect8, _intersect4 = (
     types.ExternalFunction(name, _query) for name in _SYMBOLS
 )
+for _name in _SYMBOLS:
+    binding.add_symbol(_name, ctypes.cast(getattr(load_library(), _name), ctypes.c_void_p).value)
 
 
-@cache
-def load_library() -> ctypes.CDLL:
-    """The Embree library of the installed embreex, its packet functions known to Numba.
-
-    Raises ModuleNotFoundError without embreex, ShadowbenchError for a wheel without packets.
-    """
-    origin = str(import_module("embreex").__file__)
-    for folder in _LOCATIONS:
-        for file in sorted((Path(origin).parent / folder).glob("*embree4*")):
-            try:
-                library = ctypes.CDLL(str(file))
-                functions = {name: getattr(library, name) for name in _SYMBOLS}
-            except (OSError, AttributeError):  # for another processor, or built without packets
-                continue
-            for name, function in functions.items():
-                binding.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
-            for name in ("rtcNewDevice", "rtcNewScene", "rtcNewGeometry"):
-                getattr(library, name).restype = ctypes.c_void_p
-            library.rtcGetDeviceProperty.restype = ctypes.c_ssize_t
-            return library
-    raise ShadowbenchError("embreex: its wheel holds no Embree 4 library that can be loaded here")
-
-
-class Device(NamedTuple):
-    """An Embree device, kept while the process lives; width: rays of the widest packet that it traces natively."""
-
-    library: ctypes.CDLL
-    handle: ctypes.c_void_p
-    width: int
-
-
-def make_device(library: ctypes.CDLL, instructions: str = "") -> Device:
-    """A device for one of INSTRUCTION_SETS, by default the best of this processor.
-
-    Raises InputError if Embree does not know the set, or if the processor lacks it.
-    """
-    if instructions not in ("", *INSTRUCTION_SETS):  # Embree would take the least one
-        raise InputError(f"SHADOWBENCH_ISA: {instructions!r} is not one of {', '.join(INSTRUCTION_SETS)}")
-    handle = ctypes.c_void_p(library.rtcNewDevice(f"isa={instructions}".encode() if instructions else None))
-    if not handle:
-        raise InputError(f"SHADOWBENCH_ISA: Embree finds no {instructions or 'SSE2'} on this processor")
-    # Of the other widths, each ray would be traced singly.
-    native = (width for width, number in _NATIVE.items() if library.rtcGetDeviceProperty(handle, number))
-    return Device(library, handle, next(native, min(_NATIVE)))
-
-
-@cache
-def default_device() -> Device:
-    """The device of this process, for the instruction set $SHADOWBENCH_ISA."""
-    return make_device(load_library(), os.environ.get("SHADOWBENCH_ISA", ""))
-
-
-class PacketScene:
-    """An Embree scene of one indexed triangle list, in robust mode.
-
-    vertices: (V, 3) float32; faces: (F, 3) int32; cutouts: those that are cut out. Rays, all float32 and
-    C-contiguous: origins (3, N), directions (3, N) or (3, 1), reach (N,) in multiples of the direction's length.
-    Raises MemoryError if Embree has not enough memory.
-    """
-
-    def __init__(
-        self, device: Device, vertices: Single, faces: NDArray[np.int32], cutouts: CutoutFaces | None = None
-    ) -> None:
-        handle, library = ctypes.c_void_p, device.library
-        scene = handle(library.rtcNewScene(device.handle))
-        library.rtcSetSceneFlags(scene, _ROBUST)
-        # Embree reads 16 bytes a vertex, so the last one needs four more; it does not copy what it shares.
-        self._vertices = np.zeros((len(vertices) + 2, 3), dtype=np.float32)
-        self._vertices[: len(vertices)] = vertices
-        # Of the faces, which are those that are not cut out, then those that are.
-        self._order, self._opaque = None, len(faces)
-        if cutouts is not None:
-            self._cut = cutout_arrays(cutouts, len(faces))
-            self._addresses = addresses_of(self._cut)
-            self._order = np.argsort(self._cut.of >= 0, kind="stable").astype(np.int32)
-            self._opaque, faces = len(faces) - len(cutouts.faces), faces[self._order]
-        self._faces = np.ascontiguousarray(faces, dtype=np.int32)
-        for number, part in enumerate((self._faces[: self._opaque], self._faces[self._opaque :])):
-            if not len(part):
-                continue
-            geometry, size = handle(library.rtcNewGeometry(device.handle, _TRIANGLES)), ctypes.c_size_t
-            for kind, layout, array, count in (
-                (_VERTICES, _FLOAT3, self._vertices, len(vertices)),
-                (_INDICES, _UINT3, part, len(part)),
-            ):
-                shared = handle(array.ctypes.data), size(0), size(12), size(count)
-                library.rtcSetSharedGeometryBuffer(geometry, kind, 0, layout, *shared)
-            if number == _CUT_OUT:
-                library.rtcSetGeometryUserData(geometry, handle(self._addresses.ctypes.data))
-                for query in ("Occluded", "Intersect"):
-                    getattr(library, f"rtcSetGeometry{query}FilterFunction")(geometry, handle(filter_address()))
-            library.rtcCommitGeometry(geometry)
-            library.rtcAttachGeometryByID(scene, geometry, number)
-            library.rtcReleaseGeometry(geometry)
-        library.rtcCommitScene(scene)
-        weakref.finalize(self, library.rtcReleaseScene, scene)
-        if error := library.rtcGetDeviceError(device.handle):
-            raise MemoryError(f"Embree cannot hold {len(faces)} triangles (error {error})")
-        self.handle, self._width = scene.value or 0, device.width
-
-    def occluded(self, origins: Single, directions: Single, reach: Single) -> Flags:
-        """(N,) whether any triangle lies within reach."""
-        blocked = np.empty(len(reach), dtype=np.bool_)
-        _occluded(self._width, *_buffers(self._width), self.handle, origins, directions, reach, blocked)
-        return blocked
-
-    def intersect(self, origins: Single, directions: Single, reach: Single) -> tuple[NDArray[np.int32], Single]:
-        """(N,) index of the nearest triangle, −1 if none; its distance, `reach` if none."""
-        triangle, distance = np.empty(len(reach), dtype=np.int32), np.empty(len(reach), dtype=np.float32)
-        rays = origins, directions, reach
-        _intersect(self._width, *_buffers(self._width), self.handle, *rays, self._opaque, triangle, distance)
-        if self._order is not None:
-            triangle[triangle >= 0] = self._order[triangle[triangle >= 0]]
-        return triangle, distance
-
-
-def _buffers(width: int) -> tuple[Words, Words, Words]:
+def buffers(width: int) -> tuple[Words, Words, Words]:
     """Zeros for a packet: an RTCRayHit, since Embree writes it back where it emulates the width; lanes; arguments."""
     return _aligned(LANE * width), _aligned(width), _aligned(16)
 
@@ -198,9 +68,10 @@ def _fill(width, ray, number, valid, first, origins, directions, reach):  # type
 
 
 @compiled()
-def _occluded(  # type: ignore[no-untyped-def]
+def occluded(  # type: ignore[no-untyped-def]
     width, packet, valid, arguments, scene, origins, directions, reach, blocked
 ):
+    """Fill in whether any triangle lies within reach of each ray."""
     ray = _prepare(width, packet, arguments)
     pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
     for first in range(0, len(reach), width):
@@ -216,9 +87,10 @@ def _occluded(  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _intersect(  # type: ignore[no-untyped-def]
+def intersect(  # type: ignore[no-untyped-def]
     width, packet, valid, arguments, scene, origins, directions, reach, opaque, triangle, distance
 ):
+    """Fill in the nearest triangle of each ray and its distance, −1 and `reach` if none."""
     ray, hits = _prepare(width, packet, arguments), packet.view(np.int32)[17 * width : 19 * width]
     pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
     for first in range(0, len(reach), width):
@@ -232,7 +104,7 @@ def _intersect(  # type: ignore[no-untyped-def]
             _intersect4(*pointers)
         for k in range(count):
             triangle[first + k] = hits[k]  # −1 unless written
-            if hits[width + k] == _CUT_OUT:
+            if hits[width + k] == CUT_OUT:
                 triangle[first + k] += opaque
             distance[first + k] = ray[8 * width + k]
 
@@ -308,11 +180,6 @@ def _make_pointer(context, address, kind):  # type: ignore[no-untyped-def]
 
 
 _pointer: Any = intrinsic(_make_pointer)
-
-
-def addresses_of(arrays: CutoutArrays) -> NDArray[np.intp]:
-    """Addresses of the arrays but `of`: the user data of a geometry, which does not own them."""
-    return np.array([array.ctypes.data for array in arrays[1:]], dtype=np.intp)
 
 
 def _filter(arguments):  # type: ignore[no-untyped-def]

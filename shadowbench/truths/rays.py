@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats, unit
-from shadowbench.truths.embree import INFINITE, Singles, Tracer, tracer_of
+from shadowbench.truths.embree import INFINITE, Tracer, tracer_of
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
@@ -79,7 +79,7 @@ class ViewRays:
         geometry = view.scene.geometry
         casters = geometry.caster_faces, geometry.caster_cutouts
         self._all = tracer_of(geometry)
-        self._casters = self._all if geometry.casts.all() else Tracer(geometry.vertices, *casters)
+        self.casters = self._all if geometry.casts.all() else Tracer(geometry.vertices, *casters)
         self._numbers = np.append(np.flatnonzero(geometry.casts), -1)  # the last entry is that of index −1, a miss
 
         camera = view.camera
@@ -175,27 +175,18 @@ class ViewRays:
         if self._from_light is not None:
             ends = rays.origins - self._light + rays.directions * rays.reach
             return self._from_light.occluded(ends.T, -rays.directions.T, rays.reach)
-        return self._casters.occluded(rays.origins.T, rays.directions.T, rays.reach)
+        return self.casters.occluded(rays.origins.T, rays.directions.T, rays.reach)
 
     def lamp_error(self, rays: ShadowRays) -> Floats | float:
         """(N,) distance along each ray by which float32 may put a caster on the other side of the lamp, often 0."""
         across = np.abs(self._beside_lamp @ rays.directions)
         return 1 / np.maximum(across, 1.0).min(axis=0) if len(across) else 0.0
 
-    def blocked(self, origins: Singles, directions: Singles, reach: Singles) -> Mask:
-        """(N,) whether a caster blocks each ray; origins, directions: (3, N) float32, reach: (N,)."""
-        return self._casters.occluded(origins.T, directions.T, reach)
-
-    def blockers(self, receivers: Receivers, delta: float) -> Floats:
-        """(R,) distance along L from receivers in shadow to the nearest caster."""
+    def nearest_casters(self, receivers: Receivers, delta: float) -> tuple[Indices, Floats]:
+        """(R,) triangle of the nearest caster along L from each receiver, −1 if none, and its distance."""
         rays = self.shadow_rays(receivers, delta)
-        distance = self._casters.hits(rays.origins.T, rays.directions.T, rays.reach).distance
-        return rays.offset + distance.astype(np.float64)
-
-    def nearest_casters(self, receivers: Receivers, delta: float) -> Indices:
-        """(R,) triangle of the nearest caster along L from each receiver, −1 if none."""
-        rays = self.shadow_rays(receivers, delta)
-        return self._numbers[self._casters.hits(rays.origins.T, rays.directions.T, rays.reach).triangle]
+        hits = self.casters.hits(rays.origins.T, rays.directions.T, rays.reach)
+        return self._numbers[hits.triangle], rays.offset + hits.distance.astype(np.float64)
 
     def in_cone(self, to_light: Floats) -> Mask:
         """(N,) whether points in (3, N) directions towards the light are in its cone, before its panel."""

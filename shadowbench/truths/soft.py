@@ -21,7 +21,7 @@ from scipy import ndimage
 
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats
-from shadowbench.truths.embree import over_slices, rows_a_slice
+from shadowbench.truths.embree import over_rows, over_slices
 from shadowbench.truths.light_samples import LightSampler, scrambles_of
 from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ViewRays
 
@@ -87,8 +87,10 @@ class Estimator:
         def work(part: slice) -> Floats:
             scrambles = scrambles_of(receivers.rays[part], replications, self._seed << 16 | purpose)
             points, normal = np.ascontiguousarray(receivers.point[:, part]), np.ascontiguousarray(normals[:, part])
-            *rays, weight, cosine = self._sampler.rays(points, normal, scrambles, samples, self._delta, along_normal)
-            seen = weight * ~self._rays.blocked(*rays)
+            origins, directions, reach, weight, cosine = self._sampler.rays(
+                points, normal, scrambles, samples, self._delta, along_normal
+            )
+            seen = weight * ~self._rays.casters.occluded(origins.T, directions.T, reach)
             values = np.stack([weight, seen, weight * cosine, seen * cosine])
             totals: Floats = values.reshape(4, -1, replications, samples).sum(axis=3, dtype=np.float64)
             return totals
@@ -146,7 +148,7 @@ def _receivers(
         found = rays.receivers(directions, hit)
         return found._replace(rays=found.rays + first), hit
 
-    parts, hits = zip(*over_slices(work, rays.size, rows_a_slice(rays.size)), strict=True)
+    parts, hits = zip(*over_rows(work, rays.size), strict=True)
     return Receivers.concatenate(parts), np.concatenate(hits)
 
 
@@ -262,7 +264,7 @@ def _blockers(rays: ViewRays, centres: Receivers, delta: float, pixels: int) -> 
         receivers = centres.select(part)
         distance = np.full(len(receivers.rays), np.inf)
         blocked = rays.occluded(rays.shadow_rays(receivers, delta))
-        distance[blocked] = rays.blockers(receivers.select(blocked), delta)
+        _, distance[blocked] = rays.nearest_casters(receivers.select(blocked), delta)
         return distance
 
     blocker = np.full(pixels, np.inf)

@@ -1,7 +1,7 @@
 """The ray-traced truth of a view: how much of the light each receiver sees, and which pixels are undecided."""
 
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from shadowbench.errors import InputError
 from shadowbench.files import png_of
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.vectors import Floats
-from shadowbench.truths.embree import over_slices, rows_a_slice
+from shadowbench.truths.embree import over_rows
 from shadowbench.truths.rays import GRAZING, Indices, Mask, Receivers, ViewRays, dot
 
 Single = NDArray[np.float32]
@@ -64,14 +64,10 @@ class Truth:
     def __repr__(self) -> str:
         """One line: view, light, and the shares of receivers in shadow and in penumbra."""
         size, lit, view = len(self.visibility), self.visibility[self.receivers], self.view
-        told = [] if view is None else [view.scene.name, view.camera.name, f"{view.light.name} ({view.light.kind})"]
-        told += [f"{size} × {size} pixels", f"{len(lit)} receivers"]
-        if len(lit):
-            told.append(f"{(lit < 0.5).mean():.1%} in shadow")
-        if len(lit) and self.sampled:
-            told.append(f"{((lit > 0) & (lit < 1)).mean():.1%} in penumbra")
-            told.append(f"standard error up to {self.standard_error.max():.2g}")
-        return f"<Truth of {', '.join(told)}>"
+        of = "" if view is None else f"{view.scene.name}, {view.camera.name}, {view.light.name} ({view.light.kind}), "
+        shadow, penumbra = ((lit < 0.5).sum(), ((lit > 0) & (lit < 1)).sum()) / np.maximum(len(lit), 1)
+        parts = f"{len(lit)} receivers, {shadow:.1%} in shadow, {penumbra:.1%} in penumbra"
+        return f"<Truth of {of}{size} × {size} pixels, {parts}>"
 
     def _repr_png_(self) -> bytes:
         """PNG of the visibility, for notebooks; pixels without a receiver are white."""
@@ -79,8 +75,8 @@ class Truth:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All fields but the view, and those that are None, as arrays by name, as stored in `truth.npz`."""
-        found = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "view"}
-        return {name: np.asarray(value) for name, value in found.items() if value is not None}
+        values = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "view"}
+        return {name: np.asarray(value) for name, value in values.items() if value is not None}
 
 
 def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_ERROR) -> Truth:
@@ -89,10 +85,6 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
     standard_error: that 95% of a penumbra's pixels stay below, unless they reach the limit of 8 · `soft.MOST` rays.
     Raises InputError if no pixel shows the scene.
     """
-    if pixel_samples < 1:
-        raise InputError(f"pixel_samples {pixel_samples}: allowed are 1 and more")
-    if not 1e-4 <= standard_error <= 0.5:
-        raise InputError(f"standard_error {standard_error}: allowed are 1e-4 to 0.5")
     placed, placement = view.placed()
     rays = ViewRays(placed)
     triangle, edge_on, diagonal = _visible_triangles(placed, rays)
@@ -102,9 +94,9 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
 
         arrays = soft_shadows(rays, placed.light, triangle, delta, pixel_samples, standard_error)
     else:
-        from shadowbench.truths.hard import NearCasters, hard_shadows
+        from shadowbench.truths.hard import hard_shadows
 
-        arrays = hard_shadows(rays, NearCasters(placed.scene.geometry), triangle, delta, pixel_samples)
+        arrays = hard_shadows(rays, placed.scene.geometry, triangle, delta, pixel_samples)
     arrays["undecided"] |= edge_on
     if placed.scene.geometry.smooth:
         shadowed, receivers = arrays["visibility"] < 0.5, arrays["receivers"]
@@ -137,7 +129,7 @@ def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float
         ends = np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
         return triangle, rays.edge_on(directions, triangle), ends
 
-    triangles, edge_on, ends = zip(*over_slices(trace_rows, view.size, rows_a_slice(view.size)), strict=True)
+    triangles, edge_on, ends = zip(*over_rows(trace_rows, view.size), strict=True)
     triangle = np.concatenate(triangles)
     if not (triangle >= 0).any():
         raise InputError(f"camera {view.camera.name!r} of {view.scene.name} shows nothing: no pixel shows a triangle")
@@ -150,15 +142,8 @@ def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float
     return triangle, np.concatenate(edge_on), float(np.linalg.norm(high - low))
 
 
-class SmoothPoints(NamedTuple):
-    """Points of the smooth surface over N points of triangles: (3, N) positions and unit normals towards the eye."""
-
-    position: Floats
-    normal: Floats
-
-
-def smooth_points(points: Floats, corners: Floats, corner_normals: Floats, normals: Floats) -> SmoothPoints:
-    """The smooth surface over (3, N) points of triangles: Phong's normal, and Hanika's P' = Σ wᵢ (P − min(0, hᵢ) Nᵢ).
+def smooth_points(points: Floats, corners: Floats, corner_normals: Floats, normals: Floats) -> tuple[Floats, Floats]:
+    """The smooth surface over (3, N) points of triangles: Hanika's P' = Σ wᵢ (P − min(0, hᵢ) Nᵢ), and Phong's normal.
 
     corners, corner_normals: (N, 3, 3) of the triangles; normals: (3, N), towards the eye; w: barycentric weights, hᵢ =
     (P − Vᵢ)·Nᵢ the height over the tangent plane at a corner. With a normal away from the eye all of them are turned.
@@ -171,7 +156,7 @@ def smooth_points(points: Floats, corners: Floats, corner_normals: Floats, norma
     turned = corner_normals * side[:, np.newaxis, np.newaxis]
     depth = np.minimum(np.einsum("nki,nki->nk", away, turned), 0.0)
     lift = np.einsum("nk,nki->in", weights * depth, turned)
-    return SmoothPoints(points - lift, mean * side / np.sqrt(dot(mean, mean)))
+    return points - lift, mean * side / np.sqrt(dot(mean, mean))
 
 
 def terminator(
@@ -179,25 +164,18 @@ def terminator(
 ) -> dict[str, NDArray[Any]]:
     """Truth's `shading_cosine` and `facet_shadow`, flattened, of a scene with smooth surfaces.
 
-    A surface is shaded by its smooth normal Nₛ and shadowed by flat triangles. Near the terminator, where Nₛ·L falls to
-    0, triangles face away from a light that Nₛ still faces, or lie in the shadow of their neighbours: dark facets on a
-    surface that should be round (Woo, Pearce and Ouellette 1996, "It's really not a rendering bug, you see…"). A
-    pixel's shadow is such a facet's if a ray from the point P' on the smooth surface reaches the light (Hanika 2021,
-    "Hacking the shadow terminator"), and the ray from the triangle is blocked by the triangle itself or by another of
-    its mesh. triangle: (size²,), −1 for a miss; shadowed, receivers: (size²,) bool, by the light's centre.
+    A facet's shadow (Woo, Pearce and Ouellette 1996, "It's really not a rendering bug, you see…") is one that a
+    triangle casts on itself or on another of its mesh, where a ray from the smooth surface reaches the light (Hanika
+    2021, "Hacking the shadow terminator"). triangle: (size²,), −1 for a miss; shadowed, receivers: (size²,) bool.
     """
     geometry = scene.geometry
-    ends = np.cumsum([len(each.faces) for each in scene.meshes])
-    smooth = np.array([each.receives and each.normals is not None for each in scene.meshes])
-
-    def mesh_of(triangles: Indices) -> Indices:
-        mesh: Indices = np.searchsorted(ends, triangles, side="right")
-        return mesh
+    mesh = np.repeat(np.arange(len(scene.meshes)), [len(each.faces) for each in scene.meshes])
+    smooth = np.array([each.receives and each.normals is not None for each in scene.meshes])[mesh]
 
     def trace_rows(rows: slice) -> tuple[NDArray[np.float32], Mask]:
         part = slice(rows.start * rays.size, rows.stop * rays.size)
         hit = triangle[part]
-        seen = np.flatnonzero((hit >= 0) & smooth[mesh_of(hit)])
+        seen = np.flatnonzero((hit >= 0) & smooth[hit])
         own, point = hit[seen], rays.points(rays.directions(rows).take(seen, axis=1), hit[seen])
         to_light, distance = rays.toward_light(point)
         normals = rays.normals(own)
@@ -205,12 +183,12 @@ def terminator(
         each, which = np.unique(own, return_inverse=True)
         shape = geometry.select(each)
         corners = shape.vertices.reshape(-1, 3, 3)[which], shape.shading_normals[which].astype(np.float64)
-        surface = smooth_points(point, *corners, normals)
-        shading = np.where(rays.in_cone(to_light), dot(surface.normal, to_light), 0.0)
+        position, normal = smooth_points(point, *corners, normals)
+        shading = np.where(rays.in_cone(to_light), dot(normal, to_light), 0.0)
         cosine, facets = np.zeros(len(hit), dtype=np.float32), np.zeros(len(hit), dtype=np.bool_)
         cosine[seen] = np.clip(shading, 0.0, 1.0)
         dark = np.flatnonzero((shading > GRAZING) & (shadowed | ~receivers)[part][seen])
-        lifted = surface.position[:, dark]
+        lifted = position[:, dark]
         to_light, distance = rays.toward_light(lifted)
         smooth_rays = flat.select(dark)._replace(
             point=lifted, to_light=to_light, distance=distance, cosine=shading[dark]
@@ -218,9 +196,9 @@ def terminator(
         free = dark[~rays.occluded(rays.shadow_rays(smooth_rays, delta))]
         facets[seen[free]] = True
         faced = flat.select(free[receivers[part][seen[free]]])
-        nearest = rays.nearest_casters(faced, delta)
-        facets[faced.rays] = (nearest < 0) | (mesh_of(nearest) == mesh_of(faced.triangle))
+        nearest, _ = rays.nearest_casters(faced, delta)
+        facets[faced.rays] = (nearest < 0) | (mesh[nearest] == mesh[faced.triangle])
         return cosine, facets
 
-    cosine, facets = zip(*over_slices(trace_rows, rays.size, rows_a_slice(rays.size)), strict=True)
+    cosine, facets = zip(*over_rows(trace_rows, rays.size), strict=True)
     return {"shading_cosine": np.concatenate(cosine), "facet_shadow": np.concatenate(facets)}

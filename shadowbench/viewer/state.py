@@ -15,7 +15,7 @@ from pydantic import Field
 from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
 from shadowbench.files import check_outputs, data_folder, replace_file
-from shadowbench.measure.rows import read_run_file, stream_rows
+from shadowbench.measure.rows import read_rows, read_run_file
 from shadowbench.options import FIRST, VIEW_SIZE, SceneOptions
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.assumed import GROUND_SIDE, content_of
@@ -187,7 +187,7 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
 
     key: of its row, or the beginning of it. Raises InputError if there is no such row, or if its scene is not found.
     """
-    rows = [row for row, _ in stream_rows(folder / "rows.jsonl") if row["kind"] == "score"]
+    rows = [row for row in read_rows(folder / "rows.jsonl")[0] if row["kind"] == "score"]
     cells = {row["key"]: row for row in rows if row["key"].startswith(key)}
     if len(cells) != 1:
         count = f"{len(cells)} cells begin so" if cells else "no such cell"

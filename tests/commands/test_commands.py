@@ -23,7 +23,7 @@ from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
-from shadowbench.truths.embree import packet_width
+from shadowbench.truths.embree import default_device
 from shadowbench.truths.trace import trace
 
 Shadowbench = Callable[..., Any]
@@ -234,11 +234,11 @@ def test_list_names_each_kind_with_parameters_presets_values_and_plug_ins(shadow
 def test_doctor_names_the_device_and_the_clock(
     shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(measure_machine, "SERIES", 1)
+    monkeypatch.setattr(measure_machine, "ROUNDS", 3)
     monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path))  # Doctor counts truths, and other tests trace meanwhile.
     found = json.loads(shadowbench("doctor", "--json").out)
     assert {"machine", "versions", "opengl", "embree", "truth_cache"} == set(found)
-    assert found["embree"]["rays_at_once"] == f"{packet_width()}, native to this processor"
+    assert found["embree"]["rays_at_once"] == f"{default_device().width}, native to this processor"
     assert {"renderer", "version", "clock", "max_map_size", "why_this_clock"} <= set(found["opengl"])
     assert found["versions"]["shadowbench"] == __version__
     printed, quiet = (shadowbench("doctor", *flags) for flags in ([], ["-q"]))

@@ -62,7 +62,7 @@ def engine(tmp_path: Path, view: View, monkeypatch: pytest.MonkeyPatch) -> Itera
     (site / "fake-1.0.dist-info" / "entry_points.txt").write_text(ENTRY_POINTS)
     monkeypatch.syspath_prepend(site)
     monkeypatch.delitem(sys.modules, "fake_engine_package", raising=False)
-    monkeypatch.setenv("SHADOWBENCH_ENGINES", str(tmp_path / "engines"))
+    monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "cache"))
     for table in (registry.engines, registry.preset_names):
         table.cache_clear()
     fake = registry.engines()["fake"]

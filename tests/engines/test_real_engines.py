@@ -1,6 +1,6 @@
 """Engines themselves, installed from their lock files: an independent truth, and the presets named after them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +17,17 @@ SIZE = ["--view-size", "256", "--rounds", "0"]
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> None:
+def installed() -> Iterator[None]:
     """three.js, Babylon.js and OGRE; where they have been installed before, nothing is downloaded."""
     from shadowbench.engines.programs import install, needed_programs
     from shadowbench.plugin.registry import engines
 
-    for name in ("three", "babylon", "ogre"):
-        assert not needed_programs(engines()[name])
-        install(engines()[name])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("SHADOWBENCH_CACHE")
+        for name in ("three", "babylon", "ogre"):
+            assert not needed_programs(engines()[name])
+            install(engines()[name])
+        yield
 
 
 def test_ogre_s_shadow_volumes_agree_with_the_truth(tmp_path: Path, shadowbench: Command) -> None:

@@ -18,7 +18,7 @@ from shadowbench.masks.export import (
     glb_of,
     light_box,
 )
-from shadowbench.measure.scoring import depths
+from shadowbench.measure.scoring import positions
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.masks import read_mask
@@ -137,8 +137,8 @@ def test_the_nearest_surface_is_the_nearest_that_is_seen(builtin: Callable[..., 
     """As far as between two pixels; the camera of two scenes is within their bounds."""
     view = builtin(name, SIZE)
     hit = trace(view, 1).triangle
-    seen = float(depths(view, hit)[hit >= 0].min())
-    assert 0.99 * seen < describe(view, name)["camera"]["nearest"] <= seen
+    seen = float((positions(view, hit) @ -view.camera.basis()[2])[hit >= 0].min())
+    assert 0.99 * seen < describe(view, name)["camera"]["nearest"] <= seen * (1 + 1e-12)
 
 
 def test_the_written_matrices_lead_to_the_pixel_centres_that_are_traced(

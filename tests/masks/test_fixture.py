@@ -38,9 +38,6 @@ class TestOther:
 def test_flipped(shadow_accuracy):
     shadow_accuracy("flipped.png", scene="stairs")
 
-def test_of_one_view(shadow_accuracy):
-    shadow_accuracy("mask.png", scene="stairs.npz", sun=True)
-
 def test_metric(shadow_accuracy):
     shadow_accuracy("mask.png", scene="stairs").iuo
 
@@ -90,7 +87,6 @@ def test_a_failure_says_what_is_wrong_and_each_saves_a_picture_of_its_own(printe
 
 
 def test_bad_input_is_a_failure_of_one_line(printed: str) -> None:
-    assert "--sun: stairs.npz is the truth of one view; allowed: a scene, with --sun" in printed
     assert "flipped.png: is flipped vertically, against the truth of stairs" in printed
     assert "AttributeError: 'iuo' is not a metric; allowed: iou, iou_soft" in printed
     assert "score: found MASK and --lit; allowed: MASK; or --lit and --shadowed" in printed

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.promises.conftest import Study, by_spec, study_text, table, unsigned
+from tests.promises.conftest import Study, study_text, table, unsigned
 
 SMALL = study_text("unshadowed", "shadow-map:size=64")
 TWO_SCENES = study_text(
@@ -57,26 +57,6 @@ def test_rounds_come_later_without_scoring_again(study: Study) -> None:
     assert [row["reference"] for row in times] == ["unshadowed"] * 6 + ["shadow-map:size=32"] * 2
     keys = {row["spec"]: row["key"] for row in study.rows("score")}
     assert {row["reference_key"] for row in times[:6]} == {keys["unshadowed"]}, "that of its own row"
-
-
-@pytest.mark.slow
-def test_a_changed_default_measures_only_what_changed(study: Study, half: Path, tmp_path: Path) -> None:
-    """Also of the reference: its times are then another's denominator."""
-    plugin = tmp_path / "half.py"
-    plugin.write_text(half.read_text())
-    study.plugins = (plugin,)
-    text = replaced('"unshadowed"', '"half"')
-    assert study.added(text) == (2, 2)
-    plugin.write_text(half.read_text().replace("param(0.5", "param(0.25"))
-    assert study.added(text) == (1, 2)
-    first, second = (row for row in study.rows("score") if row["spec"] == "half")
-    assert first["mask_sha256"] != second["mask_sha256"] and first["key"] != second["key"]
-    references = [row["reference_key"] for row in study.rows("time")]
-    assert references == [first["key"]] * 2 + [second["key"]] * 2
-    plugin.write_text(half.read_text())
-    assert study.added(text) == (0, 1), "that of the shadow map, whose last time has the other reference"
-    assert study.added(text) == (0, 0)
-    assert by_spec(study.folder)["half"]["key"] == first["key"]
 
 
 def test_another_machine_times_again_and_scores_nothing_again(study: Study) -> None:

@@ -24,10 +24,10 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 
 @pytest.fixture
 def arguments(tmp_path: Path, half: Path, wild: Path) -> Callable[..., list[str | Path]]:
-    """Arguments of a run with a technique that waits until a file exists, at this position among the techniques."""
+    """Arguments of a run with a technique that waits until a file exists, behind the first of others."""
 
-    def make(place: int, gate: str = GATE, folder: str = "out") -> list[str | Path]:
-        flags = [word for spec in (*OTHERS[:place], gate, *OTHERS[place:]) for word in ("-t", spec)]
+    def make(gate: str = LATE_GATE, folder: str = "out") -> list[str | Path]:
+        flags = [word for spec in (OTHERS[0], gate, *OTHERS[1:]) for word in ("-t", spec)]
         plugins = ["--plugin", half, "--plugin", wild]
         return [
             "run", "cube-on-plane", *flags, *plugins, "--view-size", "64", "--rounds", "2", "-o", tmp_path / folder,
@@ -36,67 +36,23 @@ def arguments(tmp_path: Path, half: Path, wild: Path) -> Callable[..., list[str 
     return make
 
 
-@pytest.fixture
-def undisturbed(shadowbench: Any, arguments: Any, tmp_path: Path, records: Records, monkeypatch: Any) -> Any:
-    """The score records of the same run without interruption."""
-
-    def run(place: int, gate: str) -> list[Record]:
-        monkeypatch.setenv("GATE", str(tmp_path))
-        assert shadowbench(*arguments(place, gate, "whole")).code == 0
-        return records(tmp_path / "whole", "score")
-
-    return run
-
-
-@pytest.mark.parametrize(
-    ("place", "gate", "rows"),
-    [(0, GATE, 0), (3, GATE, 3), (1, LATE_GATE, 4)],
-)
-@pytest.mark.slow
-def test_a_killed_run_resumes_with_the_same_results(
-    start: Any, shadowbench: Any, arguments: Any, undisturbed: Any, records: Records, tmp_path: Path,
-    place: int, gate: str, rows: int,
-) -> None:  # fmt: skip
-    out = tmp_path / "out"
-    killed = start(*arguments(place, gate), GATE=tmp_path / "shut")
-    killed.until(lambda: len(records(out)) == rows and (out / "truth").is_dir() and killed.family())
-    family = killed.family()
-    killed.process.kill()
-    killed.end()
-    assert family and gone(family)
-    before = (out / "rows.jsonl").read_text()
-    assert len(before.splitlines()) == rows and (out / "writing.lock").exists()
-
-    whole = undisturbed(place, gate)  # whose gate is open, as is that of the next
-    answer = shadowbench(*arguments(place, gate))
-    assert answer.code == 0, answer.err
-    assert (out / "rows.jsonl").read_text().startswith(before)
-    keys = [(record["kind"], record["key"]) for record in records(out)]
-    assert len(keys) == len(set(keys)) == 8
-    assert unsigned(records(out, "score")) == unsigned(whole)
-    assert not (out / "writing.lock").exists()
-
-
 def test_while_a_run_goes_on_its_rows_are_on_disk_and_no_other_writes_into_its_folder(
-    start: Any, shadowbench: Any, arguments: Any, undisturbed: Any, records: Records, tmp_path: Path
+    start: Any, shadowbench: Any, arguments: Any, records: Records, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What a killed run left half-written is removed, but not while it may still be written."""
+    """Killed, it resumes; what it left half-written is removed, but not while it may still be written."""
     out = tmp_path / "out"
     for name in ("masks", "truth", "pictures", "differences"):
         (out / name).mkdir(parents=True)
         (out / name / ".a.0123456789ab.png").touch()
         (out / name / ".mine.png").touch()
     (out / "rows.jsonl").touch()
-    killed = start(*arguments(1, LATE_GATE), GATE=tmp_path / "shut")
+    killed = start(*arguments(), GATE=tmp_path / "shut")
     killed.until(lambda: len(records(out)) == 4)
     images = {file.stem for file in (out / "masks").glob("[!.]*")}
     assert images == {record["key"] for record in records(out)}, "a row promises its images"
     assert sorted(file.name for file in out.rglob(".*")) == [".mine.png"] * 4
     (out / "masks" / ".b.0123456789ab.png").touch()
-    for command in (
-        arguments(1, LATE_GATE),
-        ["recommend", "stairs", "-o", out],
-    ):
+    for command in (arguments(), ["recommend", "stairs", "-o", out]):
         answer = shadowbench(*command)
         assert (answer.code, answer.err) == (
             2, f"shadowbench: {out}: another run writes into it; wait for it, or choose another with -o\n",
@@ -106,11 +62,15 @@ def test_while_a_run_goes_on_its_rows_are_on_disk_and_no_other_writes_into_its_f
     killed.process.kill()
     killed.end()
     assert family and gone(family)
+    before = (out / "rows.jsonl").read_text()
     with (out / "rows.jsonl").open("a") as stream:
         stream.write('{"schema": 1, "kin')
-    whole = undisturbed(1, LATE_GATE)
-    assert shadowbench(*arguments(1, LATE_GATE)).code == 0
-    assert unsigned(records(out, "score")) == unsigned(whole) and len(records(out)) == 8
+    monkeypatch.setenv("GATE", str(tmp_path))
+    for folder in ("out", "whole"):
+        assert shadowbench(*arguments(folder=folder)).code == 0
+    assert (out / "rows.jsonl").read_text().startswith(before)
+    assert unsigned(records(out, "score")) == unsigned(records(tmp_path / "whole", "score"))
+    assert len({(record["kind"], record["key"]) for record in records(out)}) == len(records(out)) == 8
     assert sorted(file.name for file in out.rglob(".*")) == [".mine.png"] * 4
 
 
@@ -118,7 +78,7 @@ def test_while_a_run_goes_on_its_rows_are_on_disk_and_no_other_writes_into_its_f
 def test_a_worker_deep_in_c_does_not_outlive_its_run(
     start: Any, arguments: Any, records: Records, tmp_path: Path
 ) -> None:
-    killed = start(*arguments(1, "does:what=hold"))
+    killed = start(*arguments("does:what=hold"))
     killed.until(lambda: len(records(tmp_path / "out")) == 1)
     family = killed.family()
     killed.process.kill()
@@ -140,7 +100,7 @@ def test_a_run_stops_without_a_word_too_many(
 ) -> None:  # fmt: skip
     out, rows = tmp_path / "out", 1 if gate == GATE else 4
     warnings = "always::ResourceWarning"  # no process is left to the garbage collector
-    stopped = start(*arguments(1, gate), GATE=tmp_path / "shut", PYTHONWARNINGS=warnings)
+    stopped = start(*arguments(gate), GATE=tmp_path / "shut", PYTHONWARNINGS=warnings)
     stopped.until(lambda: len(records(out)) == rows)
     family = stopped.family()
     if sent == signal.SIGINT:
@@ -155,7 +115,7 @@ def test_a_run_stops_without_a_word_too_many(
     assert family and gone(family)
     assert len(records(out)) == rows
     monkeypatch.setenv("GATE", str(tmp_path))
-    assert shadowbench(*arguments(1, gate), "--json").code == 0
+    assert shadowbench(*arguments(gate), "--json").code == 0
     assert len(records(out)) == 8
 
 

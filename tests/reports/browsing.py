@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -22,11 +21,9 @@ def chromium() -> Iterator[Browser]:
 
 
 @contextmanager
-def visiting(
-    browser: Browser, file: Path, address: str = "", width: int = 1400, height: int = 900, **given: Any
-) -> Iterator[Page]:
+def visiting(browser: Browser, file: Path) -> Iterator[Page]:
     """Opens a page from the disk and waits until it is drawn; messages, errors and other requests fail the test."""
-    page = browser.new_page(viewport={"width": width, "height": height}, **given)
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
     complaints: list[str] = []
     page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
     page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -35,7 +32,7 @@ def visiting(
         "request",
         lambda request: None if request.url.startswith(("file:", "data:")) else complaints.append(request.url),
     )
-    page.goto(file.as_uri() + address)
+    page.goto(file.as_uri())
     page.evaluate("window.drawn")
     yield page
     page.close()

@@ -242,13 +242,6 @@ def write_folder(folder: Path, records: Sequence[dict[str, Any]], about: dict[st
     return folder
 
 
-def write_sweep(folder: Path, cells: Sequence[Cell], base: str, factors: dict[str, float]) -> None:
-    """Write the `table.csv` of a run whose specs have the bias of a base multiplied by these factors."""
-    swept = [one for one in cells if one.spec in factors]
-    lines = [f'{one.key},"{one.spec}",{one.map_size},{base},{factors[one.spec]}' for one in swept]
-    (folder / "table.csv").write_text("\n".join(["key,spec,map_size,bias_of,bias_factor", *lines]), encoding="utf-8")
-
-
 @pytest.fixture
 def run_folder(tmp_path) -> Callable[..., Path]:
     """Writes a run folder."""

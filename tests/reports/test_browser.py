@@ -1,4 +1,4 @@
-"""The report of a run and a sweep in a real browser: charts, interaction, print, and no network access."""
+"""The report of a run and a sweep in a real browser: charts, interaction, and no network access."""
 
 import re
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from shadowbench.results.frame import read_folders
 from shadowbench.results.summary import summaries
 from shadowbench.scores.difference import FACETS, FALSE_LIGHT
 from tests.reports.browsing import visiting
-from tests.reports.conftest import CELLS, POINTS, Cell, run_file, write_folder, write_sweep
+from tests.reports.conftest import CELLS, POINTS, Cell, run_file, write_folder
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -29,10 +29,9 @@ STAIRS = "stairs, 32² view"
 
 
 def write_page(page: Path) -> Path:
-    """The report on a run with these cells, a bias sweep among them, and a sweep of `stress`."""
+    """The report on a run with these cells and a sweep of `stress`."""
     rows = {"run": [row for cell in KNOWN for row in cell.records()], "sweep": [point.record() for point in POINTS]}
     folders = [write_folder(page.parent / name, rows[name], run_file(True, "A"), True) for name in rows]
-    write_sweep(folders[0], CELLS, "shadow-map", {"shadow-map:bias=none": 0.0, "shadow-map": 1.0})
     runs, sweeps = read_folders(folders)
     write_report([(run, summaries(run)) for run in runs], sweeps, page, "html")
     return page
@@ -128,14 +127,6 @@ def test_every_chart_is_drawn_with_all_of_its_points_inside(page) -> None:
                 assert box is not None
                 assert frame["x"] <= box["x"] and box["x"] + box["width"] <= frame["x"] + frame["width"]
                 assert frame["y"] <= box["y"] and box["y"] + box["height"] <= frame["y"] + frame["height"]
-    assert not page.locator("#biases").is_visible(), "a scene of soft shadows"
-    choose_scene(page, STAIRS)
-    assert marks(page.locator("#biases .chart")).count() == 5 and "×" in told(page, marks(page.locator(".bias")).first)
-    passes = page.locator(".chart.passes")
-    before = marks(passes, "rect").count()
-    page.locator("#pass-size").select_option(label="2048")
-    page.wait_for_timeout(500)
-    assert 0 < marks(passes, "rect").count() < before, "fewer specs were drawn at that size"
 
 
 def test_a_point_tells_what_it_is_and_a_click_shows_its_picture(page) -> None:
@@ -172,7 +163,7 @@ def test_eight_specs_at_most_are_shown_each_with_a_look_of_its_own(page) -> None
     assert all(after[spec] == look for spec, look in before.items() if spec in after), "a look stays with its spec"
 
 
-# The wipe, and the errors
+# The wipe
 
 
 def test_the_wipe_is_moved_by_slider_keys_and_drag(page) -> None:
@@ -228,34 +219,6 @@ def test_any_two_can_be_wiped_as_shaded_as_mask_or_as_difference(page) -> None:
     assert box.get_by_text("dark facets of smooth surfaces").is_visible()
 
 
-def test_thumbnails_show_the_errors_worst_or_best_first_and_lead_to_them(page) -> None:
-    sheet = page.locator("#errors .sheet")
-
-    def scores() -> list[float]:
-        return [float(text.removeprefix("IoU ")) for text in sheet.locator("b").all_inner_texts()]
-
-    worst = scores()
-    assert worst == sorted(worst) and worst[0] < 0.1 < worst[-1]
-    page.locator("#errors-order").select_option("best first")
-    page.evaluate("window.drawn")
-    assert scores() == worst[::-1]
-    assert sheet.locator("button").count() == len(set(page.evaluate("first.cells.map((cell) => cell.spec)")))
-
-    def stained(button: Locator) -> bool:
-        return any(abs(red - blue) > 60 for red, _, blue in pixels(button.locator("canvas").first))
-
-    right = sheet.locator("button", has_text="ray-traced")
-    assert right.locator("canvas").count() == 1 and not stained(right)
-    wrong = sheet.locator("button", has_text="taps=8")
-    assert wrong.locator("canvas").count() == 2 and stained(wrong)
-    wrong.press("Enter")
-    page.wait_for_function("() => first.scale > 1")
-    assert page.locator("#viewer .tag.a").inner_text() == wrong.locator("span").inner_text()
-    assert page.locator("#viewer").get_by_role("radio", name="difference").is_checked()
-    page.locator("#errors-size").select_option("2048")
-    page.wait_for_function("() => document.querySelector('#errors .sheet').textContent.includes('at 2048')")
-
-
 # The table
 
 
@@ -291,56 +254,6 @@ def test_every_control_is_reached_by_keys_and_named(page) -> None:
     assert page.evaluate("[...document.images].filter(image => !image.hasAttribute('alt')).length") == 0
     page.keyboard.press("Tab")
     assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
-
-
-# The address
-
-
-def seen(page: Page) -> dict[str, object]:
-    """What a reader sees of the choices."""
-    settled(page)
-    return {
-        "scene": page.locator("#scene option:checked").inner_text(),
-        "pictures of": page.locator("#scene-shown").inner_text(),
-        "sides": [page.locator(f"#viewer .tag.{side}").inner_text() for side in "ab"],
-        "mode": page.locator("#viewer .modes input:checked").input_value(),
-        "lit": page.locator("#charts .legend [aria-pressed=true]").all_inner_texts(),
-        "errors": page.locator("#errors .sheet b").all_inner_texts(),
-    }
-
-
-def test_a_link_opens_the_same_choices_and_back_and_forward_go_through_them(browser, report) -> None:
-    def opened(address: str) -> dict[str, object]:
-        with visiting(browser, report, address) as other:
-            return seen(other)
-
-    with visiting(browser, report) as page:
-        first = seen(page)
-        assert "#" not in page.url
-        choose_scene(page, STAIRS)
-        stairs = seen(page)
-        page.locator("#viewer select.a").select_option(label="truth (ray traced)")
-        page.locator("#viewer select.b").select_option(index=3)
-        page.locator("#viewer").get_by_role("radio", name="difference").check()
-        page.locator("#errors-order").select_option("best first")
-        page.evaluate("window.drawn")
-        page.locator("#charts .legend [data-spec=ray-traced]").click()
-        chosen = seen(page)
-        assert chosen["sides"][0] == "truth" and chosen["mode"] == "difference" and "ray-traced" not in chosen["lit"]  # type: ignore[operator, index]
-        page.locator("nav a", has_text="Charts").click()
-        assert "scene=" in page.url, "a link within the page leaves the choices in the address"
-        assert opened("#" + page.url.partition("#")[2]) == chosen
-        for steps, expected in ((-5, stairs), (-1, first), (6, chosen)):
-            page.evaluate("steps => new Promise((done) => { onhashchange = done; history.go(steps); })", steps)
-            page.evaluate("window.drawn")
-            assert seen(page) == expected
-        choose_scene(page, "all hard scenes")
-        page.locator(".matrix:visible tbody").nth(1).locator("button").last.click()
-        page.evaluate("window.drawn")
-        overall = seen(page)
-        assert overall["scene"] == "all hard scenes" and overall["pictures of"] == "terrace, 32² view"
-        assert opened("#" + page.url.partition("#")[2]) == overall
-    assert opened("#scene=nowhere&left=nothing&mode=loud") == first
 
 
 # The sweep

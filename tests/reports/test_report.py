@@ -7,13 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
 from shadowbench.plugin.registry import preset_names
-from shadowbench.reports.gallery import difference
-from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from tests.reports.conftest import CELLS, POINTS, SIDE, Cell, galleries, parts_of
 
 SOFTWARE = "for trends only, not representative of a GPU"
@@ -103,15 +100,6 @@ def test_every_cell_has_its_pictures_in_the_page_and_missing_ones_are_named(run_
     assert shown["notes"] == ["run has no truth for some of these cells."]
     page = page_of(run_folder(name="none"))
     assert galleries(page) == [] and "neither pictures/ nor masks/ of these cells" in page
-
-
-def test_the_difference_is_signed() -> None:
-    truth = np.array([[0, 1], [1, 0]], dtype=np.float32)
-    mask = np.array([[1, 0], [1, 1]], dtype=np.float32)
-    picture = difference(mask, truth, np.array([[False, False], [False, True]]))
-    assert tuple(picture[0, 0]) == FALSE_LIGHT and tuple(picture[0, 1]) == FALSE_SHADOW
-    grey = picture[1]
-    assert (grey == grey[:, :1]).all() and grey[0, 0] > grey[1, 0], "also where it is undecided"
 
 
 # Other formats

@@ -7,18 +7,16 @@ from typing import Any
 
 import pytest
 
-from shadowbench.plugin.registry import engines, own_techniques, techniques
+from shadowbench.plugin.registry import engines, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.reports.gallery import scored_cells
-from shadowbench.reports.page import html_report, panels_of
-from shadowbench.reports.report import markdown_report
+from shadowbench.reports.report import html_report, markdown_report, panels_of
 from shadowbench.reports.texts import (
     accuracy_text,
     answer_texts,
     cost_note,
     digits,
     error_text,
-    fault_lines,
     mask_warnings,
     notes_of,
     run_facts,
@@ -31,7 +29,6 @@ from shadowbench.reports.texts import (
 from shadowbench.results.frame import read_runs
 from shadowbench.results.summary import Summary, Target, by_kind, over_scenes, summaries, targets_of
 from shadowbench.scores.metrics import METRICS
-from shadowbench.techniques import shadow_map as presets
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell, parts_of
 
 UNSUPPORTED = "unsupported: a lamp shines all round"
@@ -93,13 +90,6 @@ MATRICES = {
             "d": ["– best 0.8"] * 3,
         },
     ),
-    "without times the smallest map": (
-        UNTIMED,
-        {
-            "ray-traced": ["no map ray-traced"] * 3,
-            "shadow-map": ["map 512 shadow-map at 512", "map 2048 shadow-map at 2048", "– best 0.995"],
-        },
-    ),
     "one setting must reach it in every scene, and its mean counts": (
         (A, LARGE, elsewhere(A, error=0.04), elsewhere(LARGE, ms=11.0)),
         {"a": ["5.00 ms a at 512", "10.0 ms a at 1024", "– at best in 0 of 2 scenes"]},
@@ -113,13 +103,6 @@ MATRICES = {
     ),
     "what failed in a scene meets no target": (
         (A, B, elsewhere(B), elsewhere(A, error=None, ms=None, status="failed: the worker died")),
-        {
-            "b": ["50.0 ms b at 512"] * 2 + ["– at best in 0 of 2 scenes"],
-            "a": [f"– at best in {count} of 2 scenes" for count in (1, 1, 0)],
-        },
-    ),
-    "what is missing in a scene meets no target": (
-        (A, B, elsewhere(B)),
         {
             "b": ["50.0 ms b at 512"] * 2 + ["– at best in 0 of 2 scenes"],
             "a": [f"– at best in {count} of 2 scenes" for count in (1, 1, 0)],
@@ -174,12 +157,12 @@ def test_a_target_is_met_by_the_median_that_is_shown_with_its_range(measured) ->
     assert answer_texts(meets, met)[0] == "5.00 ms" and accuracy_text(meets, met) == "IoU 0.96 (0.94–0.98)"
     assert answer_texts(misses, missed) == ("–", "", "best 0.94 (0.92–0.96)") and not accuracy_text(misses, missed)
     ((_, picture),) = scored_cells(meets)
-    assert picture["score"] == "median IoU 0.96 (0.94–0.98)" and picture["error"] == pytest.approx(0.04)
+    assert picture["score"] == "median IoU 0.96 (0.94–0.98)"
     assert picture["caption"] == (
         "median IoU 0.96 (0.94–0.98) of 3, 5.00 ms (software renderer); picture: phase 0, IoU 0.94000, edge 6.00 px"
     )
     ((_, picture),) = scored_cells(measured(*phases(0.04))[0])
-    assert (picture["own"], picture["caption"]) == ("", "IoU 0.96000, edge 4.00 px, 5.00 ms (software renderer)")
+    assert picture["caption"] == "IoU 0.96000, edge 4.00 px, 5.00 ms (software renderer)"
     both = whole(measured(*phases(0.02, 0.04), *phases(0.01, 0.03, 0.04, scene="terrace")))
     (over,) = both.answers(both.candidates, both.targets[:1])
     assert accuracy_text(both, over) == "IoU 0.97 (0.96–0.98) in stairs", "the worst of the medians"
@@ -212,18 +195,10 @@ VERDICTS = {
         CELLS,
         [best(f"99% {SHARE}", "shadow-map at 2048", "20.0"), f"{NONE} gets 99.9% right.", f"{SCALE} 60.0 ms."],
     ),
-    "ray tracing for scale only": (
-        (TRACED, DRAWN),
-        [best(f"99% {SHARE}", "shadow-map at 512", "9.00"), f"{NONE} gets 99.9% right.", f"{SCALE} 5.00 ms."],
-    ),
     "ray tracing alone": ((TRACED,), [f"{NONE} has a score.", f"{SCALE} 5.00 ms."]),
     "a shader that traces rays is not the CPU": (
         (DRAWN, SHADER, replace(TRACED, ms=60.0)),
         [best(f"99% {SHARE}", "shadow-map at 512", "9.00"), f"{NONE} gets 99.9% right.", f"{SCALE} 60.0 ms."],
-    ),
-    "nor alone": (
-        (DRAWN, SHADER),
-        [best(f"99% {SHARE}", "shadow-map at 512", "9.00"), f"{NONE} gets 99.9% right."],
     ),
     "without times": (
         [cell for cell in UNTIMED if cell.spec == "shadow-map"],
@@ -257,19 +232,6 @@ VERDICTS = {
         SOFT,
         [best("RMSE ≤ 0.02", "blurred at 512", "8.00"), "RMSE ≤ 0.01 takes `sampled`, 90.0 ms (× 11.2)."],
     ),
-    "the closest of soft ones": (
-        SOFT[1:2],
-        [f"{NONE} reaches RMSE ≤ 0.05.", "Closest: `sharp at 512`, RMSE 0.100."],
-    ),
-    "what recommend never chooses is not the cheapest": (
-        (SAMPLES, Cell("unshadowed", None, 0.1, 1.0, rmse_pen=0.06), SOFT_TRACED),
-        [f"{NONE} has a score.", f"{SCALE} 9.00 ms."],
-    ),
-    "what recommend may choose is": (
-        (SAMPLES, Cell("shadow-map", 512, 0.004, 20.0, rmse_pen=0.06)),
-        [best("RMSE ≤ 0.02", "shadow-map at 512", "20.0"), f"{NONE} reaches RMSE ≤ 0.01."],
-    ),
-    "no technique": ((Cell("unshadowed", None, 1.0, 1.0),), [f"{NONE} has a score."]),
     "no shadow": ((Cell("shadow-map", 512, 1.0, 5.0),), [f"{NONE} draws a shadow where one should be."]),
     "not in every phase": ((A, LOST), ["Nothing here has a score in each of its cells."]),
     "no score": ((replace(LOST, phase=0),), ["Nothing here has a score."]),
@@ -327,7 +289,7 @@ def test_every_cost_of_a_page_is_in_one_currency(measured) -> None:
     page = html_report([(scene.run, [scene])], [])
     (data,) = parts_of(page)
     assert data["columns"][0] == "predicted ms" and not {"cost, ms", "IQR, ms", "× reference"} & {*data["columns"]}
-    assert data["charts"]["passes"] == [], "times of the renderer that drew"
+    assert data["charts"]["passes"] is None, "times of the renderer that drew"
     shown = {(row["spec"], row["map"]): row["values"]["predicted ms"][1] for row in data["rows"]}
     assert shown["shadow-map", 512] == "0.270" and shown["hybrid", 512] == "–" and shown["unshadowed", None] == "0"
     for text in (json.dumps(data), markdown_report([(scene.run, [scene])], [])):
@@ -408,16 +370,6 @@ def test_maps_scored_in_one_phase_have_a_note(measured) -> None:
     assert facts == ["1", "2 of shadow-map; 1 of all others"]
 
 
-def test_soft_cells_say_what_is_wrong_and_how_much(measured) -> None:
-    """All metrics of these cells are ½: too light, noisy and flat; hard ones have no such words."""
-    (soft,), (hard,) = measured(*SOFT), measured()
-    for _, cell in scored_cells(soft):
-        assert cell["faults"][0].startswith("penumbra width: half of those drawn are at least 1.4 times")
-    assert not any(fault_lines(hard, one) for one in hard.shown)
-    bled = SimpleNamespace(**vars(soft.shown[0]) | {"bleed": 0.75})
-    assert any("mean visibility is 0.75, not 0" in line for line in fault_lines(soft, bled))
-
-
 def test_a_score_below_the_error_of_the_truth_is_no_number_and_a_width_has_a_direction(measured) -> None:
     (scene,) = measured(*SOFT)
     (one,) = [one for one in scene.shown if one.spec == "sampled"]
@@ -440,7 +392,3 @@ def test_a_preset_named_after_an_engine_is_not_said_to_be_its_picture(measured) 
         text = parse_spec(spec, techniques() | engines()).sizeless_text
         notes = [note for note in notes_of(measured(Cell(text, 512, 0.1, 3.0))[0]) if "draw its parameters in" in note]
         assert [named in note for note in notes] == [True] * (named is not None)
-    declared = {name.lower() for name, value in vars(presets).items() if name.isupper() and isinstance(value, str)}
-    named_ones = {name for one in own_techniques() for name in one.presets}
-    ours = {"course", "constant", "webgl", "offset", "dither", "fixed"}
-    assert set(presets.ENGINES) == declared & named_ones == named_ones - ours

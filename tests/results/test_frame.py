@@ -99,9 +99,9 @@ BAD = {
     "no cell": (
         "rows.jsonl",
         '{"schema": 1, "kind": "score"}\n',
-        r"line 1: score\.scene: found none; it must be given",
+        r"line 1: score\.key: found none; it must be given",
     ),
-    "no axis": ("rows.jsonl", LINE.replace("home_spec", "home") + "\n", r"line 1: score: found no home_spec; it must"),
+    "no axis": ("rows.jsonl", LINE.replace("home_spec", "home") + "\n", r"line 1: found no home_spec; it must"),
     "no JSON": ("run.json", "[", r"run\.json: found no JSON \(EOF .*\); allowed: a JSON object"),
     "a sweep": ("rows.jsonl", LINE + "\n", r"found a sweep of `shadowbench stress`; allowed: a folder of a run"),
     "both": ("rows.jsonl", "+" + LINE + "\n", r"found cells of `run` and of `stress`; allowed: those of one"),

@@ -29,6 +29,7 @@ class Rig:
 
     def __init__(self) -> None:
         self.blob = b""
+        self.rows: list[NDArray[np.float64]] = []  # of accessors, with fractions for normalised integers
         self.json: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}]}
         self.json |= {name: [] for name in ("nodes", "meshes", "skins", "animations", "accessors", "bufferViews")}
 
@@ -40,6 +41,8 @@ class Rig:
         row = {"componentType": CODES[dtype], "count": len(array), "type": TYPES[width], "normalized": normalized}
         self.json["accessors"].append({"bufferView": len(self.json["bufferViews"]), **row})
         self.json["bufferViews"].append(view)
+        scale = np.iinfo(array.dtype).max if normalized else 1.0
+        self.rows.append(np.maximum(array / scale, -1.0) if normalized else array.astype(np.float64).reshape(-1, width))
         self.blob += array.tobytes() + b"\0" * (-array.nbytes % 4)
         return len(self.json["accessors"]) - 1
 
@@ -141,33 +144,6 @@ def _swing(seed: int, count: int = 4) -> NDArray[np.float64]:
     return values / np.linalg.norm(values, axis=1, keepdims=True)
 
 
-def bent() -> Rig:
-    """A tube bent by rotations of four joints, below a node that is itself turned and scaled."""
-    rig, (points, faces) = Rig(), tube()
-    mesh = rig.mesh(points, faces, **rig.influences(*_weights(points)))
-    rig.json["nodes"] = [{"children": [1, 2], "scale": [1, 2, 0.5], "rotation": turn([1, 2, 3], 40).tolist()}]
-    rig.json["nodes"].append({"mesh": mesh, "skin": 0, "translation": [9, 9, 9]})
-    joints = _chain(rig, 2)
-    rig.skin(joints, _inverse())
-    rig.clip(*((joint, "rotation", TIMES, _swing(joint)) for joint in joints))
-    return rig
-
-
-def spline() -> Rig:
-    """Nodes along cubic splines, without a skin."""
-    rig, (points, faces), chance = Rig(), tube(), _chance(5)
-    rig.json["nodes"] = [{"children": [1], "mesh": rig.mesh(points, faces)}, {"mesh": 0, "scale": [0.5, 0.5, 0.5]}]
-    keys = [chance.normal(size=(12, 3)) for _ in range(2)]
-    turns = chance.normal(scale=0.3, size=(12, 4)) + np.array([0, 0, 0, 1])
-    rig.clip(
-        (0, "translation", TIMES, keys[0]),
-        (1, "scale", TIMES, keys[1]),
-        (1, "rotation", TIMES, turns),
-        kind="CUBICSPLINE",
-    )
-    return rig
-
-
 def morphing() -> Rig:
     """Three targets, whose weights are animated; beside it the same mesh with weights of its own, and of the node."""
     rig, (points, faces), chance = Rig(), tube(), _chance(6)
@@ -260,7 +236,7 @@ def sheared() -> Rig:
 
 
 RIGS: dict[str, Callable[[], Rig]] = {
-    make.__name__: make for make in (bent, spline, morphing, morphed_skin, eight_joints, quantised, two_skins, sheared)
+    make.__name__: make for make in (morphing, morphed_skin, eight_joints, quantised, two_skins, sheared)
 }
 
 

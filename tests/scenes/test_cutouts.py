@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shadowbench.scenes.cutouts import SUBTEXELS, Cutout, cut_out, cut_out_triangles
+from shadowbench.scenes.cutouts import SUBTEXELS, Cutout, cut_out
 from shadowbench.scenes.meshes import placed
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.triangles import Triangles
@@ -46,32 +46,6 @@ def test_an_alpha_equal_to_the_cutoff_is_opaque(alpha, factor, cutoff, vertex, n
     texels = np.full((6, 6), alpha, np.uint8)
     assert cut_out(texels, factor * vertex, float(np.float32(cutoff)), nearest).share == 1.0
     assert cut_out(texels - 1, factor * vertex, float(np.float32(cutoff)), nearest).share == 0.0
-
-
-@pytest.mark.parametrize("nearest", [True, False])
-def test_vertex_alphas_are_interpolated_across_a_triangle(nearest: bool) -> None:
-    """As a bitmap per triangle: off only near the contour."""
-    random, wrap = np.random.default_rng(4), ("repeat", "mirror")
-    coordinates = random.uniform(-1, 2, (6, 3, 2)).astype(np.float32)
-    vertex = random.uniform(0, 1, (6, 3)).astype(np.float32)
-    cutout, places = cut_out_triangles(NOISE, 0.9, 0.3, nearest, wrap, coordinates, vertex)
-    weights = random.dirichlet(np.ones(3), (6, 1000))
-    weights[:, :3] = np.eye(3)
-    at = np.einsum("fnk,fkj->fnj", weights, coordinates).reshape(-1, 2)
-    alpha = alpha_at(NOISE, nearest, wrap, at).reshape(6, -1) * np.einsum("fnk,fk->fn", weights, vertex) * 0.9
-    opaque = cutout.opaque(np.einsum("fnk,fkj->fnj", weights, places))
-    assert ((alpha >= 0.3 * 255) != opaque).mean() < (0.15 if nearest else 0.04)
-    assert 0.1 < opaque.mean() < 0.9
-
-
-def test_of_one_texel_a_vertex_alpha_has_a_straight_contour() -> None:
-    vertex = np.array([[0.0, 1.0, 0.5]], np.float32)
-    cutout, places = cut_out_triangles(
-        np.full((1, 1), 255, np.uint8), 1.0, 0.5, False, ("clamp", "clamp"), None, vertex
-    )
-    weights = np.random.default_rng(5).dirichlet(np.ones(3), 2000)
-    alpha, opaque = weights @ vertex[0], cutout.opaque(weights @ places[0])
-    assert (opaque == (alpha >= 0.5))[np.abs(alpha - 0.5) > 1 / 16].all()
 
 
 def test_what_a_mesh_has_by_corner_follows_its_triangles() -> None:

@@ -1,5 +1,6 @@
 """glTF files: cameras, lights, nodes, notes and errors."""
 
+import base64
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -98,34 +99,18 @@ def test_an_invalid_or_unsupported_gltf_is_one_line_that_names_the_place(gltf_fi
         ({"indices": np.array([0, 1])}, ["2 corners of triangles; allowed are multiples of 3"]),
         ({"primitive": {"attributes": {}}}, ["no POSITION"]),
         (with_lens({"yfov": 0.0, "znear": 0.1}), ["yfov"]),
-        (with_lens({"yfov": 1.0, "znear": 2.0, "zfar": 1.0}), ["znear"]),
         (with_light({"type": "area"}), ["lights 1.type: found 'area'; allowed: 'directional', 'point' or 'spot'"]),
         (with_light({"type": "spot", "spot": {"outerConeAngle": -1}}), ["outerConeAngle"]),
-        ({"accessor": {"count": 10**10}}, ["accessors 1", "10000000000 elements"]),
         ({"accessor": {"byteOffset": 12}}, ["accessors 1", "byte 48", "36"]),
         ({"accessor": {"type": "VEC2"}}, ["accessors 1", "VEC3"]),
         ({"accessor": {"bufferView": 5}}, ["accessors 1.bufferView", "5", "0 to 1"]),
         ({"bufferViews": [{"buffer": 0, "byteOffset": 40, "byteLength": 36}] * 2}, ["bufferViews 1", "76", "48"]),
         ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 0}]}]}, ["accessors 1", "unsigned"]),
         ({"nodes": [{"mesh": 0, "translation": [1, "x", 2]}]}, ["translation", "'x'"]),
-        ({"nodes": [{"mesh": 0, "rotation": [0, 0, 0, 0]}]}, ["nodes 1.rotation", "four zeros", "allowed"]),
         ({"asset": {"version": 2}}, ["version"]),
-        (
-            {
-                "nodes": [{"mesh": 0, "camera": 0}] * 1001,
-                "scenes": [{"nodes": [0]}],
-                "cameras": [{"type": "orthographic"}],
-            },
-            ["1001 cameras", "1000"],
-        ),
         ({"nodes": [{"mesh": 0}] * 50_001}, ["nodes", "50000"]),
         ({"bufferViews": [{"buffer": 0, "byteLength": 44, "byteStride": 4}] * 2}, ["accessors 1", "byteStride of 4"]),
-        (
-            {"positions": np.zeros((6, 4), np.uint16), "accessor": {"min": [1, 1, 1], "max": [9, 9, 9]}},
-            ["accessors 1", "from (0, 0, 0) to (0, 0, 0)", "(1, 1, 1) to (9, 9, 9)", "byteStride"],
-        ),
-        ({"primitive": {"mode": 0}}, ["1 primitive(s) of points or lines", "no triangles"]),
-        ({"primitive": {"mode": 0}, "extensionsUsed": ["KHR_gaussian_splatting"]}, ["Gaussian splats"]),
+        ({"primitive": {"mode": 0}}, ["holds no triangles"]),
     ):
         refused(gltf_file(**parts), "model.gltf", *words)
 
@@ -210,17 +195,6 @@ def test_quantised_positions_are_scaled_to_fractions(gltf_file: Gltf) -> None:
     assert mesh.vertices.max() == pytest.approx(1.0)
 
 
-def test_shorts_padded_without_a_stride_contradict_their_bounds(gltf_file: Gltf) -> None:
-    """Eight bytes an element, as if six; with the byteStride that is missing they are read, with rounded bounds too."""
-    padded = np.zeros((3, 4), np.uint16)
-    padded[:, :3] = [[0, 0, 0], [900, 0, 0], [0, 500, 0]]
-    bounds = {"count": 3, "min": [0, 0, 0], "max": [900, 499.9, 0]}
-    refused(gltf_file(positions=padded, accessor=bounds, indices=np.arange(3)), "accessors 1", "(900, 499.9, 0)")
-    views = [{"buffer": 0, "byteLength": 24, "byteStride": 8}, {"buffer": 0, "byteOffset": 24, "byteLength": 12}]
-    (mesh, _) = load_scene(gltf_file(positions=padded, accessor=bounds, indices=np.arange(3), bufferViews=views)).meshes
-    assert mesh.bounds.tolist() == [[0, 0, 0], [900, 500, 0]]
-
-
 def test_a_glb_whose_json_ends_with_nul_is_read(gltf_file: Gltf) -> None:
     path = gltf_file("a.glb")
     data = bytearray(path.read_bytes())
@@ -230,3 +204,32 @@ def test_a_glb_whose_json_ends_with_nul_is_read(gltf_file: Gltf) -> None:
     padded[12:16], padded[8:12] = (end - 16).to_bytes(4, "little"), len(padded).to_bytes(4, "little")
     path.write_bytes(padded)
     assert len(load_scene(path).meshes) == 2
+
+
+@pytest.mark.parametrize("base", [True, False], ids=["a bufferView", "zeros"])
+def test_a_sparse_accessor_replaces_elements_of_its_base(gltf_file: Gltf, base: bool) -> None:
+    values, places = np.array([[0, 1, 2], [4, 5, 6]], np.float32), np.array([1, 4], np.uint8)
+    points = np.arange(15, dtype=np.float32).reshape(5, 3) ** 2
+    blob = points.tobytes() + np.array([0, 1, 4, 2, 4, 1], np.uint32).tobytes() + values.tobytes() + places.tobytes()
+    views = [(0, 60), (60, 24), (84, 24), (108, 2)]
+
+    def written(**changed: Any) -> Path:
+        sparse = {"count": 2, "indices": {"bufferView": 3, "componentType": 5121}, "values": {"bufferView": 2}}
+        position = {"componentType": 5126, "count": 5, "type": "VEC3", "sparse": sparse | changed}
+        return gltf_file(
+            accessors=[
+                position | ({"bufferView": 0} if base else {}),
+                {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR"},
+            ],
+            bufferViews=[{"buffer": 0, "byteOffset": start, "byteLength": length} for start, length in views],
+            buffers=[{"byteLength": 110, "uri": "data:;base64," + base64.b64encode(blob).decode()}],
+        )
+
+    expected = points if base else np.zeros((5, 3))
+    expected[places] = values
+    (mesh,) = read_meshes(written()).meshes
+    assert np.array_equal(mesh.vertices[mesh.faces], expected[[[0, 1, 4], [2, 4, 1]]])
+    refused(written(count=3), "accessors 1: 3 elements end at byte 3 of a bufferView of 2")
+    refused(written(indices={"bufferView": 3, "componentType": 5126}), "componentType")
+    views[3] = (59, 2)
+    refused(written(), "sparse: found index")

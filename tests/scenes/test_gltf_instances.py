@@ -58,8 +58,6 @@ def test_a_node_of_one_instance_is_not_numbered_and_of_none_draws_nothing(gltf_f
 def test_invalid_instances_are_one_line(gltf_file: Gltf) -> None:
     for attributes, words in (
         ({"TRANSLATION": PLACES, "SCALE": SIZES[:2]}, ["attributes of 2 and 3 elements differ"]),
-        ({"TRANSLATION": PLACES * np.float32(np.nan)}, ["'tree'", "infinite or undefined"]),
-        ({"ROTATION": TURNS * 0}, ["'tree'", "four zeros"]),
         ({"ROTATION": PLACES}, ["accessors 2: found VEC3", "allowed: VEC4"]),
         ({"SCALE": np.ones((50_001, 3), np.float32)}, ["50001 primitives", "50000"]),
     ):

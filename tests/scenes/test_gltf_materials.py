@@ -1,4 +1,4 @@
-"""What glTF materials cut out, and their textures."""
+"""What glTF materials cut out, and their colours."""
 
 import base64
 import io
@@ -12,7 +12,6 @@ import pytest
 from PIL import Image
 
 from shadowbench.scenes.cutouts import cut_out
-from shadowbench.scenes.images import read_image
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import GREY, Mesh
 from tests.scenes.conftest import refused
@@ -113,14 +112,13 @@ def test_a_texture_is_scaled_then_turned_counter_clockwise_then_moved(card: Writ
     assert found[0, 1, 0] == (0.25, 0.5)
 
 
-def test_factor_and_vertex_alpha_count(card: Written) -> None:
-    colors = np.column_stack([np.ones((4, 3)), [0.0, 0.25, 0.75, 1.0]])
-    mesh = only_mesh(card(masked(factor=0.5, alphaCutoff=0.25), colors))
-    assert mesh.cutout is not None and mesh.places is not None
-    assert mesh.cutout.opaque(mesh.places).tolist() == [[False, False, True], [False, True, True]]
-    constant = only_mesh(card(masked({"index": 0}, factor=0.5, alphaCutoff=0.25), np.full((4, 4), 0.75)))
-    assert constant.cutout is not None
-    assert np.array_equal(constant.cutout.words, cut_out(RANDOM[..., 3], 0.375, 0.25).words)
+def test_factor_and_vertex_alpha_count_and_of_different_ones_the_largest(card: Written) -> None:
+    for alphas, noted in ((np.full(4, 0.75), 0), (np.array([0.0, 0.25, 0.75, 0.5]), 1)):
+        path = card(masked({"index": 0}, factor=0.5, alphaCutoff=0.25), np.column_stack([np.ones((4, 3)), alphas]))
+        scene = read_meshes(path)
+        cutout = scene.meshes[0].cutout
+        assert cutout is not None and np.array_equal(cutout.words, cut_out(RANDOM[..., 3], 0.375, 0.25).words)
+        assert sum("1 primitive(s) whose vertices differ in alpha" in note for note in scene.notes) == noted
 
 
 def test_what_is_opaque_everywhere_is_not_cut_out(card: Written) -> None:
@@ -150,7 +148,7 @@ def test_a_material_of_both_workflows_is_that_of_the_extension(card: Written) ->
     """KHR_materials_pbrSpecularGlossiness: the core properties are a fallback for who does not read it."""
     for glossy, color, alpha in (
         ({"diffuseFactor": [0.1, 0.2, 0.3, 1], "diffuseTexture": {"index": 0}}, (0.1, 0.2, 0.3), RANDOM[..., 3]),
-        ({"diffuseTexture": {"index": 0}}, (1, 1, 1), RANDOM[..., 3]),
+        ({"diffuseTexture": {"index": 0}}, GREY, RANDOM[..., 3]),
         ({"diffuseFactor": [0.1, 0.2, 0.3, 1]}, (0.1, 0.2, 0.3), None),
         ({}, GREY, None),
     ):
@@ -158,7 +156,7 @@ def test_a_material_of_both_workflows_is_that_of_the_extension(card: Written) ->
         images = [image_of(RANDOM), image_of(RANDOM[::-1])]
         mesh = only_mesh(card(both, images=images, textures=[{"source": 0}, {"source": 1}]))
         assert mesh.color == pytest.approx(color)
-        assert (mesh.texture is None, mesh.cutout is None) == (alpha is None,) * 2
+        assert (mesh.cutout is None) == (alpha is None)
         assert mesh.cutout is None or np.array_equal(mesh.cutout.words, cut_out(RANDOM[..., 3]).words)
 
 
@@ -180,37 +178,8 @@ def test_an_image_of_too_many_texels_is_refused_before_it_is_decoded(
     refused(card(masked({"index": 0})), "images 1", "8 × 4 texels", "31")
 
 
-def test_a_base_colour_is_the_texture_times_the_factor_with_its_wrap(card: Written) -> None:
-    base = {"baseColorTexture": {"index": 0, "texCoord": 1}, "baseColorFactor": [0.5, 0.25, 1, 1]}
-    sampler = {"wrapS": 33071, "wrapT": 33648}
-    path = card({"pbrMetallicRoughness": base}, textures=[{"source": 0, "sampler": 0}], samplers=[sampler])
-    mesh = only_mesh(path)
-    assert mesh.color == (0.5, 0.25, 1.0) and mesh.cutout is None and mesh.texture is not None
-    assert mesh.texture.wrap == ("clamp", "mirror") and mesh.texture.opaque
-    assert np.array_equal(read_image(mesh.texture.content, "a"), RANDOM)
-    assert coordinates_at(mesh)[1, 1, 0] == (2, 0)
-
-
 def test_vertex_colours_are_those_of_triangles_in_the_mean(card: Written) -> None:
     colors = np.array([[0.0, 0.3, 0.6], [0.3, 0.3, 0.6], [0.6, 0.3, 0.6], [0.9, 0.9, 0.9]])
     path = card({"pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.5, 0.5, 1.0]}}, colors)
     scene = read_meshes(path)
     assert scene.geometry.colors == pytest.approx(np.array([[0.3, 0.15, 0.3], [0.5, 0.25, 0.35]]), abs=1e-6)
-
-
-def test_a_texture_of_an_opaque_surface_that_is_not_read_is_told(card: Written) -> None:
-    for parts, note in (
-        ({"images": [{"uri": "missing.png"}]}, "images 1: uri 'missing.png' is not a file in"),
-        ({"images": [{"uri": "../card.png"}]}, "images 1: uri '../card.png' leads outside"),
-        ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]}, "KHR_texture_basisu"),
-    ):
-        contents = read_meshes(card({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, **parts))
-        assert contents.meshes[0].texture is None and contents.meshes[0].color == GREY
-        assert any(note in found and "drawn without this texture" in found for found in contents.notes)
-
-
-def test_more_image_files_than_memory_is_spent_on_are_told(card: Written, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shadowbench.scenes.gltf.MOST_BYTES", 99)
-    contents = read_meshes(card({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}))
-    assert contents.meshes[0].texture is None
-    assert any("above 0 MiB of images" in note for note in contents.notes)

@@ -40,15 +40,14 @@ def corners(path: Path, chosen: Chosen) -> list[Floats]:
 def test_vertices_are_those_of_an_evaluation_by_hand(tmp_path: Path) -> None:
     for name in RIGS:
         for time in (0.0, 0.5, 0.8, 1.9, 7.0):
-            path = RIGS[name]().write(tmp_path / "rig.glb")
-            clip = 1 if name == "sheared" else 0
-            found, expected = corners(path, Chosen(time, str(clip + 1))), Reference(path, clip, time).corners()
+            rig, clip = RIGS[name](), int(name == "sheared")
+            found = corners(rig.write(tmp_path / "rig.glb"), Chosen(time, str(clip + 1)))
+            expected = Reference(rig, clip, time).corners()
             assert len(found) == len(expected)
             everything = np.concatenate([np.reshape(part, (-1, 3)) for part in expected])
             diagonal = np.linalg.norm(np.ptp(everything, axis=0))
             for mine, theirs in zip(found, expected, strict=True):
-                order = np.array(theirs)
-                assert min(np.abs(mine - order).max(), np.abs(mine - order[:, ::-1]).max()) < 1e-12 * diagonal
+                assert min(np.abs(mine - theirs).max(), np.abs(mine - theirs[:, ::-1]).max()) < 1e-12 * diagonal
 
 
 def bar(degrees: float, inverse: bool = True) -> Rig:
@@ -99,7 +98,7 @@ quaternions = st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25)
-@given(st.sampled_from(["bent", "morphed_skin", "eight_joints", "two_skins"]), quaternions, st.floats(0, 2))
+@given(st.sampled_from(["morphed_skin", "eight_joints", "two_skins"]), quaternions, st.floats(0, 2))
 def test_moving_all_joints_and_nodes_moves_the_posed_mesh(
     tmp_path: Path, name: str, turned: list[float], time: float
 ) -> None:
@@ -211,26 +210,22 @@ SAMPLER: Place = ("animations", 0, "samplers", 0)
 def test_an_invalid_rig_is_one_line(tmp_path: Path) -> None:
     """Numbers in lists become an accessor."""
     for name, place, value, words in (
-        ("bent", ("nodes", 1, "skin"), 1, ["nodes 2.skin: found 1; allowed: 0 to 0"]),
-        ("bent", ("skins", 0, "joints", 0), 99, ["skins 1.joints 1: found 99; allowed: 0 to 5"]),
-        ("bent", ("skins", 0, "joints"), [2, 3], ["has joint 3; its skin has 2"]),
-        ("bent", ("skins", 0, "inverseBindMatrices"), np.eye(4)[None], ["4 joints, and 1 inverse"]),
-        ("bent", JOINTS, 2, ["VEC4 of unsigned integers"]),
-        ("bent", WEIGHTS, [[1, 0, 0, 0]], ["WEIGHTS_0 has 1 elements; allowed: 54"]),
-        ("bent", WEIGHTS, [[2, -1, 0, 0]] * 54, ["-1", "not below 0"]),
-        ("bent", ATTRIBUTES, {"POSITION": 2, "JOINTS_0": 0}, ["JOINTS_0 without WEIGHTS_0"]),
-        ("bent", (*CHANNEL, "sampler"), 4, ["animations 1: channels 1: found sampler 4 of 4"]),
-        ("bent", (*SAMPLER, "input"), [0, np.nan, 1, 1], ["times that increase"]),
-        ("bent", (*SAMPLER, "input"), [0, 0, 1, np.inf], ["times from 0 to inf", "or the clip none"]),
-        ("bent", (*SAMPLER, "output"), [[0, 0, 0, 0]] * 4, ["rotation at 0.1 s", "not zero"]),
-        ("bent", (*SAMPLER, "interpolation"), "CUBICSPLINE", ["needed are 3"]),
+        ("quantised", ("nodes", 0, "skin"), 1, ["nodes 1.skin: found 1; allowed: 0 to 0"]),
+        ("quantised", ("skins", 0, "joints", 0), 99, ["skins 1.joints 1: found 99; allowed: 0 to 4"]),
+        ("quantised", ("skins", 0, "joints"), [2, 3], ["has joint 3; its skin has 2"]),
+        ("quantised", ("skins", 0, "inverseBindMatrices"), np.eye(4)[None], ["4 joints, and 1 inverse"]),
+        ("quantised", JOINTS, 2, ["VEC4 of unsigned integers"]),
+        ("quantised", WEIGHTS, [[1, 0, 0, 0]], ["WEIGHTS_0 has 1 elements; allowed: 54"]),
+        ("quantised", ATTRIBUTES, {"POSITION": 2, "JOINTS_0": 0}, ["JOINTS_0 without WEIGHTS_0"]),
+        ("quantised", (*CHANNEL, "sampler"), 4, ["animations 1: channels 1: found sampler 4 of 4"]),
+        ("quantised", (*SAMPLER, "input"), [0, np.nan, 1, 1], ["times that increase"]),
+        ("quantised", (*SAMPLER, "interpolation"), "CUBICSPLINE", ["needed are 3"]),
         ("morphing", (*TARGETS, 0, "POSITION"), [[1, 1, 1]], ["POSITION has 1 elements; allowed: 54"]),
-        ("morphing", TARGETS, [{"POSITION": 0}] * 400_000, ["morph targets move", "at most 300000000"]),
     ):
         rig = RIGS[name]()
         part: Any = rig.json
         for key in place[:-1]:
             part = part[key]
         data = isinstance(value, np.ndarray) or (isinstance(value, list) and value and "joints" not in place)
-        part[place[-1]] = rig.accessor(value) if data and not isinstance(value[0], dict) else value
+        part[place[-1]] = rig.accessor(value) if data else value
         refused(rig.write(tmp_path / "rig.glb"), "rig.glb", *words, chosen=Chosen(0.1))

@@ -9,21 +9,19 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.library import load_scene
-from tests.scenes.conftest import TRIANGLE, refused
+from tests.scenes.conftest import refused
 
 BOX = '[[mesh]]\nshape = "box"\n'
+FACET = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 Write = Callable[..., Path]
 
 
 def test_a_scene_file_beyond_its_limits_is_refused_before_the_work(scene_file: Write) -> None:
     for text, words in (
-        ("[" + "a." * 150 + "a]\n" + "b." * 150 + "b = 1\n" + BOX, ["nested deeper than 20"]),
         ("a = " + "[" * 30 + "]" * 30 + "\n" + BOX, ["nested deeper than 20"]),
         ("a = " + "[" * 20_000 + "\n", ["not TOML"]),
-        ("a = " + "9" * 5000 + "\n", ["not TOML"]),
         ("[[camera]]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\n" * 1001 + BOX, ["1000"]),
-        ('[[light]]\nkind = "directional"\ndirection = [0, -1, 0]\n' * 1001 + BOX, ["1000"]),
         (BOX * 50_001, ["mesh: found", "50000"]),
         (f'"{"k" * 5000}" = 1\n' + BOX, ["unknown field"]),
     ):
@@ -34,10 +32,6 @@ def test_repeated_files_count_all_their_meshes(scene_file: Write, mesh_file: Wri
     bodies = "".join(f"o {k}\nf 1 2 3\n" for k in range(3))
     mesh_file("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + bodies)
     refused(scene_file('[[mesh]]\nfile = "a.obj"\nrepeat = { count = 20000, step = [1, 0, 0] }\n'), "60000 meshes")
-
-
-def test_a_line_never_steers_the_terminal(scene_file: Write) -> None:
-    refused(scene_file('[[mesh]]\nfile = "\\u001b[2J\\n\\u202e.obj"\n'), "\\x1b[2J")
 
 
 def test_a_pipe_is_not_waited_for(tmp_path: Path, scene_file: Write, gltf_file: Write) -> None:
@@ -85,58 +79,25 @@ def test_few_bytes_do_not_stand_for_more_triangles_than_a_scene_has(gltf_file: W
     refused(gltf_file(positions=many, nodes=[{"mesh": 0}] * 20_010), "600300000 vertices", "30000000")
 
 
-@pytest.mark.parametrize(
-    ("name", "data", "words"),
-    [
-        ("a.stl", "solid a\nendsolid a\n" * 50_001, ["50001 solids", "50000"]),
-        ("a.obj", OBJ + "f " + "1 2 3 " * 100_000, ["a line of more than 100000"]),
-        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n300000 " + "0 1 2 " * 100_000, ["a line of more than 100000"]),
-        pytest.param(
-            "a.obj",
-            "v 0 0 0\n" * 300_000 + "".join(f"o {k}\nf 1 2 3\n" for k in range(20_000)),
-            ["all 20000 triangles have zero area"],
-            marks=pytest.mark.slow,
-        ),
-        ("a.obj", OBJ + "o a\n" * 50_001, ["50001 objects", "50000"]),
+def test_a_mesh_file_that_would_take_too_long_to_read_is_refused(mesh_file: Write) -> None:
+    for name, data, words in (
+        ("a.stl", f"solid a\n{FACET}endsolid a\n" * 50_001, ["50001 objects", "50000"]),
         ("a.obj", OBJ + (" " * 90_000 + "v 0 0 0\n") * 100 + "f 1 1 1 x\n", ["line 105", "'x'"]),
-        ("a.obj", OBJ + ("f" + " 1 2 3 1" * 2_000 + "\n") * 20, ["take too long"]),
-    ],
-    ids=["solids", "a polygon without end", "the same as OFF", "objects", "too many", "deep indents", "crossing"],
-)
-def test_a_mesh_file_that_would_take_too_long_to_read_is_refused(
-    mesh_file: Write, name: str, data: str, words: list[str]
-) -> None:
-    refused(mesh_file(name, data), name, *words)
-
-
-ZEROS = {"componentType": 5126, "count": 10_000_000, "type": "VEC3"}
-INSTANCED = {"mesh": 1, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2}}}}
+    ):
+        refused(mesh_file(name, data), name, *words)
 
 
 def test_few_bytes_do_not_stand_for_more_numbers_than_are_used(gltf_file: Write) -> None:
+    zeros = {"componentType": 5126, "count": 10_000_000, "type": "VEC3"}
+    still = json.loads(gltf_file().read_text())["accessors"]
+    instanced = {"extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2}}}}
     for parts, words in (
         ({"primitive": {"attributes": {"POSITION": 0, "COLOR_0": 2}}}, ["COLOR_0 has 10000000 elements; allowed: 3"]),
         (
             {"primitive": {"targets": [{"POSITION": 2}]}, "nodes": [{"mesh": 0, "weights": [1]}]},
             ["a morph target's POSITION has 10000000", "allowed: 3"],
         ),
-        ({"nodes": [{"mesh": 0}, INSTANCED]}, ["draw 10000001 primitives", "50000"]),
-        ({"nodes": [{"mesh": 2}] * 30}, ["draw 60000 primitives", "50000"]),
-        (
-            {
-                "nodes": [{"mesh": 0, "skin": 0}] * 10_000,
-                "positions": np.zeros((6000, 3), np.float32),
-                "skins": [{"joints": [0]}],
-            },
-            ["vertices", "30000000"],
-        ),
-        ({"more": [ZEROS, ZEROS]}, ["90000000 numbers", "67108864"]),
+        ({"nodes": [{"mesh": 0, **instanced}]}, ["draw 10000000 primitives", "50000"]),
+        ({"accessors": [*still, *[zeros] * 3]}, ["90000000 numbers", "67108864"]),
     ):
-        accessors, more = (
-            json.loads(gltf_file(**{"positions": TRIANGLE, **parts, "more": 0}).read_text())["accessors"],
-            [ZEROS],
-        )
-        more += parts.get("more", [])
-        primitive = {"attributes": {"POSITION": 0}, "indices": 1, **parts.get("primitive", {})}
-        meshes = [{"primitives": [primitive]}, {"primitives": []}, {"primitives": [primitive] * 2000}]
-        refused(gltf_file(**parts, accessors=[*accessors, *more], meshes=meshes), *words)
+        refused(gltf_file(**{"accessors": [*still, zeros], **parts}), *words)

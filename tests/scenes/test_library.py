@@ -25,22 +25,6 @@ def test_a_built_in_scene_is_whole() -> None:
             assert 0 < near < far
 
 
-def test_no_large_face_lies_along_the_light() -> None:
-    """With N·L = 0 the truth would depend on rounding."""
-    for name in builtin_names():
-        scene = load_scene(name)
-        geometry = scene.geometry
-        a, b, c = (geometry.vertices[geometry.faces[:, k]] for k in range(3))
-        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-        large = area > 0.01 * area.sum()
-        for light in scene.lights:
-            xyz, w = light.homogeneous
-            towards = np.array(xyz) - ((a + b + c) / 3 if w else 0.0)
-            towards = np.broadcast_to(towards, a.shape) / np.linalg.norm(towards, axis=-1, keepdims=True)
-            slope = np.abs(np.einsum("ij,ij->i", geometry.normals, towards))
-            assert slope[large].min(initial=1.0) > 0.02
-
-
 def test_a_scene_is_hard_if_no_light_of_it_has_a_size() -> None:
     soft = set(builtin_names()) - set(hard_names())
     assert soft == {name for name in builtin_names() if any(light.soft for light in load_scene(name).lights)}

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from shadowbench.scenes.cutouts import cut_out
-from shadowbench.scenes.images import read_image, read_square
+from shadowbench.scenes.images import read_image
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh
 from tests.scenes.conftest import refused
@@ -90,4 +90,3 @@ def test_a_grey_image_of_16_bits_has_the_texels_of_its_8_bits() -> None:
             Image.fromarray(levels).save(files[-1], "PNG", **options)
         shallow, deep = (read_image(file.getvalue(), "a") for file in files)
         assert np.array_equal(deep, shallow) and np.array_equal(deep[..., 0], grey)
-        assert np.array_equal(*(read_square(file.getvalue(), "a", 8, opaque=True) for file in files))

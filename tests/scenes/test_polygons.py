@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.errors import InputError
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.polygons import Polygons, fan_faces, strip_faces, triangulated
@@ -140,29 +139,25 @@ WRITERS = {
 
 
 def test_a_planar_polygon_has_the_area_of_the_shoelace_formula(mesh_file: MeshFile) -> None:
-    for name in WRITERS:
-        for vertices, ring, expected in polygons(200):
-            contents = read_meshes(mesh_file(name, WRITERS[name](vertices, ring)))
-            assert area(contents) == pytest.approx(expected, rel=1e-9)
-            assert contents.notes == ()
-            normal = newell(vertices[ring])
-            assert (area_vectors(corners_of(contents)) @ normal > 0.0).all()
+    for number, (vertices, ring, expected) in enumerate(polygons(200)):
+        name, write = list(WRITERS.items())[number % len(WRITERS)]
+        contents = read_meshes(mesh_file(name, write(vertices, ring)))
+        assert area(contents) == pytest.approx(expected, rel=1e-9)
+        assert contents.notes == ()
+        assert (area_vectors(corners_of(contents)) @ newell(vertices[ring]) > 0.0).all()
 
 
 def test_a_bent_polygon_covers_its_projection_once_and_is_a_note(mesh_file: MeshFile) -> None:
-    for name in WRITERS:
-        for vertices, ring, _ in polygons(60, bent=True):
-            if np.linalg.matrix_rank(vertices[ring] - vertices[ring[0]], tol=1e-3) < 3:
-                continue
-            contents = read_meshes(mesh_file(name, WRITERS[name](vertices, ring)))
-            normal = newell(vertices[ring])
-            size = float(np.linalg.norm(normal))
-            projected = area_vectors(corners_of(contents)) @ normal / size
-            assert projected.sum() == pytest.approx(size, rel=1e-9)
-            assert (projected > -1e-12 * size).all()
-            assert [
-                note.endswith("1 polygon(s) not planar: cut as seen along their mean normal") for note in contents.notes
-            ] == [True]
+    for vertices, ring, _ in polygons(60, bent=True):
+        if np.linalg.matrix_rank(vertices[ring] - vertices[ring[0]], tol=1e-3) < 3:
+            continue
+        contents = read_meshes(mesh_file("a.obj", as_obj(vertices, ring)))
+        normal = newell(vertices[ring])
+        size = float(np.linalg.norm(normal))
+        projected = area_vectors(corners_of(contents)) @ normal / size
+        assert projected.sum() == pytest.approx(size, rel=1e-9)
+        assert (projected > -1e-12 * size).all()
+        assert contents.notes == ("a.obj: 1 polygon(s) not planar: cut as seen along their mean normal",)
 
 
 def test_the_outline_of_the_triangles_is_the_ring_also_at_corners_on_straight_lines() -> None:
@@ -195,20 +190,6 @@ def test_any_ring_keeps_its_area_vector_and_its_projected_area_unless_a_note_say
         size = float(np.linalg.norm(expected))
         if size > 0.0 and not any("cross themselves" in note for note in notes):
             assert np.abs(vectors @ expected).sum() == pytest.approx(size**2, rel=1e-5)
-
-
-def test_a_star_of_twelve_thousand_corners_is_cut_and_a_larger_one_is_told_what_is_allowed() -> None:
-    def star_of(count: int) -> np.ndarray:
-        turn = np.linspace(0.0, 2 * np.pi, count, endpoint=False)
-        radius = np.where(np.arange(count) % 2, 1.0, 0.9)
-        return np.stack([radius * np.cos(turn), radius * np.sin(turn), np.zeros(count)], axis=1)
-
-    points = star_of(12_000)
-    faces, notes = cut(points, list(range(12_000)))
-    assert np.linalg.norm(area_vectors(points[faces]), axis=1).sum() == pytest.approx(shoelace(points[:, :2]))
-    assert (len(faces), notes) == (11_998, [])
-    with pytest.raises(InputError, match=r"a: .*32002 corners.*; allowed .* 32000 corners"):
-        cut(star_of(32_002), list(range(32_002)))
 
 
 # What each format may say.
@@ -259,15 +240,6 @@ def test_a_binary_ply_mixes_triangles_quads_and_other_properties(mesh_file: Mesh
         ("binary_little_endian", "int", "", "float"),
         ("binary_big_endian", "uint", "short", "double"),
     ):
-        codes = {
-            "uchar": "B",
-            "ushort": "H",
-            "int": "i",
-            "uint": "I",
-            "short": "h",
-            "float": "f",
-            "double": "d",
-        }
         order = "<" if "little" in kind else ">"
         header = f"property {before} first\n" * bool(before) + f"property list {length} int vertex_index\n"
         header += f"property {after} last\n" * bool(after)
@@ -318,9 +290,11 @@ def test_files_that_were_once_misread_have_the_right_area(shared_scenes: Path) -
         ("ind1.obj", 4.0),
         ("trailc.off", 6.0),
         ("mix1.ply", 6.0),
+        ("polygonfaces.obj", 1_162_570.385),
     ):
         contents = read_meshes(shared_scenes.parent / "cases" / name)
-        assert (area(contents), contents.notes) == (pytest.approx(expected), ())
+        assert area(contents) == pytest.approx(expected)
+        assert not any("cross themselves" in note for note in contents.notes)
 
 
 # Strips and fans, with the winding of the glTF specification, 3.7.2.1.

@@ -48,22 +48,3 @@ def test_a_flight_of_steps_fills_half_a_cube_and_half_a_step() -> None:
         flight = solid(build_shape("stairs", {"steps": steps}, "test"))
         assert flight.is_watertight
         assert flight.volume == pytest.approx((steps + 1) / (2 * steps))
-
-
-TRIMESH = {
-    "sphere": lambda: trimesh.creation.icosphere(subdivisions=3, radius=0.5),
-    "torus": lambda: trimesh.creation.torus(0.5, 1 / 6, major_sections=48, minor_sections=24),
-    "cylinder": lambda: trimesh.creation.cylinder(radius=0.5, height=1.0, sections=48),
-    "cone": lambda: trimesh.creation.cone(radius=0.5, height=1.0, sections=48),
-    "capsule": lambda: trimesh.creation.capsule(height=1.0, radius=0.5, count=(24, 48)),
-}
-
-
-def test_a_round_shape_has_the_triangles_of_trimesh_in_its_order() -> None:
-    """Those of trimesh stand upright along z, and its cone on the origin."""
-    for name in TRIMESH:
-        made, sphere = TRIMESH[name](), name == "sphere"
-        expected = made.triangles if sphere else made.triangles[..., [0, 2, 1]] * [1, 1, -1]
-        expected = expected[made.area_faces > 1e-8] - [0, 0.5 if name == "cone" else 0, 0]
-        shape = build_shape(name, {"subdivisions": 3} if sphere else {"sections": 48}, "test")
-        np.testing.assert_allclose(shape.vertices[shape.faces], expected, rtol=0, atol=1e-15)

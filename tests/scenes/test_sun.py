@@ -40,16 +40,6 @@ def test_a_truth_under_the_sun_has_penumbrae_and_a_note_says_why(shadowbench: Ca
     assert ((soft > 0.02) & (soft < 0.98)).any() and f"note: {NOTE}\n" in said
 
 
-def test_a_mask_is_scored_under_the_sun(shadowbench: Callable, tmp_path: Path) -> None:
-    assert shadowbench("export", "cube-on-plane", tmp_path, "--view-size", "64", "--sun").code == 0
-    scores = []
-    for sun in (["--sun"], []):
-        answer = shadowbench("score", "cube-on-plane", tmp_path / "truth.png", "--json", *sun)
-        assert answer.code == 0 and (NOTE in answer.err) == bool(sun)
-        scores.append(answer.out)
-    assert scores[0] != scores[1]
-
-
 def test_a_study_gives_it_to_the_lights_of_its_scenes_and_to_its_own() -> None:
     lamp = Light("noon", "directional", (0.1, -1.0, 0.0))
     study = Study.of(["cube-on-plane"], [parse_spec("unshadowed", techniques())], lights=("file", lamp), sun=True)

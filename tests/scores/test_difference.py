@@ -1,9 +1,9 @@
-"""Difference pictures and their legend."""
+"""Difference pictures."""
 
 import numpy as np
 import pytest
 
-from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW, difference_over, weight, with_legend
+from shadowbench.scores.difference import difference_over, weight
 
 
 def test_false_shadow_is_vermillion_and_false_light_blue():
@@ -19,12 +19,3 @@ def test_small_errors_of_soft_shadows_are_seen_with_their_sign() -> None:
     errors = np.array([-0.25, -0.01, 0.0, 0.01, 1.0])
     assert weight(errors, soft=True) == pytest.approx([-0.5, -0.1, 0, 0.1, 1])
     assert weight(errors, soft=False).tolist() == errors.tolist()
-
-
-def test_a_legend_runs_from_false_shadow_to_false_light() -> None:
-    for width in [1, 64, 512]:
-        picture = with_legend(np.full((9, width, 3), 7, np.uint8))
-        assert (picture[:9] == 7).all() and picture.shape[1:] == (width, 3) and len(picture) > 20
-        assert tuple(picture[9, 0]) == FALSE_SHADOW
-        if width > 1:
-            assert tuple(picture[9, -1]) == FALSE_LIGHT

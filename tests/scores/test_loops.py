@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from scipy import ndimage
 
-from shadowbench.scores import loops, score
-from shadowbench.scores.comparison import total, total_of
+from shadowbench.scores import loops
 
 SHAPES = array_shapes(min_dims=2, max_dims=2, max_side=40)
 VISIBILITY = st.floats(0, 1, width=32)
@@ -48,22 +47,3 @@ def test_samples_are_bilinear_and_nothing_outside_the_image(values, valid, row, 
         for image in (np.where(valid, values, 0), valid)
     ]
     assert [*loops.sample(values, valid, *point[:, 0])] == expected
-
-
-def test_a_sum_in_bands_is_that_of_the_whole_image() -> None:
-    rng = np.random.default_rng(1)
-    one, other = rng.random((2, 700, 900), dtype=np.float32)
-    for share in (0.01, 0.9, 1.0):
-        where = rng.random(one.shape) < share
-        assert total_of(np.subtract, where, one, other) == total(one - other, where)
-
-
-def test_a_mask_of_another_layout_compiles_no_loop_anew(truth) -> None:
-    """Loops are compiled anew for arrays of another type or layout than they have been compiled for."""
-    rng = np.random.default_rng(5)
-    mask, visibility = rng.random((2, 64, 64))
-    found = []
-    for layout in (np.ascontiguousarray, np.asfortranarray):
-        score(layout(mask), truth(layout(visibility), receivers=layout(mask < 0.9)))
-        found.append([list(loop.signatures) for loop in vars(loops).values() if hasattr(loop, "signatures")])
-    assert found[0] == found[1]

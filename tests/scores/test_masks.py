@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from shadowbench.errors import InputError
-from shadowbench.scores import mask_sha256, quantise, read_mask, score, write_mask
+from shadowbench.scores import mask_sha256, quantise, read_mask, write_mask
 
 images = arrays(np.float32, (5, 7), elements=st.floats(0, 1, width=32))
 
@@ -63,28 +63,12 @@ def test_a_stored_mask_comes_back_bit_for_bit(tmp_path_factory, visibility):
     assert mask_sha256(again) == mask_sha256(visibility)
 
 
-def test_a_stored_mask_scores_the_same_numbers(tmp_path, truth, disc):
-    rng = np.random.default_rng(3)
-    mask = np.clip(disc(30, right=1) + rng.normal(0, 0.1, (128, 128)), 0, 1)
-    prepared = truth(disc(30), area=np.clip(disc(30) * 0.9, 0, 1), cosine=rng.random((128, 128)))
-    write_mask(tmp_path / "mask.png", mask)
-    assert score(read_mask(tmp_path / "mask.png"), prepared) == score(mask, prepared)
-
-
 def test_a_mask_that_cannot_be_written_leaves_nothing(tmp_path):
     with pytest.raises(ValueError, match="NaN"):
         write_mask(tmp_path / "mask.png", [[np.nan]])
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match="nowhere"):
         write_mask(tmp_path / "nowhere" / "mask.png", [[1.0]])
-
-
-def test_an_8_bit_mask_is_full_at_255_and_lies_on_the_levels(tmp_path):
-    levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    Image.fromarray(levels).save(tmp_path / "mask.png")
-    visibility = read_mask(tmp_path / "mask.png")
-    np.testing.assert_allclose(visibility, levels / 255, atol=1e-7)
-    np.testing.assert_array_equal(quantise(visibility), visibility)
 
 
 def test_an_opaque_mask_whose_channels_are_equal_is_grey(tmp_path):
@@ -94,6 +78,7 @@ def test_an_opaque_mask_whose_channels_are_equal_is_grey(tmp_path):
         grey.save(tmp_path / "grey.png")
         grey.convert(mode).save(tmp_path / "colour.png")
         assert np.array_equal(read_mask(tmp_path / "colour.png"), read_mask(tmp_path / "grey.png"))
+        assert mode == "1" or np.allclose(read_mask(tmp_path / "grey.png"), levels / 255, atol=1e-7)
 
 
 def test_one_pixel_that_is_coloured_or_transparent_makes_no_mask(tmp_path):

@@ -88,18 +88,12 @@ def test_umbra_and_full_light_keep_eight_pixels_from_the_rest(prepared) -> None:
     assert np.flatnonzero(found.full_light[108]).tolist() == [*range(98, 132), *range(149, SIZE)]
 
 
-def test_light_in_the_umbra_bleeds_and_a_blur_of_eight_pixels_does_not(scored) -> None:
+def test_light_in_the_umbra_bleeds_and_darkness_in_full_light_is_false_but_not_a_blur_of_eight_pixels(scored) -> None:
     truth = ramp(20)  # dark up to column 70
     assert scored(np.where(truth < 0.01, 0.3, truth), truth)["bleed"] == pytest.approx(0.3, abs=1e-5)
-    assert scored(ramp(36), truth)["bleed"] == 0
-    assert scored(ramp(60), truth)["bleed"] > 0
-
-
-def test_darkness_in_full_light_is_false(scored) -> None:
-    truth = ramp(20)
     assert scored(np.where(truth > 0.99, 0.8, truth), truth)["false_dark"] == pytest.approx(0.2, abs=1e-5)
-    assert scored(ramp(36), truth)["false_dark"] == 0
-    assert scored(ramp(60), truth)["false_dark"] > 0
+    near, far = scored(ramp(36), truth), scored(ramp(60), truth)
+    assert near["bleed"] == near["false_dark"] == 0 < min(far["bleed"], far["false_dark"])
 
 
 def noisy(amount: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -175,17 +169,6 @@ def test_a_smooth_wide_ramp_has_no_bands_however_flat(scored) -> None:
         assert scored(ramp(wide), ramp(6))["banding"] == 0
 
 
-def test_a_step_of_two_standard_errors_is_not_resolved(truth) -> None:
-    """Truth 0, ½ and 1 by column: only the middle one has neighbours that are 1 apart. The mask steps by row."""
-    for error, share in [(0.249, 1 / 3), (0.25, 0)]:
-        visibility = np.tile([0, 0.5, 1], (4, 1))
-        mask = np.full(visibility.shape, 0.5)
-        mask[3] = 1.0
-        bars = np.full(visibility.shape, error)
-        found = score(mask, truth(visibility, standard_error=bars))["banding"]
-        assert found == pytest.approx(share / 2)  # the two rows next to the mask's step are not flat
-
-
 def test_a_penumbra_of_twice_the_width_is_one_off(scored) -> None:
     for times, across in [(0.5, X), (0.75, DIAGONAL), (1.5, Y), (2.0, X)]:
         middle = float(across.mean())
@@ -208,18 +191,13 @@ def test_without_positions_no_width_is_known(truth) -> None:
     }
 
 
-def test_a_blur_of_fixed_width_does_not_harden(scored) -> None:
-    scores = scored(ramp(20), WEDGE)
+def test_a_blur_of_fixed_width_does_not_harden_and_half_the_width_hardens_by_half(scored) -> None:
+    scores, half = scored(ramp(20), WEDGE), scored(ramp(0.5 * (6 + Y / SIZE * 34)), WEDGE)
     assert scores["hardening"] == pytest.approx(0, abs=0.02)
     median = 0.8 * (6 + 34 / 2)
     assert scores["hardening_intercept"] == pytest.approx(0.8 * 20 / median, rel=0.05)
-
-
-def test_a_penumbra_that_grows_too_slowly_or_too_fast(scored) -> None:
-    for times in [0.5, 1.25]:
-        scores = scored(ramp(times * (6 + Y / SIZE * 34)), WEDGE)
-        assert scores["hardening"] == pytest.approx(times, abs=0.03)
-        assert scores["hardening_intercept"] == pytest.approx(0, abs=0.04)
+    assert half["hardening"] == pytest.approx(0.5, abs=0.03)
+    assert half["hardening_intercept"] == pytest.approx(0, abs=0.04)
 
 
 def soft_view(rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -272,15 +250,11 @@ def test_neither_turns_nor_the_scenes_size_nor_pixels_that_are_not_scored_change
 FINE = {"rmse_pen": 0.05, "width": 0.1, "hardening": 0.9, "noise": 0.01, "banding": 0.0, "bias_pen": 0.005}
 
 
-def test_what_is_small_or_unknown_is_not_named() -> None:
-    assert soft_faults(FINE) == []
-    assert soft_faults(FINE | {"width": None, "hardening": None, "bleed": None}) == []
-
-
-def test_causes_come_before_the_largest_errors() -> None:
+def test_what_is_small_or_unknown_is_not_named_and_causes_come_before_the_largest_errors() -> None:
+    assert soft_faults(FINE, None) == soft_faults(FINE | {"width": None, "hardening": None, "bleed": None}, None) == {}
     wrong = {"width": 2.0, "hardening": 0.0, "bias_pen": -0.02, "bleed": 0.1, "noise": 0.04}
-    names = [fault.name for fault in soft_faults(FINE | wrong, -1.9)]
-    assert names == ["penumbra too narrow", "contact hardening", "light bleeding", "noise", "penumbra too dark"]
+    names = ["penumbra too narrow", "contact hardening", "light bleeding", "noise", "penumbra too dark"]
+    assert list(soft_faults(FINE | wrong, -1.9)) == names
 
 
 def test_a_wrong_width_has_a_direction_where_most_penumbrae_agree() -> None:
@@ -290,5 +264,5 @@ def test_a_wrong_width_has_a_direction_where_most_penumbrae_agree() -> None:
         (0.1, "too wide or"),
         (None, "too wide or"),
     ]:
-        (fault,) = soft_faults(FINE | {"width": 1.0}, wider)
-        assert words in fault.line
+        (line,) = soft_faults(FINE | {"width": 1.0}, wider).values()
+        assert words in line

@@ -9,13 +9,9 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import Bias
-from shadowbench.measure.rows import Result
 from shadowbench.plugin.registry import techniques
-from shadowbench.reports.charts import curves
-from shadowbench.results.frame import SweepPositions, add_factor_columns, read_sweep_positions
+from shadowbench.results.frame import add_factor_columns, read_sweep_positions
 from shadowbench.studies.study import Study, read_study
-from tests.results.cells import GOOD, cell
-from tests.runs import summaries_of
 
 KNOWN = techniques()
 BIASES = [bias for bias in Bias.table.values() if bias.__module__ == Bias.__module__]
@@ -65,28 +61,6 @@ def test_a_factor_beyond_the_limits_of_the_bias_is_dropped_with_a_note(tmp_path:
     assert "dropped" in note and "bias_sweep 4" in note
 
 
-def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> None:
-    made = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = [4, 1, 2]")
-
-    def row(scale: float, size: int, iou: float, ssim: float | None) -> Result:
-        spec = "shadow-map" if scale == 1 else f"shadow-map:bias=texel(scale={scale})"
-        metrics = GOOD | {"iou": iou, "ssim": ssim, "rmse_pen": None}
-        return Result(cell(spec, size=size, metrics=metrics), None)
-
-    rows = [
-        row(2.0, 1024, 0.97, 0.99),
-        row(1.0, 1024, 0.98, 0.90),
-        row(4.0, 1024, 0.96, None),
-        row(1.0, 512, 0.95, 0.95),
-        row(4.0, 512, 0.94, 0.93),
-    ]
-    (scene,) = summaries_of(*rows).values()
-    small, large = curves(scene, made.sweep_positions)
-    assert (small.map_size, [factor for factor, _ in small.points], small.best) == (512, [1, 4], 1)
-    assert (large.map_size, [factor for factor, _ in large.points], large.best) == (1024, [1, 2], 2)
-    assert curves(scene, {}) == []
-
-
 def test_a_run_keeps_the_factors_and_acne_falls_as_contact_rises(
     shadowbench: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -107,29 +81,18 @@ def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path
     )
     cells = list(dict.fromkeys((spec.sizeless_text, spec.map_size) for spec in made.specs))
     assert len(cells) == 8
-    (scene,) = summaries_of(*(Result(cell(spec, size=size), None) for spec, size in cells)).values()
-    frame = pd.DataFrame(cells, columns=["spec", "map_size"])
-
-    def told(found: SweepPositions) -> list[tuple[str, int | None, list[tuple[float, str]]]]:
-        return [
-            (one.base, one.map_size, [(factor, row.spec) for factor, row in one.points]) for one in curves(scene, found)
-        ]
 
     def bias(units: float) -> str:
         return f"shadow-map:bias=constant(units={units})"
 
-    found = made.sweep_positions
-    assert told(found) == [
-        (bias(home), size, [(factor, bias(home * factor)) for factor in (0.5, 1, 2)])
-        for home in (0.25, 0.5)
-        for size in (256, 512)
-    ]
-    table = add_factor_columns(frame, found)
+    positions = made.sweep_positions
+    table = add_factor_columns(pd.DataFrame(cells, columns=["spec", "map_size"]), positions)
     steps = [(0.125, 0.25, 0.5), (0.25, 0.25, 1), (0.5, 0.5, 1), (1.0, 0.5, 2)]
     own = [(bias(units), bias(home), factor) for units, home, factor in steps]
     assert sorted(set(zip(table["spec"], table["bias_of"], table["bias_factor"], strict=True))) == own
+    assert set(positions[bias(0.5), 512]) == {(bias(0.5), 1), (bias(0.25), 2)}
     table.to_csv(tmp_path / "table.csv", index=False)
-    assert told(read_sweep_positions(tmp_path / "table.csv")) == told(found)
+    assert read_sweep_positions(tmp_path / "table.csv") == positions
 
 
 def test_a_bias_of_nothing_has_one_point(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from shadowbench.survey.casters import casters_of
 from shadowbench.truths.embree import INFINITE, Tracer
 from shadowbench.truths.rays import SUBPIXEL, ViewRays
 from shadowbench.truths.trace import trace
-from tests.cards import CAMERA, GROUND, alpha_of, cards, crossing, edge_on, fading_cards, made_of_triangles, wraps
+from tests.cards import CAMERA, GROUND, alpha_of, cards, crossing, edge_on, made_of_triangles, wraps
 
 SIZE = 160
 LIGHTS = {
@@ -77,13 +77,12 @@ def test_traced_pixels_are_those_of_exact_triangles(scene, kind, studio, mask) -
     ("spec", "kind", "leaves"),
     [
         ("ray-traced", "spot", cards(60, cut_out(alpha_of("noise"), 0.9, 0.4, wrap=("clamp", "mirror")))),
-        ("ray-traced:where=gpu", "directional", fading_cards(60)),
-        ("hybrid:size=128", "point", fading_cards(60)),
+        ("ray-traced:where=gpu", "directional", cards(60, cut_out(alpha_of("noise"), 0.8, wrap=("mirror", "clamp")))),
+        ("hybrid:size=128", "point", cards(60, cut_out(alpha_of("noise"), 0.8, wrap=("mirror", "clamp")))),
         ("hybrid:rest=embree", "directional", cards(60, cut_out(alpha_of("noise"), wrap=("repeat", "clamp")))),
     ],
 )
 def test_rays_are_the_truth_s(spec, kind, leaves, studio, mask) -> None:
-    """Whatever the sampler and the vertices' alphas say."""
     view = leaves_view(LIGHTS[kind], leaves)
     truth, triangle = trace(view, pixel_samples=1), studio.shot(view).triangle
     decided = truth.receivers & ~truth.undecided

@@ -19,8 +19,6 @@ AT_ONCE = 256  # triangles, whose edges stay in the processor's cache
 PAIRS_PER_RAY = 64  # at first; the search is repeated where there are more
 DOUBT = 1e-12  # of the lengths that enter a sign; rounding is a thousandth of it
 
-Exact = tuple[Fraction, Fraction, Fraction]
-
 
 class Crossings(NamedTuple):
     """All pairs of a ray and a triangle that it goes through or may go through: (K,) each, sorted by ray, then t.
@@ -174,81 +172,48 @@ def first_hits(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray, 
         rivals = seen[start : first[k + 1] if k + 1 < len(first) else None]
         if found.sure[rivals[0]] and (len(rivals) == 1 or t[rivals[1]] > t[rivals[0]] + margin):
             continue
-        exact = [(plane_t(view, directions[hit[k]], found.triangle[rival]), rival) for rival in rivals]
-        inside = [(s, rival) for s, rival in exact if s and meets(view, directions[hit[k]], s, found.triangle[rival])]
+        inside, origin, direction = [], exact(eye), exact(directions[hit[k]])
+        for rival in rivals:
+            corners = corners_of(view, found.triangle[rival])
+            s = to_plane(origin, direction, corners)
+            if s and in_triangle(origin + direction * s, corners):
+                inside.append((s, rival))
         chosen[k] = min(inside)[1] if inside else -1
     kept = chosen >= 0
     return hit[kept], found.triangle[chosen[kept]], t[chosen[kept]]
 
 
-def fractions_of(values: Floats) -> Exact:
-    x, y, z = (Fraction(float(value)) for value in values)
-    return x, y, z
+def exact(values: Floats) -> np.ndarray:
+    """Vectors of fractions, exactly equal to vectors of floats."""
+    return np.vectorize(lambda value: Fraction(float(value)), otypes=[object])(values)
 
 
-def minus(a: Exact, b: Exact) -> Exact:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+def corners_of(view: View, triangle: int) -> np.ndarray:
+    return exact(view.scene.geometry.vertices[view.scene.geometry.faces[triangle]])
 
 
-def along(origin: Exact, direction: Exact, t: Fraction) -> Exact:
-    return origin[0] + direction[0] * t, origin[1] + direction[1] * t, origin[2] + direction[2] * t
-
-
-def dot(a: Exact, b: Exact) -> Fraction:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def cross(a: Exact, b: Exact) -> Exact:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def corners_of(view: View, triangle: int) -> tuple[Exact, Exact, Exact]:
-    geometry = view.scene.geometry
-    a, b, c = (fractions_of(corner) for corner in geometry.vertices[geometry.faces[triangle]])
-    return a, b, c
-
-
-def to_plane(origin: Exact, direction: Exact, corners: tuple[Exact, Exact, Exact]) -> Fraction | None:
+def to_plane(origin: np.ndarray, direction: np.ndarray, corners: np.ndarray) -> Fraction | None:
     """How far along a ray lies a triangle's plane, None where the ray runs within or beside it."""
     a, b, c = corners
-    normal = cross(minus(b, a), minus(c, a))
-    toward = dot(normal, direction)
-    return dot(normal, minus(a, origin)) / toward if toward else None
+    normal = np.cross(b - a, c - a)
+    toward = normal @ direction
+    return normal @ (a - origin) / toward if toward else None
 
 
-def in_triangle(point: Exact, corners: tuple[Exact, Exact, Exact]) -> bool:
+def in_triangle(point: np.ndarray, corners: np.ndarray) -> bool:
     """Whether a point of a triangle's plane lies within it or on its border."""
     a, b, c = corners
-    normal = cross(minus(b, a), minus(c, a))
-    sides = [dot(normal, cross(minus(q, p), minus(point, p))) for p, q in ((a, b), (b, c), (c, a))]
-    return min(sides) >= 0
-
-
-def plane_t(view: View, direction: Floats, triangle: int) -> Fraction | None:
-    """How far along a ray from the eye lies a triangle's plane."""
-    return to_plane(fractions_of(view.camera.position), fractions_of(direction), corners_of(view, triangle))
-
-
-def meets(view: View, direction: Floats, t: Fraction, triangle: int) -> bool:
-    """Whether a ray from the eye is within a triangle at t."""
-    return in_triangle(
-        along(fractions_of(view.camera.position), fractions_of(direction), t), corners_of(view, triangle)
-    )
+    normal = np.cross(b - a, c - a)
+    return min(normal @ np.cross(q - p, point - p) for p, q in ((a, b), (b, c), (c, a))) >= 0
 
 
 def blocks_exactly(view: View, direction: Floats, receiver: int, caster: int) -> bool:
     """Whether a caster meets the open segment from where a ray from the eye meets the receiver's plane to the light."""
-    t = plane_t(view, direction, receiver)
-    if t is None:
-        raise ValueError("a receiver seen edge-on")
-    point = along(fractions_of(view.camera.position), fractions_of(direction), t)
-    light = view.light
-    if light.kind == "directional":
-        to_light = fractions_of(-np.array(light.direction))
-    else:
-        to_light = minus(fractions_of(light.position), point)
-    corners = corners_of(view, caster)
+    origin, ray = exact(view.camera.position), exact(direction)
+    point = origin + ray * to_plane(origin, ray, corners_of(view, receiver))
+    light, corners = view.light, corners_of(view, caster)
+    to_light = -exact(light.direction) if light.kind == "directional" else exact(light.position) - point
     s = to_plane(point, to_light, corners)
     if s is None or s <= 0 or (light.kind != "directional" and s >= 1):
         return False
-    return in_triangle(along(point, to_light, s), corners)
+    return in_triangle(point + to_light * s, corners)

@@ -107,7 +107,7 @@ def check(truth: Truth, shown: np.ndarray, expected: Floats) -> None:
     assert wrong[~sampled].max(initial=0) < STANDARD_ERROR
 
 
-@pytest.mark.parametrize(("degrees", "scale"), [(0.01, 1.0), (0.2665, 1e3), (3.0, 1e-3), (15.0, 1.0), (29.0, 1.0)])
+@pytest.mark.parametrize(("degrees", "scale"), [(0.01, 1e3), (3.0, 1e-3), (15.0, 1.0), (29.0, 1.0)])
 def test_an_edge_before_a_sun(degrees, scale, shape, looking, pixel_rays) -> None:
     radius = math.radians(degrees)
     light = Light("sun", "directional", direction=vec3(-unit(TOWARD)), radius=radius)

@@ -17,15 +17,11 @@ from shadowbench.truths.trace import OFFSET, STANDARD_ERROR
 STUDENT, SHARE = 4.44, 0.997  # of Student's t with 7 degrees of freedom, 99.7% lies within it
 SCRAMBLES = 64
 PIXELS = 160  # of each view, about: whole rows, so that most have a neighbour
-DEGREES = {"colonnade": 2.0, "street": 1.0, "cube-on-plane": 2.0, "sphere-and-torus": 5.0, "stairs": 10.0}
-METRES = {"spot-lamp": 0.2, "room-with-lamp": 0.1, "lamp-by-wall": 0.03, "lamp-over-table": 0.1}
-PANELS = ("room-with-lamp", "lamp-over-table", "spot-lamp")
 
 
-def softened(name: str, size: int) -> View:
-    """A built-in scene under its own light, with the size given above."""
+def softened(name: str, size: int, radius: float) -> View:
+    """A built-in scene under its own light, with a radius in metres, of a sun in radians."""
     view = chosen_view(name, size)
-    radius = np.radians(DEGREES[name]) if name in DEGREES else METRES[name]
     return replace(view, light=replace(view.light, radius=radius))
 
 
@@ -34,11 +30,6 @@ def panelled(name: str, size: int) -> View:
     view = chosen_view(name, size)
     panel = Light("panel", "rectangle", (0.1, -1.0, 0.05), view.light.position, size=(0.6, 0.3), up=(1.0, 0.0, 0.0))
     return replace(view, light=panel)
-
-
-def views(size: int) -> list[View]:
-    """Twelve views: suns, spots, lamps and panels."""
-    return [*(softened(name, size) for name in (*DEGREES, *METRES)), *(panelled(name, size) for name in PANELS)]
 
 
 def receivers_of(view: View) -> tuple[ViewRays, Receivers]:
@@ -81,17 +72,23 @@ def deviations(view: View) -> Floats:
     return z
 
 
-class ShortSighted(Estimator):
-    """Sees a penumbra nowhere with few points of the light, and everywhere with many."""
+class Blind(Estimator):
+    """Traces no ray: from `enough` points of the light on half of it is seen everywhere, with fewer all of it.
+
+    Notes each set of points that it would draw for a receiver.
+    """
 
     def __init__(self, enough: int) -> None:
-        self.enough = enough
+        self.enough, self.drawn = enough, []
 
     def sums(
         self, receivers: Receivers, samples: int, replications: int, purpose: int, along_normal: bool = False
     ) -> Sums:
+        drawn = scrambles_of(receivers.rays, replications, purpose)
+        self.drawn.append({tuple(each) for each in drawn.reshape(3, -1).T.tolist()})
         weight = np.ones((len(receivers.rays), replications))
-        return Sums(weight, weight * (0.5 if samples >= self.enough else 1.0), weight, weight)
+        seen = np.linspace(0, 1, replications) if replications > 1 else 0.5
+        return Sums(weight, weight * (seen if samples >= self.enough else 1.0), weight, weight)
 
 
 @pytest.mark.parametrize(("enough", "warnings"), [(256, 0), (257, 1)])
@@ -99,13 +96,25 @@ def test_a_penumbra_that_the_audit_finds_and_256_points_do_not_is_said_once(enou
     """Nor is one that the audit, of 1024 points and four replications, does not find."""
     view = chosen_view("cube-on-plane", 64)
     _, receivers = receivers_of(view)
-    find_penumbra(ShortSighted(enough), receivers, view.size)
+    find_penumbra(Blind(enough), receivers, view.size)
     assert [record.levelname for record in caplog.records] == ["WARNING"] * warnings
     assert all("that 256 points of the light do not show" in record.message for record in caplog.records)
 
 
+def test_no_point_of_the_estimate_is_one_of_the_pilots() -> None:
+    """Else the pilot, which decides on their number, would stop where they happen to agree: errors look too small."""
+    view = chosen_view("cube-on-plane", 16)
+    _, receivers = receivers_of(view)
+    blind = Blind(1)
+    find_penumbra(blind, receivers, view.size)
+    estimate(blind, receivers, STANDARD_ERROR)
+    *pilots, fresh = blind.drawn
+    assert len(pilots) >= 2 and fresh
+    assert not any(fresh & pilot for pilot in pilots)
+
+
 def test_errors_are_independent_between_neighbours_and_as_large_as_told() -> None:
-    view = softened("cube-on-plane", 48)
+    view = softened("cube-on-plane", 48, math.radians(2.0))
     rays, receivers = receivers_of(view)
     light = view.placed()[0].light
 
@@ -123,36 +132,11 @@ def test_errors_are_independent_between_neighbours_and_as_large_as_told() -> Non
     assert abs(neighbours(wrong, chosen.rays, view.size)) < 0.1
 
 
-class Drawn(Estimator):
-    """Sees half of the light everywhere, and notes each set of points that it draws for a receiver, by samples."""
-
-    def __init__(self) -> None:
-        self.sets: list[set[tuple[int, ...]]] = []
-
-    def sums(
-        self, receivers: Receivers, samples: int, replications: int, purpose: int, along_normal: bool = False
-    ) -> Sums:
-        drawn = scrambles_of(receivers.rays, replications, purpose)
-        self.sets.append({tuple(each) for each in drawn.reshape(3, -1).T.tolist()})
-        weight = np.ones((len(receivers.rays), replications))
-        return Sums(weight, weight * np.linspace(0, 1, replications), weight, weight)
-
-
-def test_no_point_of_the_estimate_is_one_of_the_pilots() -> None:
-    """Else the pilot, which decides on their number, would stop where they happen to agree: errors look too small."""
-    view = chosen_view("cube-on-plane", 16)
-    _, receivers = receivers_of(view)
-    drawn = Drawn()
-    find_penumbra(drawn, receivers, view.size)
-    estimate(drawn, receivers, STANDARD_ERROR)
-    *pilots, fresh = drawn.sets
-    assert len(pilots) >= 2 and fresh
-    assert not any(fresh & pilot for pilot in pilots)
-
-
 @pytest.mark.slow
 def test_errors_are_as_their_replications_say() -> None:
-    all_scores = [deviations(view) for view in views(64)]
+    suns = [softened(name, 64, math.radians(degrees)) for name, degrees in (("colonnade", 2.0), ("stairs", 10.0))]
+    lamps = [softened(name, 64, metres) for name, metres in (("spot-lamp", 0.2), ("lamp-by-wall", 0.03))]
+    all_scores = [deviations(view) for view in (*suns, *lamps, panelled("room-with-lamp", 64))]
     assert all(1.2 <= scores.var() <= 1.6 for scores in all_scores)
     pooled = np.concatenate([scores.ravel() for scores in all_scores])
     assert (np.abs(pooled) < STUDENT).mean() >= SHARE

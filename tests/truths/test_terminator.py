@@ -81,14 +81,6 @@ def test_a_facet_hides_the_light_from_its_lit_edge_to_the_terminator(beyond: flo
     assert terminator(truth) == pytest.approx(found[False] / (found[False] + found[True]), rel=0.05)
 
 
-def test_a_coarse_sphere_lit_from_behind_loses_what_was_measured() -> None:
-    """A golden figure, so that no change of the definition passes unseen: 80 facets take 4.5% of a crescent's light.
-
-    Measured at 150, 300 and 600 pixels: 0.0456, 0.0446, 0.0452.
-    """
-    assert terminator(trace(looked_at(ball(1), size=300), pixel_samples=1)) == pytest.approx(0.0446, abs=5e-4)
-
-
 def test_flat_surfaces_have_none() -> None:
     vertices, faces = sphere(1)
     flat = Mesh("ball", 2 * vertices, faces)
@@ -99,17 +91,6 @@ def test_flat_surfaces_have_none() -> None:
     normals = unit_normals(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     same = replace(flat, normals=np.repeat(normals[:, None], 3, axis=1))
     assert terminator(trace(looked_at(same), pixel_samples=1)) == 0
-
-
-def test_a_mirrored_scene_has_the_mirrored_facets() -> None:
-    mirror = np.array([-1.0, 1.0, 1.0])
-    vertices, faces = 2 * sphere(1).vertices @ _turn(0.3), sphere(1).faces
-    one = Mesh("ball", vertices, faces, normals=unit_normals(vertices[faces]))
-    other = one.reshaped(vertices * mirror, np.ascontiguousarray(faces[:, ::-1]), np.diag([-1.0, 1.0, 1.0, 1.0]))
-    light = replace(BACKLIT, direction=(-BACKLIT.direction[0], *BACKLIT.direction[1:]))
-    here, there = trace(looked_at(one), pixel_samples=1), trace(looked_at(other, light=light), pixel_samples=1)
-    assert here.facet_shadow.sum() > 100
-    assert (here.facet_shadow != there.facet_shadow[:, ::-1]).sum() <= 2
 
 
 def test_the_shadow_of_another_mesh_is_no_facet_s() -> None:
@@ -129,10 +110,7 @@ def test_the_truth_is_dark_where_facets_face_away_and_is_kept_with_its_arrays(tm
     assert not truth.visibility[away].any()
     assert truth.visibility[~truth.receivers & ~away].all()
     write_truth(tmp_path / "a.npz", truth)
-    kept = read_truth(tmp_path / "a.npz", view)
-    assert kept is not None
-    for name, array in truth.arrays().items():
-        assert np.array_equal(array, kept.arrays()[name]), name
+    np.testing.assert_equal(read_truth(tmp_path / "a.npz", view).arrays(), truth.arrays())
 
 
 @pytest.mark.parametrize("size", [0.0, 0.05])
@@ -149,18 +127,11 @@ def test_lifted_points_lie_above_the_chord_by_its_depth_twice() -> None:
     corners = np.array([[ends[0], ends[1], ends[1] + [0, 0, 1]]])
     normals = np.array([[ends[0], ends[1], ends[1]]])
     middle = np.array([[0.0], [math.cos(half)], [0.0]])
-    found = smooth_points(middle, corners, normals, np.array([[0.0], [1.0], [0.0]]))
-    assert found.position[1, 0] == pytest.approx(math.cos(half) * (1 + math.sin(half) ** 2))
-    assert found.normal[:, 0] == pytest.approx([0, 1, 0])
+    position, normal = smooth_points(middle, corners, normals, np.array([[0.0], [1.0], [0.0]]))
+    assert position[1, 0] == pytest.approx(math.cos(half) * (1 + math.sin(half) ** 2))
+    assert normal[:, 0] == pytest.approx([0, 1, 0])
     turned = smooth_points(middle, corners, -normals, np.array([[0.0], [1.0], [0.0]]))
-    assert np.array_equal(turned.position, found.position) and np.array_equal(turned.normal, found.normal)
-
-
-def _turn(angle: float) -> Floats:
-    cosine, sine = math.cos(angle), math.sin(angle)
-    return np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]]) @ np.array(
-        [[1, 0, 0], [0, cosine, sine], [0, -sine, cosine]]
-    )
+    assert np.array_equal(turned[0], position) and np.array_equal(turned[1], normal)
 
 
 def _plate(toward: Floats) -> Floats:

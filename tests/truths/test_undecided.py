@@ -104,22 +104,6 @@ def test_light_steeper_than_grazing_decides(shape, looking) -> None:
 
 
 @pytest.mark.parametrize(
-    ("pixels", "undecided", "side", "sign"), [(1 / 300, True, -1, 1), (1 / 300, True, 1, -1), (1 / 220, False, 1, 1)]
-)
-def test_centre_nearer_to_an_edge_than_the_rasterisers_grid_is_undecided(
-    shape, looking, sun, pixels, undecided, side, sign
-) -> None:
-    """A ground that ends that many pixels before or behind a column of centres, on its left or its right."""
-    wide = 2 * math.tan(math.radians(10.0)) / 64  # a pixel on the ground
-    edge = (0.5 + sign * pixels) * wide
-    view = looking([shape("plane", 8.0, (edge + 4 * side, 0, 0))], sun, eye=(0, 1, 0), target=(0, 0, -1e-4), fov=20.0)
-    truth = trace(view)
-    assert (truth.undecided[:, 32] == undecided).all()
-    assert not truth.undecided[:, :32].any() and not truth.undecided[:, 33:].any()
-    assert (truth.triangle[:, 32] >= 0).all() == (side * sign < 0)
-
-
-@pytest.mark.parametrize(
     ("pixels", "undecided", "across", "down"),
     [
         *((1 / 300, True, across, down) for across in (-1, 1) for down in (-1, 1)),

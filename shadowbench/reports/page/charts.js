@@ -1,7 +1,7 @@
 "use strict";
 // Drawing of Vega-Lite charts in the theme's colours, limited to the specs enabled in the legend of their part of the page.
 
-// CSS variables, so that charts follow a change of theme, also for printing.
+// CSS variables, so that charts follow a change of theme.
 const SIGNALS = { ink: "currentColor", paper: "var(--paper)" }, RULE = "var(--rule)";
 const TEXT = { labelColor: "currentColor", titleColor: "currentColor" };
 
@@ -37,7 +37,7 @@ async function draw(element, chart, onClick) {
 
 // Fills a legend with a button for each spec with points, and names the others of `every`. Turned on are those that the reader chose or, if none of them
 // has points, the first; at most as many as there are colours.
-function fillLegend(box, points, every, onChoose = () => {}) {
+function fillLegend(box, points, every) {
   const specs = PAGE.specs.filter((spec) => points.has(spec));
   const wanted = box.wanted?.filter((spec) => points.has(spec)), count = PAGE.colors.length;
   const lit = (wanted?.length || box.wanted?.length === 0 ? wanted : specs).slice(0, count);
@@ -55,10 +55,9 @@ function fillLegend(box, points, every, onChoose = () => {}) {
     button.addEventListener("click", () => {
       const others = [...box.shown.keys()].filter((one) => one !== spec);
       box.wanted = on ? others : [...others, spec];
-      fillLegend(box, points, every, onChoose);
+      fillLegend(box, points, every);
       box.querySelector(`[data-spec="${CSS.escape(spec)}"]`).focus();
       for (const chart of box.closest("#charts, .stability").querySelectorAll(".chart")) chart.redraw?.();
-      onChoose();
     });
     return button;
   }));

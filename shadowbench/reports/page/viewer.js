@@ -1,16 +1,16 @@
 "use strict";
-// The viewer: two pictures of a view, with a divider between them and a common zoom; and thumbnails of errors.
+// The viewer: two pictures of a view, with a divider between them and a common zoom.
 // Masks are shaded here, from pictures of the view without shadow (lit) and in full shadow (ambient).
 
 const FALSE_SHADOW = [213, 94, 0], FALSE_LIGHT = [0, 114, 178], FACETS = [204, 121, 167], UNLIT = [70, 84, 104];
 const LINEAR = Float32Array.from({ length: 256 }, (_, v) => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
 const SRGB = Uint8Array.from({ length: 4096 }, (_, i) => (i /= 4095) <= 0.0031308 ? 3294.6 * i + 0.5 : 269.025 * i ** (1 / 2.4) - 13.525);
 
-const decoded = new Map(); // pictures of the current scene, by data URI or file beside the page
+const decoded = new Map(); // pictures of the current scene, by data URI
 
 function pixels(source) {
   if (source && !decoded.has(source)) decoded.set(source, (async () => {
-    const image = make("img", { src: source.startsWith("data:") ? source : await fetched(source) });
+    const image = make("img", { src: source });
     await image.decode();
     const context = make("canvas", { width: image.width, height: image.height }).getContext("2d");
     context.drawImage(image, 0, 0);
@@ -29,80 +29,36 @@ async function load(view, cell) {
   return { lit: lit?.data, ambient: ambient?.data, truth, mask, picture, size: (mask ?? picture ?? truth)?.width ?? 1, error, dark, smooth, soft: cell?.soft };
 }
 
-// Writes the pixel at byte `at` to byte `to` of `out`, in a mode: shaded, mask or difference.
-function paint(of, mode, at, out, to) {
-  const base = mode === "difference" ? of.truth ?? of.mask : of.mask, visibility = base ? base.data[at] / 255 : 1;
-  const unlit = of.lit && of.lit[at] === of.ambient[at] && of.lit[at + 1] === of.ambient[at + 1]; // even without shadows
-  for (let k = 0; k < 3; k++) {
-    if (mode === "mask") out[to + k] = unlit ? UNLIT[k] : 255 * visibility;
-    else if (of.lit) {
-      const dark = LINEAR[of.ambient[at + k]];
-      out[to + k] = SRGB[Math.min(4095, 4095 * (dark + visibility * Math.max(0, LINEAR[of.lit[at + k]] - dark))) | 0];
-    } else out[to + k] = of.picture ? of.picture.data[at + k] : 255 * visibility;
-  }
-  out[to + 3] = 255;
-  if (mode !== "difference") return;
-  tint(out, to, weight(of, of.error(at)));
-  const facet = of.dark(at);
-  for (let k = 0; k < 3; k++) out[to + k] = out[to + k] * (1 - facet) + FACETS[k] * facet;
-}
-
-// The signed strength of an error's colour: of soft shadows the root, as their errors are small.
-const weight = (of, error) => of.soft ? Math.sign(error) * Math.sqrt(Math.abs(error)) : error;
-
-// Turns a pixel into pale grey, tinted by its error's weight.
-function tint(out, to, error) {
-  const grey = 90 + 0.55 * (0.3 * out[to] + 0.6 * out[to + 1] + 0.1 * out[to + 2]), strength = Math.abs(error);
-  for (let k = 0; k < 3; k++) out[to + k] = grey * (1 - strength) + (error < 0 ? FALSE_SHADOW : FALSE_LIGHT)[k] * strength;
-}
-
+// Draws what `load` gave in a mode: shaded, mask or difference.
 function render(canvas, of, mode) {
-  const image = new ImageData(of.size, of.size);
-  for (let at = 0; at < image.data.length; at += 4) paint(of, mode, at, image.data, at);
-  Object.assign(canvas, { width: of.size, height: of.size }).getContext("2d").putImageData(image, 0, 0);
-  return canvas;
-}
-
-// Centre of the tile with the largest error, in [0, 1]²; null without errors.
-function worstTile({ size, error }) {
-  const tiles = new Float32Array(256);
-  for (let pixel = 0; pixel < size * size; pixel++) {
-    tiles[16 * ((16 * Math.floor(pixel / size) / size) | 0) + ((16 * (pixel % size) / size) | 0)] += Math.abs(error(4 * pixel));
-  }
-  const most = tiles.indexOf(Math.max(...tiles));
-  return tiles[most] ? [(most % 16 + 0.5) / 16, (Math.floor(most / 16) + 0.5) / 16] : null;
-}
-
-const SIDE = 168;
-const inside = (value, most) => Math.min(most, Math.max(0, value));
-
-// The whole picture with dilated errors, and the region of the worst tile enlarged eight times.
-async function thumbnail(view, cell) {
-  const of = await load(view, cell), { size } = of, most = new Float32Array(SIDE * SIDE), image = new ImageData(SIDE, SIDE);
-  for (let pixel = 0; pixel < size * size; pixel++) {
-    const error = of.error(4 * pixel), x = (pixel % size) * SIDE / size | 0, y = Math.floor(pixel / size) * SIDE / size | 0;
-    for (let at = 0; error && at < 9; at++) {
-      const to = (y + (at / 3 | 0) - 1) * SIDE + x + at % 3 - 1;
-      if (Math.abs(error) > Math.abs(most[to])) most[to] = error;
+  const image = new ImageData(of.size, of.size), out = image.data, base = mode === "difference" ? of.truth ?? of.mask : of.mask;
+  for (let at = 0; at < out.length; at += 4) {
+    const visibility = base ? base.data[at] / 255 : 1;
+    const unlit = of.lit && of.lit[at] === of.ambient[at] && of.lit[at + 1] === of.ambient[at + 1]; // even without shadows
+    for (let k = 0; k < 3; k++) {
+      if (mode === "mask") out[at + k] = unlit ? UNLIT[k] : 255 * visibility;
+      else if (of.lit) {
+        const dark = LINEAR[of.ambient[at + k]];
+        out[at + k] = SRGB[Math.min(4095, 4095 * (dark + visibility * Math.max(0, LINEAR[of.lit[at + k]] - dark))) | 0];
+      } else out[at + k] = of.picture ? of.picture.data[at + k] : 255 * visibility;
     }
+    out[at + 3] = 255;
+    if (mode === "difference") tint(out, at, of);
   }
-  for (let to = 0; to < SIDE * SIDE; to++) {
-    const [x, y] = [to % SIDE, Math.floor(to / SIDE)].map((one) => Math.floor((one + 0.5) * size / SIDE));
-    paint({ ...of, mask: of.truth ?? of.mask }, "shaded", 4 * (y * size + x), image.data, 4 * to);
-    tint(image.data, 4 * to, of.soft ? weight(of, most[to]) : Math.sign(most[to]) * Math.min(1, 2 * Math.abs(most[to])));
-  }
-  const [whole, part] = [0, 1].map(() => make("canvas", { width: SIDE, height: SIDE }).getContext("2d")), middle = worstTile(of);
-  whole.putImageData(image, 0, 0);
-  if (!middle) return [whole.canvas];
-  const corner = middle.map((at) => inside(at - 1 / 16, 7 / 8));
-  for (const [strokeStyle, lineWidth] of [["#fff", 4], ["#000", 2]]) {
-    Object.assign(whole, { strokeStyle, lineWidth }).strokeRect(SIDE * corner[0], SIDE * corner[1], SIDE / 8, SIDE / 8);
-  }
-  part.imageSmoothingEnabled = false;
-  part.drawImage(render(make("canvas"), of, "difference"), size * corner[0], size * corner[1], size / 8, size / 8, 0, 0, SIDE, SIDE);
-  return [whole.canvas, part.canvas];
+  Object.assign(canvas, { width: of.size, height: of.size }).getContext("2d").putImageData(image, 0, 0);
 }
 
+// Turns a pixel into pale grey, tinted by its error; of soft shadows by the root, as their errors are small.
+function tint(out, at, of) {
+  const error = of.error(at), strength = of.soft ? Math.sqrt(Math.abs(error)) : Math.abs(error), facet = of.dark(at);
+  const grey = 90 + 0.55 * (0.3 * out[at] + 0.6 * out[at + 1] + 0.1 * out[at + 2]);
+  for (let k = 0; k < 3; k++) {
+    const tinted = grey * (1 - strength) + (error < 0 ? FALSE_SHADOW : FALSE_LIGHT)[k] * strength;
+    out[at + k] = tinted * (1 - facet) + FACETS[k] * facet;
+  }
+}
+
+const inside = (value, most) => Math.min(most, Math.max(0, value));
 const nameOf = (cell) => cell ? `${PAGE.names[cell.spec] ?? cell.spec}${cell.size ? ` at ${cell.size}` : ""}` : "truth";
 
 class Viewer {
@@ -157,7 +113,7 @@ class Viewer {
       const cell = this[side], canvas = this.find(`canvas.${side}`), preset = PAGE.names[cell?.spec] ? ` (${cell.spec})` : "";
       this.find(`select.${side}`).value = this.cells.indexOf(cell);
       this.find(`.tag.${side}`).textContent = nameOf(cell);
-      this.find(`.caption.${side}`).replaceChildren(cell ? `${nameOf(cell)}${preset}: ${cell.caption} ` : "truth: ray traced", make("code", {}, cell?.command ?? ""));
+      this.find(`.caption.${side}`).replaceChildren(cell ? `${nameOf(cell)}${preset}: ${[cell.caption, ...cell.faults ?? []].join("; ")} ` : "truth: ray traced", make("code", {}, cell?.command ?? ""));
       canvas.ariaLabel = `${this.mode}: ${nameOf(cell)}`;
       const of = await load(view, cell);
       this.find(".smooth").hidden = !of.smooth;
