@@ -44,7 +44,6 @@ from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.opening import chosen_view, opened
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
-from shadowbench.studies.catalogue import entries
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.run import measure
 from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
@@ -206,14 +205,6 @@ def run(
         return Results.of(measure(chosen, made).run.last, each_phase)
 
 
-def catalogue(kind: str, plugins: Files = ()) -> pd.DataFrame:
-    """A line for each of a kind: "techniques", "engines", "scenes", "metrics", "studies" or "axes", by `name`.
-
-    plugins: files whose techniques and metrics count too. Raises InputError.
-    """
-    return pd.DataFrame(entries(options.instance_of(kind, "kind", "a name of a kind", str), _paths(plugins)))
-
-
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
     """Shadow requirements of a view, computed without drawing: map size, cascades, depth bits, bias, penumbra.
 
@@ -275,8 +266,8 @@ def stress(
     known = subjects_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
     with shared_worker(files, LIMITS) as worker, campaign_in(_kept_in(folder), worker=worker, **SWEEPING) as made:
-        found = sweep(specs, chosen, made, quick=quick)
-    return ranges_frame(found.ranges)
+        result = sweep(specs, chosen, made, quick=quick)
+    return ranges_frame(result.ranges)
 
 
 @_parameter_names()

@@ -64,10 +64,10 @@ def check(
       × tolerance  the change as a multiple of the tolerance
       also         the other values of the cell that changed
     """
-    from shadowbench.measure.plugin_output import subjects_with, techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.results.baseline import check as compared
     from shadowbench.results.baseline import write_baseline
-    from shadowbench.studies.study_copy import copy_study
+    from shadowbench.studies.study import copy_study
 
     techniques_with(asked.plugin)  # whose metrics are compared too
     if asked.baseline is None:
@@ -87,7 +87,7 @@ def check(
     last = None
     if asked.update:
         write_baseline(run.results, asked.baseline, run.folder / "masks" if asked.masks else None)
-        study = copy_study(run, asked.baseline, subjects_with(()))
+        study = copy_study(run.about, folder, asked.baseline)
         cells = counted(len(run.results), "cell")
         copied = f"; study.toml is a copy of {study}" if study else ""
         last = f"{asked.baseline / 'rows.jsonl'}: {cells}, the baseline from now on{copied}"

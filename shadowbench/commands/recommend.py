@@ -38,7 +38,7 @@ def needs(
         console.print_json(names | values | {"told": [row._asdict() for row in rows]})
         return
     title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels: {verdict_of(needed)}"
-    console.print_table(title, ("need", "number", "why"), rows, padded=True)
+    console.print_table(title, ("need", "number", "why"), rows)
 
 
 @dataclass(frozen=True)

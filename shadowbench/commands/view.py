@@ -36,7 +36,7 @@ class WindowOptions:
 def view(
     scene: Annotated[
         str | None,
-        options.argument("[SCENE]", f"The scene: {options.SCENE}; with --cell the folder of a run.", options.scenes),
+        options.argument("[SCENE]", f"The scene: {options.SCENE}; with --cell the folder of a run."),
     ] = None,
     *,
     window: WindowOptions,

@@ -143,7 +143,7 @@ class Campaign:
         drawer: "GLDrawer",
         reporter: Reporter,
         *,
-        keeps_images: Callable[[Record], bool] | None = None,
+        keeps_images: Callable[[Record], object] | None = None,
         sweep: bool = False,
         time_again: bool = False,
         keep_going: bool = False,
@@ -263,7 +263,7 @@ class Campaign:
 
     def _keeps(self, row: Record) -> bool:
         """Whether images of a row are written."""
-        return self._keeps_images is None or self._keeps_images(row)
+        return self._keeps_images is None or bool(self._keeps_images(row))
 
     def _score_cell(
         self, block: Block, cell: Cell, key: str, surface: Callable[[], Surface]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import InputError, NotInFile, alternatives
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.file_contents import Chosen
 from shadowbench.scenes.gltf_layout import NUMBERS, Animation, Channel, Layout, NodeTable, Sampler, Skin
 from shadowbench.scenes.gltf_storage import Data, TrianglePrimitive, as_floats, floats_of, stored
@@ -75,7 +75,7 @@ def _number_of(layout: Layout, clip: str | None, where: str) -> int | None:
         return int(clip) - 1
     known = [f"{name:.60}" for name in names if name][:20]
     numbers = f"1 to {len(names)}" if names else "no others, as there are none"
-    raise NotInFile(f"{where}: clip: found {clip!r:.60}{alternatives(clip, [*known, NO_CLIP])}, or {numbers}")
+    raise InputError(f"{where}: clip: found {clip!r:.60}{alternatives(clip, [*known, NO_CLIP])}, or {numbers}")
 
 
 def _kind_of(layout: Layout, channel: Channel) -> tuple[str, int]:
