@@ -27,7 +27,7 @@ from shadowbench.options import (
     in_python,
     place_text,
 )
-from shadowbench.plugin.spec import Spec
+from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.opening import Named, named, opened
