@@ -1,5 +1,5 @@
 // Casters in the light's clip space.
-#include "cutout/vertex.glsl"
+#include "cutout.glsl"
 in vec3 position;
 out float linear_depth;  // along the light's axis: 0 at the near plane, 1 at the far plane, negative in front of near
 uniform mat4 world_to_clip;

@@ -1,5 +1,5 @@
 // Writes what the filter stores in the map besides depth.
-#include "cutout/fragment.glsl"
+#include "cutout.glsl"
 #include "shadow_map.glsl"
 in float linear_depth;  // see casters.vert
 out vec4 contents;

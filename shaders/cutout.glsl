@@ -1,5 +1,7 @@
-// Where a cut-out surface is opaque: the nearest bit of a bitmap, as in `truths/packets.py`.
-#include "triangle.glsl"
+// Cut-outs, if the program draws them (CUTOUTS): where a surface is opaque says the nearest bit of a bitmap, as in
+// `truths/packets.py`. Vertex shaders call pass_cutout(), geometry shaders pass_cutout(corner) and fragment shaders cut_out().
+// What traces rays defines RAYS, and asks is_opaque.
+#ifdef CUTOUTS
 uniform usampler2D cutout_words;   // of all cut-outs in turn, row by row, 32 bits each, CUTOUT_ROW side by side
 uniform isampler2D cutout_table;   // of each: first word, width, height, wraps of u · 3 + v
 
@@ -14,7 +16,7 @@ vec2 wrapped(vec2 place, ivec4 bitmap) {
     return clamp(inside, vec2(0.0), size - 1.0);
 }
 
-ivec4 bitmap_of(int cutout) { return texelFetch(cutout_table, texel_of(cutout), 0); }
+ivec4 bitmap_of(int cutout) { return texelFetch(cutout_table, ivec2(cutout % TRIANGLE_ROW, cutout / TRIANGLE_ROW), 0); }
 
 bool is_set(ivec4 bitmap, vec2 place) {
     ivec2 at = ivec2(wrapped(place, bitmap));
@@ -25,3 +27,35 @@ bool is_set(ivec4 bitmap, vec2 place) {
 
 // place: in sub-texels.
 bool is_opaque(int cutout, vec2 place) { return is_set(bitmap_of(cutout), place); }
+
+#ifdef VERT
+in vec2 cutout_place;  // in sub-texels
+in ivec2 cutout_face;  // numbers of the cut-out and of the triangle
+out Cutout { vec2 place; flat ivec2 face; } cutout;
+
+void pass_cutout() {
+    cutout.place = cutout_place;
+    cutout.face = cutout_face;
+}
+#elif defined(GEOM)
+in Cutout { vec2 place; flat ivec2 face; } cutouts[];
+out Cutout { vec2 place; flat ivec2 face; } cutout;
+
+void pass_cutout(int corner) {
+    cutout.place = cutouts[corner].place;
+    cutout.face = cutouts[corner].face;
+}
+#elif !defined(RAYS)
+in Cutout { vec2 place; flat ivec2 face; } cutout;
+
+void cut_out() { if (!is_opaque(cutout.face.x, cutout.place)) discard; }
+int triangle_here() { return cutout.face.y; }
+#endif
+#elif defined(VERT)
+void pass_cutout() {}
+#elif defined(GEOM)
+void pass_cutout(int corner) {}
+#else
+void cut_out() {}
+int triangle_here() { return gl_PrimitiveID; }
+#endif

@@ -1,4 +1,4 @@
 // Writes depth only.
-#include "cutout/fragment.glsl"
+#include "cutout.glsl"
 
 void main() { cut_out(); }

@@ -8,8 +8,9 @@ uniform vec3 tree_low;             // lowest corner of the box of all
 uniform vec3 tree_step;            // local lengths
 const uint LEAF = 0x80000000u;     // then the first triangle times 8 plus their number
 const float INFINITE = 1.0e30;
-#ifdef CUTOUTS
+#define RAYS
 #include "cutout.glsl"
+#ifdef CUTOUTS
 uniform sampler2D tree_cutouts;    // place in the cut-out, and its number, of three corners each, side by side
 
 // Whether a triangle is opaque where a ray meets it; weights: of its corners, not normalised.

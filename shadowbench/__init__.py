@@ -11,7 +11,6 @@ from shadowbench import versions
 if TYPE_CHECKING:
     from shadowbench.advice.recommend import Recommendation
     from shadowbench.api import (
-        catalogue,
         close,
         load,
         needs,
@@ -44,7 +43,6 @@ __all__ = [
     "Spec",
     "Technique",
     "Truth",
-    "catalogue",
     "close",
     "load",
     "needs",

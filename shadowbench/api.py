@@ -26,11 +26,11 @@ from shadowbench import options
 from shadowbench.advice.recommend import Recommendation, target_of
 from shadowbench.advice.recommend import recommend as measured
 from shadowbench.advice.search import technique_names
-from shadowbench.campaigns import campaign_in, shared_worker
-from shadowbench.campaigns import close as close
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.masks.inputs import visibility_of
+from shadowbench.measure.gl_drawer import campaign_in, shared_worker
+from shadowbench.measure.gl_drawer import close as close
 from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import subjects_with, techniques_with
 from shadowbench.measure.scoring import prepare_truth, truth_record
@@ -44,7 +44,6 @@ from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.opening import chosen_view, opened
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
-from shadowbench.studies.catalogue import entries
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.run import measure
 from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
@@ -206,14 +205,6 @@ def run(
         return Results.of(measure(chosen, made).run.last, each_phase)
 
 
-def catalogue(kind: str, plugins: Files = ()) -> pd.DataFrame:
-    """A line for each of a kind: "techniques", "engines", "scenes", "metrics", "studies" or "axes", by `name`.
-
-    plugins: files whose techniques and metrics count too. Raises InputError.
-    """
-    return pd.DataFrame(entries(options.instance_of(kind, "kind", "a name of a kind", str), _paths(plugins)))
-
-
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
     """Shadow requirements of a view, computed without drawing: map size, cascades, depth bits, bias, penumbra.
 
@@ -275,8 +266,8 @@ def stress(
     known = subjects_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
     with shared_worker(files, LIMITS) as worker, campaign_in(_kept_in(folder), worker=worker, **SWEEPING) as made:
-        found = sweep(specs, chosen, made, quick=quick)
-    return ranges_frame(found.ranges)
+        result = sweep(specs, chosen, made, quick=quick)
+    return ranges_frame(result.ranges)
 
 
 @_parameter_names()

@@ -23,10 +23,6 @@ class InputError(ShadowbenchError):
     exit_code = 2
 
 
-class NotInFile(InputError):
-    """A clip that a scene does not have; others may have it."""
-
-
 class MetricError(ShadowbenchError):
     """A metric raised an exception, or returned no number."""
 

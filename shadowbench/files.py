@@ -89,12 +89,12 @@ def make_folder(folder: Path, option: str = "") -> None:
 def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
     """Raises InputError if a folder has visible files but not `own`, by which our folders are recognised."""
     try:
-        found = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
+        names = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
     except OSError:  # no such folder yet, or an unreadable one, for which writing will raise
         return
-    if found and own not in found:
+    if names and own not in names:
         allowed = f"a new folder, an empty one, or one with {own}"
-        raise InputError(f"{folder}: found other files, such as {found[0]:.60}; allowed: {allowed}")
+        raise InputError(f"{folder}: found other files, such as {names[0]:.60}; allowed: {allowed}")
 
 
 def png_of(image: "NDArray[np.uint8]") -> bytes:
@@ -112,23 +112,15 @@ def read_beside(name: str, folder: Path, where: str) -> bytes:
     Raises InputError that begins with `where` for one that is not there.
     """
     folder = folder.resolve()
-    return file_below(name.replace("\\", "/"), folder, where, str(folder)).read_bytes()
-
-
-def file_below(name: str, folder: Path, where: str, called: str) -> Path:
-    """The path of a file in a resolved folder or below, links resolved.
-
-    Raises InputError that begins with `where` for one that is not there; called: the folder, in words.
-    """
     try:
-        file = Path(os.path.realpath(folder / name))
+        file = Path(os.path.realpath(folder / name.replace("\\", "/")))
         inside, there = file.is_relative_to(folder), file.is_file()
     except (OSError, ValueError):  # a null byte, a name too long
         inside, there = True, False
     if not inside or not there:
         wrong = "is not a file in" if inside else "leads outside"
-        raise InputError(f"{where} {wrong} {called}; allowed are files in it")
-    return file
+        raise InputError(f"{where} {wrong} {folder}; allowed are files in it")
+    return file.read_bytes()
 
 
 PACKAGE = Path(__file__).resolve().parent

@@ -4,7 +4,7 @@ The checks at the end are of arguments of Python functions; each raises InputErr
 """
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from functools import partial
 from numbers import Integral, Real
@@ -40,23 +40,15 @@ def option(
     *,
     default: Any = None,
     bounds: Bounds | None = None,
-    words: tuple[str, ...] = (),
     names: tuple[str, ...] = (),
-    complete: Callable[..., Any] | None = None,
     heading: str | None = None,
 ) -> Any:
     """A field of a group: on the command line an option with this help, of which `metavar` stands for the value.
 
-    bounds, words: what it allows; names: on the command line, by default that of the field; complete: completes it;
-    heading: of its help, if not that of the group.
+    bounds: what it allows; names: on the command line, by default that of the field; heading: of its help, if not that
+    of the group.
     """
-    metadata = {
-        "help": help,
-        "metavar": metavar or "|".join(words) or None,
-        "bounds": bounds,
-        "names": names,
-        "autocompletion": complete or ((lambda: words) if words else None),
-    }
+    metadata = {"help": help, "metavar": metavar, "bounds": bounds, "names": names}
     return field(default=default, metadata=metadata | ({"rich_help_panel": heading} if heading else {}))
 
 
@@ -94,7 +86,7 @@ def _numbers(text: str) -> list[float]:
 
 def in_python(line: str) -> str:
     """A line in which options have the names of parameters, as min_iou for --min-iou."""
-    return re.sub(r"--([a-z][a-z-]*)", lambda found: found[1].replace("-", "_"), line)
+    return re.sub(r"--([a-z][a-z-]*)", lambda match: match[1].replace("-", "_"), line)
 
 
 def place_text(value: Any, name: str) -> str | None:
@@ -113,7 +105,7 @@ class SceneOptions:
     """How a scene is read."""
 
     assets: Path | None = option("Additional folder to search for a scene file's meshes.", "DIR")
-    up: str | None = option("Up axis of OBJ, PLY, STL and OFF files, which do not specify it  [y].", words=("y", "z"))
+    up: str | None = option("Up axis of OBJ, PLY, STL and OFF files, which do not specify it  [y].", "y|z")
     sun: bool = option(
         "Give directional lights without a size that of the sun: an angular radius of 0.2665°.", default=False
     )
@@ -160,11 +152,11 @@ class SceneOptions:
 
     def arguments(self) -> list[str]:
         """The options of the command line that read a scene in the same way."""
-        found = []
+        words = []
         for one in fields(SceneOptions):
             value, name = getattr(self, one.name), f"--{one.name.replace('_', '-')}"
-            found += [name] if value is True else [name, str(value)] if value else []
-        return found
+            words += [name] if value is True else [name, str(value)] if value else []
+        return words
 
 
 @dataclass(frozen=True)
@@ -194,7 +186,7 @@ class Measuring:
         "Draw each cell again after a small step of the camera or the light, and count the pixels that flip although "
         "the truth does not (shimmering). A step of the camera needs a truth and drawings of three times the view size "
         " [the study's; none].",
-        words=("camera", "light"),
+        "camera|light",
     )
 
     def __post_init__(self) -> None:

@@ -57,10 +57,10 @@ class ShadowAccuracy:
 
     def explain(self) -> list[str]:
         """What is wrong, in words, and the path of the difference picture, which this writes."""
-        from shadowbench.scores.difference import write_difference
+        from shadowbench.scores.difference import difference_picture, write_difference
 
         self.file.parent.mkdir(parents=True, exist_ok=True)
-        write_difference(self.file, self.accuracy.difference())
+        write_difference(self.file, difference_picture(self.accuracy.comparison))
         picture = f"difference: {self.file} (orange false shadow, blue false light)"
         return [*self.accuracy.summary(), *(f"warning: {line}" for line in self.warnings), picture]
 

@@ -2,17 +2,15 @@
 
 import tomllib
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from shadowbench.errors import InputError, alternatives
 
 Model = TypeVar("Model", bound=BaseModel)
 
-MOST_DOTS = 200
-"""Most dots in a line: tomllib's memory grows with the square of the number of parts of a dotted key."""
 DEEPEST = 20
 """Deepest nesting of tables and lists."""
 
@@ -28,9 +26,6 @@ def read_toml(path: Path, where: str, missing: str = "no such file") -> dict[str
         text = path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a null byte in the path
         raise InputError(f"{path}: cannot be read: {short(error)}") from error
-    for number, line in enumerate(text.splitlines(), 1):
-        if line.count(".") > MOST_DOTS:
-            raise InputError(f"{where}: line {number}: {line.count('.')} dots; allowed are {MOST_DOTS}, or more lines")
     try:
         # tomllib also raises plain ValueError (integers of thousands of digits) and RecursionError (deep nesting).
         document = tomllib.loads(text)
@@ -59,17 +54,12 @@ class Strict(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    not_in_files: ClassVar[frozenset[str]] = frozenset()
-    """Fields that only code may set: they are unknown fields if a model is validated with a context, as files are."""
-
     @model_validator(mode="before")
     @classmethod
-    def _name_what_is_allowed(cls, values: Any, info: ValidationInfo) -> Any:
-        hidden = cls.not_in_files if info.context is not None else frozenset()
-        known = [name for name in cls.model_fields if name not in hidden]
+    def _name_what_is_allowed(cls, values: Any) -> Any:
         for key in values if isinstance(values, dict) else ():
-            if key not in known:
-                raise ValueError(f"unknown field {key!r:.60}{alternatives(key, known, none='none at all')}")
+            if key not in cls.model_fields:
+                raise ValueError(f"unknown field {key!r:.60}{alternatives(key, cls.model_fields, none='none at all')}")
         return values
 
 

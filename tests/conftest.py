@@ -19,8 +19,7 @@ from shadowbench.commands import main
 from shadowbench.geometry.facing import cap_weights, wall_weights
 from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order
 from shadowbench.gl.device import Device, Releasable, open_device
-from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
-from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.gbuffer import DeviceGeometry, GBuffer, GBufferPass, download
 from shadowbench.measure import machine, worker
 from shadowbench.measure.worker import Limits, Worker
 from shadowbench.plugin.registry import forget_components
@@ -28,7 +27,6 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.truths import packets
 from shadowbench.truths.trace import Truth, trace
 
 pytest_plugins = ["tests.runs", "tests.drawing"]
@@ -74,52 +72,6 @@ def truth_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         if "SHADOWBENCH_CACHE" not in os.environ:
             patch.setenv("SHADOWBENCH_CACHE", str(folder / "truth-cache"))
         yield
-
-
-GUARD = 0xA5A5A5A5
-GUARDED = 1 << 9  # words behind each buffer, more than a packet has
-
-
-class GuardedBuffers:
-    """Makes buffers of packets with GUARDED words of GUARD behind each."""
-
-    def __init__(self) -> None:
-        self.made: list[np.ndarray] = []
-        self.intact = True
-
-    def make(self, words: int) -> np.ndarray:
-        """In place of `packets._aligned`."""
-        raw = np.full(words + 16 + GUARDED, GUARD, dtype=np.uint32)
-        start = -(raw.ctypes.data >> 2) & 15
-        buffer = raw[start : start + words + GUARDED]
-        buffer[:words] = 0
-        self.made.append(buffer)
-        if len(self.made) > 4000:
-            self.check(2000)  # of these, no thread traces any more
-        return buffer[:words]
-
-    def check(self, count: int | None = None) -> None:
-        """Look behind the first buffers, and let go of them."""
-        checked, self.made = self.made[:count], [] if count is None else self.made[count:]
-        self.intact &= all(bool((buffer[-GUARDED:] == GUARD).all()) for buffer in checked)
-
-
-@pytest.fixture(scope="session")
-def guarded_buffers() -> Iterator[GuardedBuffers]:
-    """The buffers that Embree writes into, from now on."""
-    buffers = GuardedBuffers()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(packets, "_aligned", buffers.make)
-        yield buffers
-
-
-@pytest.fixture
-def no_overrun(guarded_buffers: GuardedBuffers) -> Iterator[None]:
-    """Fails the test if Embree has written behind a buffer of a packet."""
-    guarded_buffers.intact = True
-    yield
-    guarded_buffers.check()
-    assert guarded_buffers.intact
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +19,6 @@ from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker
-from shadowbench.plugin import spec
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.registry import techniques
 from shadowbench.results.frame import Run
@@ -140,9 +139,6 @@ class Does(Wild):
 
     def do_abort(self, texture):
         os.abort()
-
-    def do_segv(self, texture):
-        ctypes.string_at(0)
 
     def do_leave(self, texture):
         os._exit(0)
@@ -362,25 +358,6 @@ def start_any() -> Iterator[Callable[..., Started]]:
     """Starts `shadowbench …` for all tests of a file."""
     with starting() as begin:
         yield begin
-
-
-@pytest.fixture
-def changed_default(monkeypatch: pytest.MonkeyPatch) -> Callable[..., AbstractContextManager[None]]:
-    """Context in which a parameter of a technique has another default."""
-
-    def read_anew(technique: type[Technique]) -> None:
-        technique.Params.model_rebuild(force=True)
-        spec._parsed.cache_clear()
-
-    @contextmanager
-    def change(technique: type[Technique], name: str, value: object) -> Iterator[None]:
-        with monkeypatch.context() as patch:
-            patch.setattr(technique.Params.model_fields[name], "default", value)
-            read_anew(technique)
-            yield
-        read_anew(technique)
-
-    return change
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,6 @@
 import os
 import stat
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -8,28 +9,16 @@ from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 
 
-def test_the_new_file_lies_beside_the_old_one_and_takes_its_name(tmp_path: Path) -> None:
+def test_a_file_is_replaced_at_the_end_or_left_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "rows.json"
-    path.write_text("old")
-    with replace_file(path) as temporary:
-        temporary.write_text("new")
-        assert path.read_text() == "old"
-        assert (temporary.suffix, temporary.parent) == (".json", tmp_path)
-    assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
-
-
-def test_a_failed_writer_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
-    path = tmp_path / "rows.json"
-    path.write_text("old")
-
-    def fail_half_way() -> None:
-        with replace_file(path) as temporary:
-            temporary.write_text("half")
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail_half_way()
-    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+    for text, error in (("old", None), ("new", None), ("half", ZeroDivisionError)):
+        before = path.read_text() if path.exists() else None
+        with pytest.raises(error) if error else nullcontext(), replace_file(path) as temporary:
+            temporary.write_text(text)
+            assert (temporary.suffix, temporary.parent) == (".json", tmp_path)
+            if error:
+                raise error
+        assert path.read_text() == (before if error else text) and list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such modes")

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pages import LABEL, compare, labelled, png
-from pages import measured as measured_by
+from pages import LABEL, compare, labelled, measured, png
+from PIL import Image, ImageDraw
 
 import shadowbench as sb
 from shadowbench.measure.flips import FLIPS
@@ -50,11 +50,11 @@ class Drawn:
     traced: list[Rendering]
     broken: list[Rendering]
     cured: list[Rendering]
-    values: tuple[float, float]
+    values: list[float]
 
 
 def draw(artefact: Artefact, size: int) -> Drawn:
-    """Truth, and renderings by ray tracing and with the broken and cured settings; size: pixels along a side."""
+    """Truth, and renderings by ray tracing and with the broken and cured settings, of size × size pixels."""
     scene = sb.load(artefact.file)
     views = [camera.name for camera in scene.cameras]
     traced, broken, cured = (
@@ -66,21 +66,8 @@ def draw(artefact: Artefact, size: int) -> Drawn:
         specs = [artefact.broken, artefact.cured]
         values = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, step="camera")[FLIPS.name].tolist()
     else:
-        values = [value(artefact.metric, frames[0], truths[0]) for frames in (broken, cured)]
-    return Drawn(truths, traced, broken, cured, (values[0], values[1]))
-
-
-def value(metric: str, frame: Rendering, truth: Truth) -> float:
-    """The value of a metric of one frame, which has one."""
-    score = sb.score(frame.visibility, truth)[metric]
-    assert score is not None
-    return score
-
-
-def picture(artefact: Artefact, drawn: Drawn) -> bytes:
-    """The four panels as a PNG, animated if there are several frames."""
-    several = len(drawn.truths) > 1
-    return png([_panels(artefact, drawn, index) for index in range(int(several), len(drawn.truths))], LARGEST)
+        values = [sb.score(frames[0].visibility, truths[0])[artefact.metric] for frames in (broken, cured)]
+    return Drawn(truths, traced, broken, cured, values)
 
 
 def _panels(artefact: Artefact, drawn: Drawn, index: int) -> NDArray[np.uint8]:
@@ -113,10 +100,9 @@ def _difference(drawn: Drawn, index: int) -> NDArray[np.uint8]:
 
 def _framed(panel: NDArray[np.uint8], left: int, top: int, side: int) -> NDArray[np.uint8]:
     """A copy with a square drawn by a line one pixel wide."""
-    framed, inside = panel.copy(), np.s_[top + 1 : top + side - 1, left + 1 : left + side - 1]
-    framed[top : top + side, left : left + side] = FRAME
-    framed[inside] = panel[inside]
-    return framed
+    image = Image.fromarray(panel)
+    ImageDraw.Draw(image).rectangle((left, top, left + side - 1, top + side - 1), outline=FRAME)
+    return np.asarray(image)
 
 
 def section(artefact: Artefact, values: Sequence[str]) -> str:
@@ -142,22 +128,15 @@ def _wrapped(text: str) -> str:
     return textwrap.fill(text, 120, break_long_words=False, break_on_hyphens=False)
 
 
-def measured(drawn: Drawn) -> list[str]:
-    """The metric of both settings, and the cost of the cure."""
-    before, after = drawn.broken[0], drawn.cured[0]
-    costs = after.work["cost"] / before.work["cost"], after.gpu_bytes / before.gpu_bytes
-    return [*(f"{value:.4f}" for value in drawn.values), *(f"{cost:.2f}" for cost in costs)]
-
-
 def page(values: Mapping[str, Sequence[str]]) -> str:
-    """The whole page; values: as `measured`, by scene."""
+    """The whole page; values: as those of `section`, by scene."""
     contents, sheets = [], []
     for chapter in dict.fromkeys(one.chapter for one in artefacts()):
         own = [one for one in artefacts() if one.chapter == chapter]
         anchors = {one.name: one.name.lower().replace(":", "").replace(" ", "-") for one in own}
         contents.append(f"- {chapter}: {', '.join(f'[{name}](#{anchor})' for name, anchor in anchors.items())}")
         sheets += [f"## {chapter}", "", *(section(one, values[one.scene]) for one in own)]
-    return "\n".join([HEAD, measured_by(f"python tools/{Path(__file__).name}"), "", *contents, "", *sheets])
+    return "\n".join([HEAD, measured(f"python tools/{Path(__file__).name}"), "", *contents, "", *sheets])
 
 
 def main() -> int:
@@ -171,8 +150,11 @@ def main() -> int:
     values = {}
     for one in artefacts():
         drawn = draw(one, SIZE)
-        (PICTURES / f"{one.scene}.png").write_bytes(picture(one, drawn))
-        values[one.scene] = measured(drawn)
+        frames = range(int(len(drawn.truths) > 1), len(drawn.truths))  # the first of several has no change to show
+        (PICTURES / f"{one.scene}.png").write_bytes(png([_panels(one, drawn, index) for index in frames], LARGEST))
+        before, after = drawn.broken[0], drawn.cured[0]
+        costs = after.work["cost"] / before.work["cost"], after.gpu_bytes / before.gpu_bytes
+        values[one.scene] = [*(f"{value:.4f}" for value in drawn.values), *(f"{cost:.2f}" for cost in costs)]
         print(f"{one.name}: {', '.join(values[one.scene])}")
     PAGE.write_text(page(values), encoding="utf-8")
     print(PAGE)

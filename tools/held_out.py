@@ -1,104 +1,100 @@
-"""Prints how much worse settings are in held-out scenes and phases than in those that they were chosen on.
+"""How much worse settings are in held-out scenes and phases than in those that they were chosen on.
 
-    python tools/held_out.py RUN... [--reference SPEC] [--chosen SCENE,SCENE,...]
+    python tools/held_out.py RUN...
+    python tools/held_out.py --seed N FOLDER
 
-RUN are folders of `shadowbench run -s held-out`; settings were chosen on the scenes that --chosen names, by default
-all built-in ones, and all others count as held out. Errors are √((1 − IoU) · (1 − SSIM)), as geometric means over
-scenes. Held-out scenes may be harder, so a setting is compared there with a reference: the last column is its error
-over that of the reference in held-out scenes, divided by the same where it was chosen. Above 1 it lost, as one does
-that is tuned too closely. In brackets are 95% bootstrap intervals over scenes.
+RUN are folders of `shadowbench run -s held-out`, of which a Markdown table is printed. Errors are √((1 − IoU) · (1 −
+SSIM)), as geometric means over scenes; in brackets are 95% bootstrap intervals over scenes. Held-out scenes may be
+harder, so the last column is the setting's error over that of `shadow-map` there, divided by the same where it was
+chosen: above 1 it was tuned too closely.
+
+With a seed it draws scenes into FOLDER/held-out, and writes the study FOLDER/held-out.toml that measures them beside
+the built-in ones: benchmarks/ has those of seed 1, and nobody has seen those of another. A scene is drawn again only if
+its shadows cover less than a twentieth of what faces the light, whatever techniques make of them.
 """
 
 import argparse
+import math
 import sys
-from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from shadowbench.errors import InputError
+from shadowbench.api import InputError, truth
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import preset_names
 from shadowbench.results.frame import read_runs
-from shadowbench.scenes.library import builtin_names
 from shadowbench.scores.metrics import is_soft, ranking
 
+STUDY = Path(__file__).resolve().parent.parent / "benchmarks" / "held-out.toml"
 FIRST_PHASE = 8
 """Phases from here on are held out."""
-CHOSEN, PHASES, SCENES = "chosen on", "other phases", "held-out scenes"
-HEADINGS = ("setting", CHOSEN, PHASES, SCENES, "phases: ratio", "to reference", "held out", "scenes: ratio")
+REFERENCE = "shadow-map"
+CHOSEN, PHASES, SCENES = PARTS = "chosen on", "other phases", "held-out scenes"
+HEADINGS = ("setting", *PARTS, "phases: ratio", "to reference", "held out", "scenes: ratio")
 _DRAWS = 10_000
 _LEAST = 1e-4  # of errors, whose logarithms are averaged
-
-Errors = dict[str, pd.Series]
-"""Of a setting: by part, the logarithm of its error by scene."""
+LIGHTS = ("directional",) * 8 + ("spot", "point") * 2
+HALF_HEIGHT = {"box": 0.5, "sphere": 0.5, "cylinder": 0.5, "cone": 0.5, "capsule": 1.0, "torus": 1 / 6, "stairs": 0.5}
+"""Shapes of bodies, and their half heights."""
+LEAST_SHADOW = 0.05  # share of the receivers
 
 
 def main() -> int:
-    """Print the table of the folders that the command line names."""
+    """Print the table of run folders, or draw scenes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folders", metavar="RUN", type=Path, nargs="+")
-    parser.add_argument("--reference", metavar="SPEC", default="shadow-map")
-    parser.add_argument("--chosen", metavar="SCENE,SCENE,...", default=",".join(builtin_names()))
-    asked = parser.parse_args()
+    parser.add_argument("folders", metavar="RUN|FOLDER", type=Path, nargs="+")
+    parser.add_argument("--seed", type=int)
+    chosen = parser.parse_args()
+    if chosen.seed is not None:
+        write_scenes(chosen.folders[0], chosen.seed)
+        return 0
     try:
-        rows = [row for run in read_runs(asked.folders) for row in run.rows]
-        lines = table(rows, asked.reference, asked.chosen.split(","))
+        print("\n".join(table([row for run in read_runs(chosen.folders) for row in run.rows])))
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print("\n".join(lines))
     return 0
 
 
-def table(rows: Sequence[Record], reference: str, chosen: Sequence[str]) -> list[str]:
-    """Lines of a Markdown table, one per setting; chosen: the scenes that settings were chosen on.
-
-    Raises InputError without a row of the reference.
-    """
-    drawn = [row for row in rows if row["status"] == "ok"]
-    parts = {name: [row for row in drawn if row["spec"] == name] for name in {row["spec"]: 0 for row in drawn}}
-    found = {name: _errors(own, chosen) for name, own in parts.items()}
-    if reference not in found:
-        raise InputError(f"--reference: found no row of {reference!r:.60}; allowed: {', '.join(found) or 'none'}")
-    lines = [_line(name, errors, found[reference]) for name, errors in found.items()]
-    return [f"| {' | '.join(cells)} |" for cells in (HEADINGS, ["---", *["---:"] * (len(HEADINGS) - 1)], *lines)]
+def table(rows: Sequence[Record]) -> list[str]:
+    """Lines of a Markdown table, one per setting. Raises InputError without a row of the reference."""
+    cells = [(row["spec"], _part(row), row["scene"], _log_error(row)) for row in rows if row["status"] == "ok"]
+    frame = pd.DataFrame(cells, columns=["setting", "part", "scene", "error"])
+    means = frame.groupby(["setting", "scene", "part"])["error"].mean().unstack("part").reindex(columns=PARTS)
+    names = list(frame["setting"].unique())
+    if REFERENCE not in names:
+        raise InputError(f"found no row of {REFERENCE}; allowed: a folder of `run -s held-out -t {REFERENCE}`")
+    lines = [_line(name, means.loc[name], means.loc[REFERENCE]) for name in names]
+    return [f"| {' | '.join(line)} |" for line in (HEADINGS, ["---", *["---:"] * (len(HEADINGS) - 1)], *lines)]
 
 
-def _part(row: Record, chosen: Sequence[str]) -> str:
-    if row["scene"] not in chosen:
+def _part(row: Record) -> str:
+    if row["scene"].startswith("held-out"):
         return SCENES
     return PHASES if row["phase"] >= FIRST_PHASE else CHOSEN
 
 
-def _errors(rows: Sequence[Record], chosen: Sequence[str]) -> Errors:
-    parts = {name: [row for row in rows if _part(row, chosen) == name] for name in (CHOSEN, PHASES, SCENES)}
-    return {name: _log_error(own) for name, own in parts.items() if own}
+def _log_error(row: Record) -> float:
+    """Log √((1 − IoU) · (1 − SSIM)), of soft shadows with RMSE in place of 1 − IoU; NaN without."""
+    metrics = row["metrics"]
+    ranked_by = ranking(is_soft(metrics))
+    if metrics[ranked_by.name] is None or metrics["ssim"] is None:
+        return math.nan
+    error = max(ranked_by.error(metrics[ranked_by.name]), _LEAST, row.get("truth_error", 0.0))
+    return math.log(error * max(1 - metrics["ssim"], _LEAST)) / 2
 
 
-def _log_error(rows: Sequence[Record]) -> pd.Series:
-    """Mean of log √((1 − IoU) · (1 − SSIM)) by scene, of soft shadows with RMSE in place of 1 − IoU."""
-    errors = defaultdict(list)
-    for row in rows:
-        metrics = row["metrics"]
-        ranked_by = ranking(is_soft(metrics))
-        if metrics[ranked_by.name] is not None and metrics["ssim"] is not None:
-            error = max(ranked_by.error(metrics[ranked_by.name]), _LEAST, row.get("truth_error", 0.0))
-            errors[row["scene"]].append(np.log(error * max(1 - metrics["ssim"], _LEAST)) / 2)
-    return pd.Series({scene: np.mean(values) for scene, values in errors.items()}, dtype=float)
-
-
-def _line(name: str, errors: Errors, reference: Errors) -> list[str]:
-    means = [f"{np.exp(errors[part].mean()):.4f}" if part in errors else "" for part in (CHOSEN, PHASES, SCENES)]
-    moved = (errors[PHASES] - errors[CHOSEN]).dropna() if PHASES in errors and CHOSEN in errors else pd.Series()
-    beside = {
-        part: (errors[part] - reference[part]).dropna() if part in errors and part in reference else pd.Series()
-        for part in (CHOSEN, SCENES)
-    }
-    ratios = [f"{np.exp(values.mean()):.2f}" if len(values) else "" for values in beside.values()]
-    gap = _ratio(beside[SCENES], beside[CHOSEN]) if errors is not reference and all(ratios) else ""
+def _line(name: str, errors: pd.DataFrame, reference: pd.DataFrame) -> list[str]:
+    """errors: logarithms, a line for each scene and a column for each part."""
+    beside = errors - reference
+    moved = (errors[PHASES] - errors[CHOSEN]).dropna()
+    means = [f"{np.exp(errors[part].mean()):.4f}" if errors[part].count() else "" for part in PARTS]
+    ratios = [f"{np.exp(beside[part].mean()):.2f}" if beside[part].count() else "" for part in (CHOSEN, SCENES)]
+    gap = _ratio(beside[SCENES].dropna(), beside[CHOSEN].dropna()) if name != REFERENCE and all(ratios) else ""
     return [f"`{preset_names().get(name, name)}`", *means, _ratio(moved) if len(moved) else "", *ratios, gap]
 
 
@@ -110,6 +106,90 @@ def _ratio(over: pd.Series, under: pd.Series | None = None) -> str:
     draws = sum(sign * random.choice(values, (_DRAWS, len(values))).mean(axis=1) for sign, values in parts)
     low, high = np.exp(np.percentile(draws, [2.5, 97.5]))
     return f"{np.exp(value):.3g} [{low:.3g}, {high:.3g}]"
+
+
+def write_scenes(folder: Path, seed: int) -> None:
+    """Write a scene for each of LIGHTS into `folder`/held-out, and the study that names them beside it."""
+    (folder / "held-out").mkdir(parents=True, exist_ok=True)
+    for index, light in enumerate(LIGHTS, 1):
+        random = np.random.default_rng([seed, index])
+        file = folder / "held-out" / f"{index:02}.toml"
+        shadow = 0.0
+        while shadow < LEAST_SHADOW:
+            file.write_text(_scene(random, f"held-out-{seed}-{index:02}", light), encoding="utf-8")
+            drawn = truth(file, view_size=64)
+            shadow = float((drawn.visibility[drawn.receivers] < 0.5).mean()) if drawn.receivers.any() else 0.0
+    (folder / STUDY.name).write_bytes(STUDY.read_bytes())
+
+
+def _scene(random: np.random.Generator, name: str, kind: str) -> str:
+    """Text of a scene with its centre at the origin: ground, bodies, rows of bars, foliage."""
+    radius = 10 ** random.uniform(0.0, 1.5)  # metres
+    azimuth = random.uniform(0.0, 360.0)
+    meshes = [{"shape": "plane", "scale": [8 * radius, 1, 8 * radius]}]
+    if random.random() < 0.25:
+        hills = {"shape": "terrain", "waves": random.uniform(1.0, 4.0), "seed": int(random.integers(1000))}
+        meshes = [hills | {"scale": [8 * radius, random.uniform(0.2, 0.8) * radius, 8 * radius]}]
+    meshes += [_body(random, radius) for _ in range(random.integers(5, 13))]
+    meshes += [_bars(random, radius) for _ in range(random.integers(0, 3))]
+    if random.random() < 0.3:
+        crown = {"shape": "leaves", "count": 300, "size": random.uniform(0.05, 0.2), "seed": int(random.integers(1000))}
+        meshes.append(crown | {"scale": 0.8 * radius, "translate": _place(random, radius, 0.6 * radius)})
+    distance = random.uniform(2.6, 4.0) * radius
+    eye = _around(azimuth + random.uniform(50.0, 310.0), random.uniform(12.0, 55.0), distance)  # not with the light
+    camera = {"position": eye, "target": [0, 0.2 * radius, 0], "fov_y": random.uniform(30.0, 55.0)}
+    lines = [f'name = "{name}"', 'about = "held out: bodies drawn at random"']
+    lines += [f"camera = {_text(camera)}", f"light = {_text(_light(random, kind, azimuth, radius))}", "mesh = ["]
+    return "\n".join([*lines, *(f"    {_text(mesh)}," for mesh in meshes), "]", ""])
+
+
+def _light(random: np.random.Generator, kind: str, azimuth: float, radius: float) -> dict[str, Any]:
+    if kind == "point":
+        return {"kind": kind, "position": _place(random, 0.8 * radius, random.uniform(0.8, 1.6) * radius)}
+    elevation = random.uniform(12.0, 75.0) if kind == "directional" else random.uniform(35.0, 75.0)
+    position = _around(azimuth, elevation, random.uniform(2.0, 3.0) * radius)
+    light = {"kind": kind, "direction": [-value for value in position]}
+    return light if kind == "directional" else light | {"position": position, "angle": random.uniform(45.0, 80.0)}
+
+
+def _body(random: np.random.Generator, radius: float) -> dict[str, Any]:
+    """A body on the ground, or above it, a quarter of them tilted."""
+    shape = str(random.choice(sorted(HALF_HEIGHT)))
+    scale = radius * 10 ** random.uniform(-1.3, -0.2, 3)
+    rise = random.uniform(0.0, 0.6) * radius if random.random() < 0.3 else 0.0
+    turn = random.uniform(0.0, 360.0, 3) if random.random() < 0.25 else [0, random.uniform(0.0, 360.0), 0]
+    at = _place(random, radius, HALF_HEIGHT[shape] * scale[1] + rise)
+    return {"shape": shape, "scale": scale, "rotate": turn, "translate": at}
+
+
+def _bars(random: np.random.Generator, radius: float) -> dict[str, Any]:
+    """A row of thin upright bars."""
+    width, height = random.uniform(0.01, 0.05) * radius, random.uniform(0.2, 0.8) * radius
+    step = _around(random.uniform(0.0, 360.0), 0.0, random.uniform(1.5, 4.0) * width)
+    row = {"count": int(random.integers(8, 25)), "step": step}
+    at = _place(random, 0.8 * radius, height / 2)
+    return {"shape": "box", "scale": [width, height, width], "translate": at, "repeat": row}
+
+
+def _place(random: np.random.Generator, radius: float, height: float) -> list[float]:
+    x, _, z = _around(random.uniform(0.0, 360.0), 0.0, radius * math.sqrt(random.random()))
+    return [x, height, z]
+
+
+def _around(azimuth: float, elevation: float, distance: float) -> list[float]:
+    """A point at an azimuth and elevation in degrees."""
+    about, up = math.radians(azimuth), math.radians(elevation)
+    x, y, z = math.sin(about) * math.cos(up), math.sin(up), math.cos(about) * math.cos(up)
+    return [distance * x, distance * y, distance * z]
+
+
+def _text(value: Any) -> str:
+    """TOML of a table, a list, a text or a number, of four digits."""
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_text(one)}' for key, one in value.items())} }}"
+    if isinstance(value, list | np.ndarray):
+        return f"[{', '.join(map(_text, value))}]"
+    return f'"{value}"' if isinstance(value, str) else f"{value:.4g}"
 
 
 if __name__ == "__main__":

@@ -44,12 +44,12 @@ def main() -> None:
     parser.add_argument("name", metavar="NAME", nargs="?")
     parser.add_argument("folders", metavar="DIR", type=Path, nargs="*")
     parser.add_argument("--commit", help="of the code that measured rows which name none")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     head = ["git", "rev-parse", "--short=10", "HEAD"]
-    commit = asked.commit or subprocess.run(head, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
-    if asked.name:
-        condense(asked.folders, PUBLISHED / asked.name, commit)
-    for study in () if asked.name else sorted(STUDIES.glob("*.toml")):
+    commit = options.commit or subprocess.run(head, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+    if options.name:
+        condense(options.folders, PUBLISHED / options.name, commit)
+    for study in () if options.name else sorted(STUDIES.glob("*.toml")):
         folder, published = WORK / study.stem, PUBLISHED / study.stem
         if not folder.exists() and published.exists():
             shutil.copytree(published, folder)

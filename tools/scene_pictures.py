@@ -10,6 +10,7 @@ import numpy as np
 from pages import grid, labelled, png, renew
 
 import shadowbench as sb
+from shadowbench.scenes.library import builtin_names
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -18,7 +19,7 @@ SIZE, COLUMNS, LARGEST = 180, 6, 250_000  # pixels along a side of a tile, tiles
 
 def main() -> None:
     """Write the pictures."""
-    draw("scenes.png", DOCS / "reference" / "scenes.md", {name: name for name in sb.catalogue("scenes")["name"]})
+    draw("scenes.png", DOCS / "reference" / "scenes.md", {name: name for name in builtin_names()})
     held_out = {path.stem: path for path in sorted((ROOT / "benchmarks" / "held-out").glob("*.toml"))}
     draw("held-out.png", DOCS / "how-to" / "held-out.md", held_out)
 

@@ -7,10 +7,8 @@ import argparse
 import inspect
 import re
 import sys
-from collections.abc import Iterable
-from dataclasses import dataclass
+from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,17 +16,17 @@ from numpy.typing import NDArray
 from pages import MEASURED, compare, grid, labelled, measured, png
 from PIL import Image
 
+from shadowbench.errors import Unsupported
 from shadowbench.extremes.model import NAMES
 from shadowbench.maps.biases import ALL_MAPS
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.measure.session import CellRequest, Rendering, Session
+from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.plugin.base import Technique
 from shadowbench.plugin.params import Component, TechniqueParams, allowed
-from shadowbench.plugin.registry import source_file, techniques
+from shadowbench.plugin.registry import own_techniques, source_file
 from shadowbench.plugin.spec import format_value
-from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import view_of
+from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.metrics import score
 from shadowbench.truths.cache import cached_truth
@@ -40,8 +38,6 @@ RANGES_MADE = f"{MEASURED}'shadowbench stress', 2026-11-23 -->"
 PAGE, PICTURES = ROOT / "docs" / "reference" / "techniques.md", ROOT / "docs" / "pictures" / "techniques"
 PAGES = PAGE.with_suffix("")
 SIZE, LARGEST = 512, 250_000  # pixels along a side, bytes of a picture
-SHOWN = ("iou", "ssim")
-SOFT_SHOWN = ("rmse", "ssim")
 LABELS = {"iou": "IoU", "rmse": "RMSE", "ssim": "SSIM"}
 FALLBACK = {"directional": "cube-on-plane", "point": "room-with-lamp", "spot": "spot-lamp"}
 INDEX = """\
@@ -68,143 +64,104 @@ acne, leak or terminator above 1%, or flips of more than 1% of the receivers at 
 
 
 TILE, COLUMNS = 180, 5  # pixels along a side of a strip's tile; tiles in a row
-
-
-class Strip(NamedTuple):
-    """What a strip shows: a scene, the spec that a member completes, a part, and what is to be seen.
-
-    part: left, top and side in eighths of the picture.
-    """
-
-    scene: str
-    spec: str
-    part: tuple[int, int, int]
-    seen: str
-
-
-STRIPS = {
-    "splits": Strip("deep-street", "cascades:split={}", (0, 0, 8), "a colour for each cascade"),
-    "biases": Strip(
+STRIPS = {  # scene, spec that a member completes, left, top and side of a part in eighths, and what is to be seen
+    "splits": ("deep-street", "cascades:split={}", (0, 0, 8), "a colour for each cascade"),
+    "biases": (
         "docs/gallery/light-leaks.toml",
         "shadow-map:fit=scene,size=512,bias={}",
         (3, 4, 4),
         "acne, the stripes on the ground, and light that leaks where floor and wall meet",
     ),
-    "filters": Strip("post", "shadow-map:size=256,filter={}", (1, 3, 5), "edges, and the contact of the blue box"),
-    "fits": Strip(
-        "street", "shadow-map:size=512,filter=hard,fit={}", (2, 4, 3), "the size of texels, and what is missing"
-    ),
+    "filters": ("post", "shadow-map:size=256,filter={}", (1, 3, 5), "edges, and the contact of the blue box"),
+    "fits": ("street", "shadow-map:size=512,filter=hard,fit={}", (2, 4, 3), "the size of texels, and what is missing"),
 }
 COUNTED = {name: f"{name},count=4" for name in ("shares", "ends")}  # their defaults are of four cascades
-
-
-@dataclass(frozen=True)
-class Example:
-    """A technique at its defaults in a scene that it supports; rendering: None with --check."""
-
-    scene: str
-    rendering: Rendering | None
-    scores: dict[str, float | None]
+Scores = dict[str, float | None]
 
 
 def main() -> int:
     """Write the pages and pictures, or with --check compare the pages."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="exit 1 if a committed text is stale")
-    check = parser.parse_args().check
-    ours = _ours()
-    families = _families(one.Params for one in ours)
+    if parser.parse_args().check:
+        pages = _pages({one.name: dict.fromkeys(_shown(_view(one))) for one in own_techniques()})
+        return max(compare(file, text, Path(__file__).name) for file, text in pages.items())
+    scores: dict[str, Scores] = {}
     with Worker() as worker:
-        examples = {one.name: _example(worker, one, draw=not check) for one in ours}
-        drawn = {name: [one.rendering.picture] for name, one in examples.items() if one.rendering is not None}
-        if not check:
-            drawn |= {_file(one): strip(worker, one.table, STRIPS[_file(one)]) for one in families}
-    pages = _pages(ours, families, examples)
-    if check:
-        stale = sorted(file.name for file in PAGES.glob("*.md") if file not in pages)
-        print(*(f"{name}: of no technique" for name in stale))
-        return max(len(stale) > 0, *(compare(file, text, Path(__file__).name) for file, text in pages.items()))
-    for folder, names in ((PICTURES, {*drawn}), (PAGES, {file.stem for file in pages})):
-        folder.mkdir(parents=True, exist_ok=True)
-        for file in folder.iterdir():
-            if file.stem not in names:
-                file.unlink()
-    for name, frames in drawn.items():
-        (PICTURES / f"{name}.png").write_bytes(png(frames, LARGEST))
-    for file, text in pages.items():
+        for technique in own_techniques():
+            view = _view(technique)
+            rendering = worker.call(Session.draw, view, CellRequest(technique.name))
+            values = score(rendering.visibility, prepare_truth(cached_truth(view)))
+            scores[technique.name] = {key: values[key] for key in _shown(view)}
+            (PICTURES / f"{technique.name}.png").write_bytes(png([rendering.picture], LARGEST))
+        for family in _families():
+            (PICTURES / f"{_file(family)}.png").write_bytes(png([strip(worker, family)], LARGEST))
+    for file, text in _pages(scores).items():
         file.write_text(text, encoding="utf-8")
         print(file)
     return 0
 
 
-def _ours() -> list[type[Technique]]:
-    """All registered techniques of this repository; those of installed packages are documented there."""
-    return [one for one in techniques().values() if source_file(one).resolve().is_relative_to(ROOT)]
+def _view(technique: type[Technique]) -> View:
+    """The view of a technique's own scene, or of the first of FALLBACK whose light it draws."""
+    scene = next(scene for light, scene in FALLBACK.items() if light in technique.lights)
+    return chosen_view(technique.catalogue.picture_scene or scene, SIZE)
 
 
-def _example(worker: Worker, technique: type[Technique], draw: bool) -> Example:
-    """Draw a technique in its own scene, or in the first of FALLBACK whose light it draws."""
-    drawn = next(scene for light, scene in FALLBACK.items() if light in technique.lights)
-    scene = load_scene(technique.catalogue.picture_scene or drawn)
-    view = view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
-    shown = SOFT_SHOWN if view.light.soft else SHOWN
-    if not draw:
-        return Example(scene.name, None, dict.fromkeys(shown))
-    rendering = worker.call(Session.draw, view, CellRequest(technique.name))
-    scores = score(rendering.visibility, prepare_truth(cached_truth(view)))
-    return Example(scene.name, rendering, {key: scores[key] for key in shown})
+def _shown(view: View) -> tuple[str, ...]:
+    return ("rmse", "ssim") if view.light.soft else ("iou", "ssim")
 
 
-def strip(worker: Worker, members: Iterable[str], shown: Strip) -> list[NDArray[np.uint8]]:
-    """One (H, W, 3) picture with a labelled tile for each member that the spec's technique supports; tinted."""
-    view = chosen_view(shown.scene, SIZE)
-    asked = {one: CellRequest(shown.spec.format(COUNTED.get(one, one))) for one in members}
-    left, top, side = (part * SIZE // 8 for part in shown.part)
-    tiles = []
-    for name, request in asked.items():
-        if worker.call(Session.unsupported, view, request) is None:
+def strip(worker: Worker, family: type[Component]) -> NDArray[np.uint8]:
+    """A (H, W, 3) picture with a labelled tile for each member that the spec's technique supports; tinted."""
+    scene, spec, (left, top, side), _ = STRIPS[_file(family)]
+    view, tiles, eighth = chosen_view(scene, SIZE), [], SIZE // 8
+    for name in family.table:
+        request = CellRequest(spec.format(COUNTED.get(name, name)))
+        with suppress(Unsupported):
             picture = Image.fromarray(worker.call(Session.draw, view, request, tinted=True).picture)
-            part = picture.crop((left, top, left + side, top + side)).resize((TILE, TILE), Image.Resampling.NEAREST)
-            tiles.append(labelled(np.asarray(part), name))
-    return [grid(tiles, COLUMNS)]
+            box = np.multiply((left, top, left + side, top + side), eighth).tolist()
+            tile = picture.crop(box).resize((TILE, TILE), Image.Resampling.NEAREST)
+            tiles.append(labelled(np.asarray(tile), name))
+    return grid(tiles, COLUMNS)
 
 
-def _pages(
-    ours: list[type[Technique]], families: list[type[Component]], examples: dict[str, Example]
-) -> dict[Path, str]:
+def _pages(scores: dict[str, Scores]) -> dict[Path, str]:
     """Texts by file: the index, the techniques, the families."""
     rows = [
         f"| [`{one.name}`](techniques/{one.name}.md)<br>"
-        f'<img src="../pictures/techniques/{one.name}.png" alt="on {examples[one.name].scene}" width="160"> '
-        f"| {_first_line(one)} |"
-        for one in ours
+        f'<img src="../pictures/techniques/{one.name}.png" alt="on {_view(one).scene.name}" width="160"> '
+        f"| {_first_sentence(one)} |"
+        for one in own_techniques()
     ]
-    links = ", ".join(f"[{_file(one)}](techniques/{_file(one)}.md)" for one in families)
-    names = [*(one.name for one in ours), *map(_file, families)]
+    families = [_file(one) for one in _families()]
+    links = ", ".join(f"[{name}](techniques/{name}.md)" for name in families)
+    names = [*(one.name for one in own_techniques()), *families]
     index = INDEX.format(
         rows="\n".join(rows),
         families=f"Of parameters that techniques share, pages of their own: {links}.",
         size=SIZE,
         pages="\n".join(f"techniques/{name}" for name in names),
     )
-    texts = [*(_technique(one, examples[one.name]) for one in ours), *(_family(one, ours) for one in families)]
+    texts = [*(_technique(one, scores[one.name]) for one in own_techniques()), *map(_family, _families())]
     files = [PAGES / f"{name}.md" for name in names]
     return {PAGE: index} | dict(zip(files, (text.rstrip("\n") + "\n" for text in texts), strict=True))
 
 
-def _technique(technique: type[Technique], example: Example) -> str:
-    file = source_file(technique).resolve().relative_to(ROOT).as_posix()
-    numbers = ", ".join(f"{LABELS[key]} {_number(value)}" for key, value in example.scores.items())
+def _technique(technique: type[Technique], scores: Scores) -> str:
+    file, scene = source_file(technique).resolve().relative_to(ROOT).as_posix(), _view(technique).scene.name
+    numbers = ", ".join(f"{LABELS[key]} {'…' if value is None else f'{value:.4f}'}" for key, value in scores.items())
     lines = [
         f"# {technique.name}",
         "",
         measured(COMMAND),
         "",
-        f"![{technique.name} on {example.scene}](../../pictures/techniques/{technique.name}.png)",
+        f"![{technique.name} on {scene}](../../pictures/techniques/{technique.name}.png)",
         "",
-        f"Measured on `{example.scene}`: {numbers}.",
+        f"Measured on `{scene}`: {numbers}.",
         "",
-        *_paragraphs(technique),
+        inspect.cleandoc(technique.__doc__ or ""),
+        "",
         f"Lights: {', '.join(sorted(technique.lights))}.",
         "",
         *_broken(technique),
@@ -237,31 +194,31 @@ def _broken(technique: type[Technique]) -> list[str]:
     return [*lines, ""]
 
 
-def _family(family: type[Component], ours: list[type[Technique]]) -> str:
+def _family(family: type[Component]) -> str:
     users = [
         f"[{one.name}]({one.name}.md)"
-        for one in ours
-        for key, info in one.Params.model_fields.items()
+        for one in own_techniques()
+        for info in one.Params.model_fields.values()
         if isinstance(info.default, family)
     ]
-    shown = STRIPS[_file(family)]
+    name, (scene, spec, _, seen) = _file(family), STRIPS[_file(family)]
     lines = [
-        f"# {_file(family).capitalize()}",
+        f"# {name.capitalize()}",
         "",
         measured(COMMAND),
         "",
         f"Allowed values of `{family.__name__.lower()}` of {', '.join(users)}.",
         "",
-        f"![{_file(family).capitalize()} on {Path(shown.scene).stem}](../../pictures/techniques/{_file(family)}.png)",
+        f"![{name.capitalize()} on {Path(scene).stem}](../../pictures/techniques/{name}.png)",
         "",
-        f"`{shown.spec.format('…')}` on `{shown.scene}`: {shown.seen}.",
+        f"`{spec.format('…')}` on `{scene}`: {seen}.",
         "",
     ]
     above: dict[str, tuple[str, str]] = {}
+    served = {ALL_MAPS: [], frozenset({"cube"}): ["For cube maps.", ""]}
     for row in family.table.values():
-        served = {ALL_MAPS: [], frozenset({"cube"}): ["For cube maps.", ""]}
         only = served.get(getattr(row, "maps", ALL_MAPS), ["Not for cube maps.", ""])
-        lines += [f"## {row.name}", "", *_paragraphs(row), *only, *_parameters(row, above)]
+        lines += [f"## {row.name}", "", inspect.cleandoc(row.__doc__ or ""), "", *only, *_parameters(row, above)]
     return "\n".join(lines)
 
 
@@ -287,9 +244,9 @@ def _parameters(
     return [*lines, ""] if lines else []
 
 
-def _families(models: Iterable[type[TechniqueParams]]) -> list[type[Component]]:
-    """Families of component parameters, without duplicates, in the order of first use."""
-    defaults = [info.default for model in models for info in model.model_fields.values()]
+def _families() -> list[type[Component]]:
+    """Families of component parameters, in the order of first use."""
+    defaults = [info.default for one in own_techniques() for info in one.Params.model_fields.values()]
     return list(dict.fromkeys(default.family() for default in defaults if isinstance(default, Component)))
 
 
@@ -299,19 +256,9 @@ def _file(family: type[Component]) -> str:
     return name + ("es" if name.endswith("s") else "s")
 
 
-def _paragraphs(thing: object) -> list[str]:
-    text = inspect.cleandoc(getattr(thing, "__doc__", None) or "")
-    return [text, ""] if text else []
-
-
-def _first_line(technique: type[Technique]) -> str:
-    """First sentence of the docstring, in one line."""
+def _first_sentence(technique: type[Technique]) -> str:
     paragraph = " ".join(inspect.cleandoc(technique.__doc__ or "").split("\n\n")[0].split())
     return re.split(r"(?<=\.)\s", paragraph)[0]
-
-
-def _number(value: float | None) -> str:
-    return "…" if value is None else f"{value:.4f}"
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 // Draws all layers at once: each invocation emits the triangle into its layer unless it is outside the layer's window.
 layout(triangles, invocations = LAYERS) in;
 layout(triangle_strip, max_vertices = 3) out;
-#include "cutout/geometry.glsl"
+#include "cutout.glsl"
 in vec3 world[];
 out float linear_depth;  // as in casters.vert
 uniform mat4 world_to_clip[LAYERS];

@@ -1,5 +1,5 @@
 // Casters in world space for cascades/layers.geom, which projects them into each layer.
-#include "cutout/vertex.glsl"
+#include "cutout.glsl"
 in vec3 position;
 out vec3 world;
 

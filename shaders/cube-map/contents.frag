@@ -1,5 +1,5 @@
 // Distance to the light, linear in [0, 1], and what the filter stores besides.
-#include "cutout/fragment.glsl"
+#include "cutout.glsl"
 #include "shadow_map.glsl"
 in vec3 away;
 out vec4 contents;

@@ -1,5 +1,5 @@
 // Distance to the light, linear in [0, 1].
-#include "cutout/fragment.glsl"
+#include "cutout.glsl"
 in vec3 away;
 uniform float map_far;
 

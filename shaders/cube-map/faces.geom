@@ -2,7 +2,7 @@
 layout(triangles, invocations = 6) in;
 layout(triangle_strip, max_vertices = 3) out;
 #include "cube_faces.glsl"
-#include "cutout/geometry.glsl"
+#include "cutout.glsl"
 in vec3 from_light[];
 out vec3 away;
 

@@ -1,5 +1,5 @@
 // Casters relative to the light, for faces.geom.
-#include "cutout/vertex.glsl"
+#include "cutout.glsl"
 in vec3 position;
 out vec3 from_light;
 uniform vec3 light_position;

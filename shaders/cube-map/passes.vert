@@ -1,6 +1,6 @@
 // Casters relative to the light, projected onto one face.
 #include "cube_faces.glsl"
-#include "cutout/vertex.glsl"
+#include "cutout.glsl"
 in vec3 position;
 out vec3 away;
 uniform vec3 light_position;

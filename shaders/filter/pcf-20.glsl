@@ -1,7 +1,7 @@
 // Twenty directions to the corners and the edge midpoints of a cube around the receiver, whose half side grows with the
 // distance to the camera (de Vries, Learn OpenGL, "Point Shadows").
 #define FILTER_HAS_RADIUS
-#include "eye.glsl"
+uniform vec3 eye;       // of the camera
 uniform float view_far;  // the camera's far plane
 uniform float filter_spread;
 uniform float filter_radius;

@@ -1,5 +1,5 @@
 #include "triangle.glsl"
-#include "cutout/fragment.glsl"
+#include "cutout.glsl"
 #include "gbuffer/surface.glsl"
 in vec3 world;
 in float view_depth;

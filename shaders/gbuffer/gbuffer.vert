@@ -1,5 +1,5 @@
 // G-buffer pass: position, geometric normal and triangle index of the visible surface of every pixel.
-#include "cutout/vertex.glsl"
+#include "cutout.glsl"
 in vec3 position;
 uniform mat4 world_to_clip;
 out vec3 world;

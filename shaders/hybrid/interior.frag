@@ -1,8 +1,7 @@
 // A cut-out, where a texel of the map may be opaque in one part and clear in another.
 #include "hybrid/silhouette/nearest.glsl"
-#ifdef CUTOUTS
 #include "cutout.glsl"
-in Cutout { vec2 place; flat ivec2 face; } cutout;
+#ifdef CUTOUTS
 const float MOST = 12.0;  // sub-texels along a side of what is looked at; more are taken to differ
 
 // Whether all is opaque, or all clear, of what the texel covers of the triangle's plane.

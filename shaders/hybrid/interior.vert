@@ -1,5 +1,5 @@
 // A cut-out triangle.
-#include "cutout/vertex.glsl"
+#include "cutout.glsl"
 in vec3 position;
 out vec3 point;
 #include "hybrid/silhouette/clip-<map>.glsl"

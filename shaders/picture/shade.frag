@@ -9,9 +9,10 @@ uniform sampler2D tint;  // what the technique wants to show of itself, of the p
 uniform vec3 eye;
 uniform vec3 cone_axis;
 uniform float cos_half_angle;
-uniform float ambient, diffuse, specular, shininess;  // coefficients, and the exponent of the highlight
-uniform vec3 light_color, sky, ground;  // of the light, and of ambient light from above and from below
-uniform vec3 horizon, zenith;           // behind the scene; white is for what is lit
+const float specular = 0.12, shininess = 32.0;  // coefficient and exponent of the highlight
+const vec3 light_color = vec3(0.86, 0.82, 0.76);
+const vec3 sky = vec3(0.13, 0.17, 0.25), ground = vec3(0.085, 0.075, 0.06);  // ambient light from above and from below
+const vec3 horizon = vec3(0.28, 0.36, 0.46), zenith = vec3(0.11, 0.18, 0.32);  // behind the scene; white is for what is lit
 out vec4 color;
 
 vec3 srgb(vec3 linear) {
@@ -34,7 +35,7 @@ void main() {
     float lit = cosine > 0.0 && dot(-r.to_light, normalize(cone_axis)) >= cos_half_angle ? texelFetch(visibility, pixel, 0).r : 0.0;
     float highlight = specular * pow(max(dot(normal, normalize(r.to_light + to_eye)), 0.0), shininess);
     // Two walls look alike to a hemisphere: a little more light from one side tells them apart.
-    vec3 around = ambient * mix(ground, sky, 0.5 + 0.5 * normal.y) * (1.0 + dot(normal, vec3(0.25, 0.0, -0.25)));
-    vec3 direct = lit * light_color * (diffuse * albedo * max(cosine, 0.0) + highlight);
+    vec3 around = mix(ground, sky, 0.5 + 0.5 * normal.y) * (1.0 + dot(normal, vec3(0.25, 0.0, -0.25)));
+    vec3 direct = lit * light_color * (albedo * max(cosine, 0.0) + highlight);
     color = vec4(srgb(clamp(albedo * around + direct, 0.0, 1.0)), 1.0);
 }

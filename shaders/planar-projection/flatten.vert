@@ -1,5 +1,5 @@
 // Casters projected from the light onto a plane (Blinn 1988), in the camera's clip space.
-#include "cutout/vertex.glsl"
+#include "cutout.glsl"
 in vec3 position;
 uniform vec3 center;             // of the scene: subtracted first, as large coordinates would lose precision below
 uniform mat4 flattened_to_clip;  // view-projection · ((π·l) I − l πᵀ), for positions relative to the centre

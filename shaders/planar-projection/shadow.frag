@@ -1,6 +1,6 @@
 // A projected caster, restricted to the pixels whose G-buffer triangle is part of the plane; needs no depth test.
 #include "triangle.glsl"
-#include "cutout/fragment.glsl"
+#include "cutout.glsl"
 uniform isampler2D surface_triangle;
 uniform isampler2D plane_of_triangle;  // −1 for none
 uniform int receiver;

@@ -3,6 +3,8 @@
 Modules that compute are imported in function bodies, so that help and usage errors are fast.
 """
 
+import errno
+import io
 import os
 import sys
 import traceback
@@ -29,7 +31,6 @@ from shadowbench.commands import (
 from shadowbench.commands.options import GroupedCommand, write_sections
 from shadowbench.errors import NOT_EVERYWHERE, NOT_INSTALLED, ShadowbenchError
 from shadowbench.files import FULL
-from shadowbench.streams import safe_output
 from shadowbench.versions import VERSION
 
 _STOPPED = 130
@@ -90,20 +91,12 @@ def version_option(
 
 def main() -> None:
     """Entry point: an error that the user can fix becomes one line and an exit code, not a traceback."""
-    with safe_output() as error_of_stdout:
-        code = _exit_code()
-        error = error_of_stdout()
-        if error is not None:
-            _complain(f"stdout: cannot be written ({(error.strerror or str(error)).lower()})")
-            code = code or 2
-    sys.exit(code)
-
-
-def _exit_code() -> int:
-    """Exit code of the command line; an error is printed."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
     line = ""
     try:
         code = int(app(standalone_mode=False) or 0)
+        sys.stdout.flush()
     except (KeyboardInterrupt, typer.Abort):
         code = _STOPPED
     except Exception as error:
@@ -111,8 +104,8 @@ def _exit_code() -> int:
     if code == _STOPPED:  # Typer answers Ctrl-C with this code, and prints nothing
         line = "stopped; repeat the command to resume"
     if line:
-        _complain(line)
-    return code
+        print(f"shadowbench: {' '.join(line.split())}", file=sys.stderr)
+    sys.exit(code)
 
 
 def _answer(error: Exception) -> tuple[int, str]:
@@ -122,13 +115,13 @@ def _answer(error: Exception) -> tuple[int, str]:
         return 2, f"{message}; --help lists what is allowed"
     if isinstance(error, ShadowbenchError):
         return error.exit_code, str(error)
-    if isinstance(error, OSError) and error.errno in FULL:
-        return 2, f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})"
+    if isinstance(error, OSError) and error.errno in (*FULL, errno.EPIPE):
+        if error.filename is None:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what Python still has to print
+        if error.errno == errno.EPIPE:  # its reader has ended, as `| head` does; Typer answers the same
+            return 1, ""
+        return 2, f"{error.filename or 'stdout or a file'}: cannot be written ({os.strerror(error.errno).lower()})"
     if isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
         return 3, NOT_INSTALLED.format(error.name)
     traceback.print_exc()
     return 3, "an internal error; please report it with the lines above"
-
-
-def _complain(text: str) -> None:
-    print(f"shadowbench: {' '.join(text.split())}", file=sys.stderr)  # typer.echo prints UTF-8 instead of ASCII

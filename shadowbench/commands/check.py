@@ -64,11 +64,11 @@ def check(
       also         the other values of the cell that changed
     """
     from shadowbench.files import make_folder, replace_file
-    from shadowbench.measure.plugin_output import subjects_with, techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.reports.regressions import annotations, markdown, write_pictures
     from shadowbench.results.baseline import check as compared
     from shadowbench.results.baseline import write_baseline
-    from shadowbench.studies.study_copy import copy_study
+    from shadowbench.studies.study import copy_study
 
     techniques_with(asked.plugin)  # whose metrics are compared too
     if asked.baseline is None:
@@ -99,7 +99,7 @@ def check(
         _print(findings, asked.baseline, asked.time)
     if asked.update:
         write_baseline(run.results, asked.baseline, run.folder / "masks" if asked.masks else None)
-        study = copy_study(run, asked.baseline, subjects_with(()))
+        study = copy_study(run.about, folder, asked.baseline)
         last = f"{asked.baseline / 'rows.jsonl'}: {counted(len(run.results), 'cell')}, the baseline from now on"
         last += f"; study.toml is a copy of {study}" if study else ""
     elif asked.github:

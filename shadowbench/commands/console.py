@@ -70,12 +70,9 @@ class Reporter(logging.Handler):
         self._task: TaskID | None = None
         self._printed = monotonic()
         self._progress = progress.Progress(
-            progress.TextColumn("{task.description:<24.24}"),
-            progress.BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what numbers leave
-            progress.MofNCompleteColumn(table_column=Column(no_wrap=True)),
-            progress.TimeElapsedColumn(table_column=Column(no_wrap=True)),
-            progress.TimeRemainingColumn(table_column=Column(no_wrap=True)),
-            progress.TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
+            *progress.Progress.get_default_columns(),
+            progress.MofNCompleteColumn(),
+            progress.TextColumn("{task.fields[what]}", table_column=Column(ratio=1, no_wrap=True, overflow="ellipsis")),
             console=err(),
             disable=quiet or not err().is_terminal,
             transient=True,
@@ -149,13 +146,6 @@ def exit_code_of(results: "Sequence[Result]", left_out: "Sequence[Failure]") -> 
     return 3 if failed or left_out else 0
 
 
-def print_unsupported(statuses: Sequence[str]) -> None:
-    """If all cells are unsupported, print that on stderr, as the command's last line."""
-    if statuses and all(status.startswith("unsupported") for status in statuses):
-        which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
-        print_error(f"note: nothing was drawn and nothing failed: {which} {statuses[0]}")
-
-
 def print_table(
     title: str,
     columns: Sequence[str],
@@ -163,7 +153,6 @@ def print_table(
     *,
     numbers: Collection[str] = (),
     whole: Collection[str] = (),
-    padded: bool = False,
 ) -> None:
     """Print a table without truncation; lines may exceed the terminal's width.
 
@@ -175,7 +164,7 @@ def print_table(
     from rich.table import Table
 
     console = out()
-    table = Table(title=escape(title) or None, title_justify="left", box=None, pad_edge=padded)
+    table = Table(title=escape(title) or None, title_justify="left", box=None, pad_edge=False)
     for heading in columns:
         justify: Literal["right", "left"] = "right" if heading in numbers else "left"
         table.add_column(heading, justify=justify, no_wrap=heading in (*numbers, *whole), overflow="fold")

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
 from shadowbench.commands import console, options
+from shadowbench.commands.report import ReportOptions, report
+from shadowbench.commands.run import RunOptions, run
 from shadowbench.errors import InputError, ShadowbenchError, alternatives
-from shadowbench.options import MAP_SIZE, PHASES, option, view_size
+from shadowbench.options import FIRST, MAP_SIZE, PHASES, Measuring, option, view_size
 
 if TYPE_CHECKING:
     from shadowbench.plugin.engine import Engine
@@ -34,9 +36,7 @@ class MeasureOptions:
     map_size: int | None = option(
         "Texels along a side of the maps of all engines that have a parameter `size`  [1024].", "N", bounds=MAP_SIZE
     )
-    scenes: str | None = option(
-        "Scenes with hard shadows, each as for `run`  [the built-in ones].", "SCENE,SCENE,...", complete=options.scenes
-    )
+    scenes: str | None = option("Scenes with hard shadows, each as for `run`  [the built-in ones].", "SCENE,SCENE,...")
     phases: int | None = option(
         "Sub-texel offsets of maps whose box is given; values are medians over them  [1].", "N", bounds=PHASES
     )
@@ -88,7 +88,7 @@ def engines(
             shown = "-o" if name == "output" else f"--{name.replace('_', '-')}"
             raise InputError(f"engines {action}: found {shown}; allowed for: {' and '.join(allowed)}")
     if action == "page":
-        return _write_page(names or [], measuring.output, printed.quiet)
+        return _write_page([*map(Path, names or ())], measuring.output, printed.quiet)
     if action == "install" and names == [_ALL]:
         names = list(known)
     for name in names or ():
@@ -182,7 +182,7 @@ def _measure(chosen: "Engines", named: bool, measuring: MeasureOptions, quiet: b
 
     if measuring.output is None:
         raise InputError("engines measure: found no -o; allowed: a folder for rows, pictures and the report")
-    scenes = options.listed(measuring.scenes) or hard_names()
+    scenes = measuring.scenes.split(",") if measuring.scenes else hard_names()
     for scene in scenes:
         if any(light.soft for light in load_scene(scene).lights):
             raise InputError(
@@ -197,11 +197,15 @@ def _measure(chosen: "Engines", named: bool, measuring: MeasureOptions, quiet: b
     ]
     if not specs:
         return 1
-    words = ["-o", str(measuring.output), "--rounds", "0", *(word for spec in specs for word in ("-t", spec))]
-    words += ["--view-size", str(measuring.view_size)] if measuring.view_size else []
-    words += ["--phases", str(measuring.phases)] if measuring.phases else []
-    code = _command("run", [*scenes, *words], quiet)
-    _write_page([str(measuring.output)], measuring.output / _PAGE, quiet)
+    code = run.body(
+        list(scenes),
+        measuring=Measuring(measuring.view_size, rounds=0, phases=measuring.phases),
+        view=FIRST,
+        machines=options.Machines(),
+        printed=options.Printed(quiet=quiet),
+        chosen=RunOptions(techniques=specs, output=measuring.output),
+    )
+    _write_page([measuring.output], measuring.output / _PAGE, quiet)
     return code or int(named and bool(lacking))
 
 
@@ -215,15 +219,9 @@ def _presets(engine: "type[Engine]", map_size: int) -> list[str]:
     return list({parse_spec(text, {engine.name: engine}): text for text in reversed(texts)}.values())[::-1]
 
 
-def _write_page(folders: list[str], target: Path | None, quiet: bool) -> int:
+def _write_page(folders: list[Path], target: Path | None, quiet: bool) -> int:
     """Write the report of folders. Raises InputError."""
     if not folders:
         raise InputError("engines page: found no folder; allowed: those of `engines measure` or `run`")
-    return _command("report", [*folders, "-o", str(target or Path(folders[0], _PAGE))], quiet)
-
-
-def _command(name: str, words: list[str], quiet: bool) -> int:
-    """The exit code of another command."""
-    from shadowbench.commands import app
-
-    return int(app([name, *words, *(["-q"] if quiet else [])], standalone_mode=False) or 0)
+    report.body(folders, ReportOptions(output=target or folders[0] / _PAGE), quiet)
+    return 0

@@ -42,7 +42,6 @@ class Materials:
         "closed|double",
         default="double",
     )
-    colours: bool = options.flag("Give materials the colours of the meshes, instead of white.")
 
 
 @options.command("For example  shadowbench export stairs for-my-engine/ --view-size 1024")
@@ -72,9 +71,7 @@ def export(
         for line in inexpressible_in_gltf(chosen):
             reporter.note(line)
         truth = cached_truth(chosen)
-        model, description, example = export_view(
-            chosen, truth, folder, scene, sides=materials.sides, colours=materials.colours, options=view
-        )
+        model, description, example = export_view(chosen, truth, folder, scene, sides=materials.sides, options=view)
     if not quiet:
         meshes = chosen.scene.meshes
         triangles = sum(len(mesh.faces) for mesh in meshes)

@@ -14,7 +14,7 @@ TOGETHER = "bias=polygon-offset(2,4)+normal-offset"
 
 @options.command(name="list")
 def list_things(
-    what: Annotated[str, options.argument("WHAT", f"{', '.join(KINDS)}  [all].", lambda: KINDS)] = "",
+    what: Annotated[str, options.argument("WHAT", f"{', '.join(KINDS)}  [all].")] = "",
     name: Annotated[str, options.argument("NAME", "Show only this entry  [all].")] = "",
     plugin: options.Plugins = None,
     json: options.Json = False,
@@ -33,18 +33,19 @@ def list_things(
     """
     from shadowbench.studies.catalogue import catalogue
 
-    found = catalogue(plugin or (), what, name)
+    known = catalogue(plugin or (), what, name)
     if json:
-        console.print_json(found[what] if what else found)
+        console.print_json(known[what] if what else known)
         return
-    for kind, entries in found.items():
+    for kind, entries in known.items():
         title = "" if quiet and what else kind
         if kind in ("techniques", "engines"):
             _print_techniques(entries)
-        elif kind == "axes":
-            _print_axes(entries, title)
         else:
-            rows = [[str(value) for value in entry.values()] for entry in entries]
+            rows = [
+                [" ".join(value) if isinstance(value, list) else str(value) for value in entry.values()]
+                for entry in entries
+            ]
             console.print_table(title, list(entries[0]), rows)
             console.print_text("")
 
@@ -70,18 +71,6 @@ def _print_techniques(entries: list["Entry"]) -> None:
         console.print_text("")
 
 
-def _print_axes(entries: list["Entry"], title: str) -> None:
-    """Print what each axis varies, its values and its default value."""
-    if title:
-        console.print_text(title)
-    for entry in entries:
-        unit = f", {entry['unit']}" if entry["unit"] else ""
-        console.print_text(f"{entry['name']}: {entry['about']}")
-        console.print_text(f"  values{unit}: {' '.join(entry['values'])}; default {entry['home']}")
-        console.print_text(f"  swept under {', '.join(entry['lights'])} lights")
-    console.print_text("")
-
-
 def _print_parameters(parameters: list["Entry"], indent: str) -> None:
     for parameter in parameters:
         allowed = parameter["allowed"] or ", ".join(value["name"] for value in parameter.get("values", ()))
@@ -99,20 +88,20 @@ def doctor(json: options.Json = False, quiet: options.Quiet = False) -> int:
     from shadowbench.measure.machine import diagnosis
     from shadowbench.versions import ABSENT
 
-    found = diagnosis()
-    missing = "missing" in found["opengl"]
+    known = diagnosis()
+    missing = "missing" in known["opengl"]
     if json:
-        console.print_json(found)
+        console.print_json(known)
     else:
-        for title, values in found.items():
+        for title, values in known.items():
             console.out().print(title.replace("_", " "))
             for name, value in values.items():
                 console.print_line(f"  {name.replace('_', ' ')}: {value}")
         if missing:
-            traced = found["versions"]["embreex"] != ABSENT
+            traced = known["versions"]["embreex"] != ABSENT
             works = "`truth`, `needs` and `score`" if traced else "`list`, `check`, `merge` and `report`"
             console.out().print(f"no technique can be drawn here; {works} work")
-        elif "problem" in found["truth_cache"]:
+        elif "problem" in known["truth_cache"]:
             console.out().print("ready, but each command must trace its truths again: the cache cannot be used")
         elif not quiet:
             console.out().print("ready")

@@ -13,37 +13,6 @@ from typer.core import TyperCommand
 from shadowbench.errors import InputError
 from shadowbench.options import MAP_SIZE, Measuring, SceneOptions, option
 
-# What shells complete, with imports in the bodies. Where nothing matches, they complete file names.
-
-
-def scenes() -> list[str]:
-    """Built-in scenes."""
-    from shadowbench.scenes.library import builtin_names
-
-    return builtin_names()
-
-
-def studies() -> list[str]:
-    """Built-in studies."""
-    from shadowbench.studies.study import study_names
-
-    return study_names()
-
-
-def axes() -> list[tuple[str, str]]:
-    """Axes of `stress`, with what they vary."""
-    from shadowbench.extremes.axes import AXES
-
-    return [(one.name, one.about) for one in AXES.values()]
-
-
-def techniques() -> list[tuple[str, str]]:
-    """Techniques, with what they are."""
-    from shadowbench.plugin.registry import own_techniques
-
-    return [(one.name, " ".join((one.__doc__ or "").split("\n\n")[0].split())) for one in own_techniques()]
-
-
 SCENE = "a built-in name (shadowbench list scenes), a scene file (.toml), or a mesh file"
 _PLUGIN = "A Python file with techniques, filters or metrics; repeatable."
 SPEC = "a technique and its parameters (shadowbench list techniques)"
@@ -91,7 +60,7 @@ def _option_of(field: "Field[Any]", heading: str | None = None) -> Any:
 
 
 # Options that several groups have.
-technique = partial(option, metavar="SPEC", names=("-t", "--technique"), complete=techniques)
+technique = partial(option, metavar="SPEC", names=("-t", "--technique"))
 output = partial(option, metavar="DIR", names=("-o", "--output"))
 plugins = partial(option, _PLUGIN, "FILE.py", default=())
 flag = partial(option, default=False)
@@ -111,17 +80,12 @@ keep_going = partial(
 )
 
 
-def argument(metavar: str, help: str, complete: Callable[..., Any] | None = None) -> Any:
-    """An argument of a command; complete: lists its values."""
-    return typer.Argument(metavar=metavar, autocompletion=complete, help=help, show_default=False)
+def argument(metavar: str, help: str) -> Any:
+    """An argument of a command."""
+    return typer.Argument(metavar=metavar, help=help, show_default=False)
 
 
-def scene(help: str) -> Any:
-    """The argument SCENE of a command."""
-    return argument("SCENE", help, scenes)
-
-
-Scene = Annotated[str, scene(f"The scene: {SCENE}.")]
+Scene = Annotated[str, argument("SCENE", f"The scene: {SCENE}.")]
 Plugins = Annotated[list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help=_PLUGIN)]
 _FIELDS = {one.name: one for group in (Measuring, Printed) for one in fields(group)}
 ViewSize = Annotated[int | None, _option_of(_FIELDS["view_size"])]
@@ -130,9 +94,10 @@ Quiet = Annotated[bool, _option_of(_FIELDS["quiet"])]
 
 
 class Command(NamedTuple):
-    """A command of the command line; function: with a parameter for each option; epilog: the end of its help."""
+    """A command; function: with a parameter for each option; body: with the groups; epilog: the end of its help."""
 
     function: Callable[..., int | None]
+    body: Callable[..., int | None]
     epilog: str
 
 
@@ -159,7 +124,7 @@ def command(epilog: str = "", name: str | None = None) -> Callable[[Callable[...
         flat.__signature__ = signature  # type: ignore[attr-defined]
         flat.__annotations__ = {name: parameter.annotation for name, parameter in signature.parameters.items()}
         flat.__name__, flat.__doc__ = name or function.__name__, function.__doc__
-        return Command(flat, epilog)
+        return Command(flat, function, epilog)
 
     return made
 
@@ -211,8 +176,3 @@ def map_sizes(text: str | None) -> tuple[int, ...] | None:
             f"--map-size: found {text!r:.60}; allowed: whole numbers from {least} to {most}, separated by commas"
         )
     return sizes
-
-
-def listed(text: str | None) -> tuple[str, ...]:
-    """The non-empty parts of a comma-separated text."""
-    return tuple(part.strip() for part in (text or "").split(",") if part.strip())

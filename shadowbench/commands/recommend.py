@@ -32,7 +32,7 @@ def needs(
         console.print_json(names | values | {"told": [row._asdict() for row in rows]})
         return
     title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels: {verdict_of(needed)}"
-    console.print_table(title, ("need", "number", "why"), rows, padded=True)
+    console.print_table(title, ("need", "number", "why"), rows)
 
 
 @dataclass(frozen=True)
@@ -119,8 +119,8 @@ def recommend(
     from shadowbench.advice.recommend import target_of
     from shadowbench.advice.search import technique_names
     from shadowbench.advice.words import export_choice, lines, table, values
-    from shadowbench.campaigns import campaign_in
     from shadowbench.files import make_folder
+    from shadowbench.measure.gl_drawer import campaign_in
     from shadowbench.measure.plugin_output import techniques_with
 
     target = target_of(asked.min_iou, asked.max_edge_px, asked.max_rmse)

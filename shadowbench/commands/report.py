@@ -20,10 +20,9 @@ class ReportOptions:
     format: str = option(
         "html: a single page that needs no network; md, tex: tables; csv: one row per cell. png, svg, pdf: figures, "
         "SCENE.VIEW-SIZE.front (error against time), .sizes (error against map size), .passes (time of each pass), "
-        "from `stress` stability and stability.AXIS; captions.md has their captions, which only png charts also show.",
+        "from `stress` stability.AXIS; captions.md has their captions, which only png charts also show.",
         "FORMAT",
         default="html",
-        words=("html", "md", "csv", "tex", "png", "svg", "pdf"),
     )
     plugin: list[Path] = options.plugins()
 
@@ -48,16 +47,15 @@ def report(
     the truth. From `stress` folders: operating ranges, metrics along each axis, pictures at the breaking points.
     Nothing is measured. Times of different folders are never drawn on one axis.
 
-    Of each `run` folder it prints the cheapest setting for each accuracy in each scene, and what each technique costs
-    over all scenes; – if no setting reaches it wherever the technique is supported. Accuracy is an IoU, or for soft
-    shadows (lights with a size) an RMSE.
+    Of each `run` folder it prints the cheapest setting over all scenes. Accuracy is an IoU, or for soft shadows (lights
+    with a size) an RMSE.
     """
-    from shadowbench.commands.study_tables import print_verdict
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.reports.report import FIGURES, report_target, write_report
+    from shadowbench.reports.texts import verdict
     from shadowbench.results.frame import read_folders
     from shadowbench.results.law import law_on_record
-    from shadowbench.results.summary import summaries
+    from shadowbench.results.summary import by_kind, over_scenes, summaries, title_of_all
 
     target = report_target(asked.output, asked.format)
     techniques_with(asked.plugin)  # whose metrics are columns too
@@ -76,7 +74,9 @@ def report(
             console.print_error(f"note: {run.folder}: {which}")
         if len(runs) > 1:
             console.print_line(f"{run.label}, on {run.renderer}")
-        print_verdict(scenes)
+        for kind in by_kind(scenes):
+            for line in verdict(kind[0] if len(kind) == 1 else over_scenes(kind, title_of_all(kind, len(kind)))):
+                console.print_line(line)
     if asked.format in FIGURES:
         console.print_line(f"{target}: {counted(count, 'figure')}")
         return

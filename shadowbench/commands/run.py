@@ -1,17 +1,34 @@
 """`run`: measure a study and print its tables."""
 
+from collections import Counter
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from shadowbench.commands import console, options
-from shadowbench.commands.study_tables import print_study
-from shadowbench.errors import InputError, counted
+from shadowbench.errors import InputError, counted, number
 from shadowbench.options import Measuring, ViewOptions, option
 
 if TYPE_CHECKING:
-    from shadowbench.results.frame import Run
+    from shadowbench.results.summary import Setting, Summary
+    from shadowbench.studies.run import StudyResult
+
+_COSTS = ("cost", "ratio", "gpu_bytes")  # memory: five cascades need more than one map of their size
+_PENUMBRA = ("bias_pen", "bleed", "false_dark", "noise", "banding", "width", "hardening")
+# As they are shown.
+_OF_HARD = ("error", "iou_soft", "ssim", "edge_px", "acne", "leak", "contact", "terminator", "flips", *_COSTS)
+_OF_SOFT = ("error", "rmse_pen", "iou", "ssim", *_PENUMBRA, "flips", *_COSTS)
+_HEADINGS = {  # of others it is the name
+    "iou": "1 − IoU",
+    "iou_soft": "IoU soft",
+    "ssim": "SSIM",
+    "rmse_pen": "RMSE pen",
+    "ratio": "× ref",
+    "gpu_bytes": "MiB",
+}
+_OPTIONAL = ("terminator", "bleed", "false_dark", "width", "hardening", "flips", *_COSTS)  # shown where a row has them
 
 
 @dataclass(frozen=True)
@@ -23,7 +40,6 @@ class RunOptions:
         "studies).",
         "STUDY",
         names=("-s", "--study"),
-        complete=options.studies,
     )
     techniques: list[str] = options.technique(
         f"Technique to measure: {options.SPEC}; repeatable  [the study's].", default=()
@@ -64,16 +80,16 @@ class RunOptions:
     "  × ref     time relative to the reference technique\n"
     "  MiB       memory of textures and buffers\n\n"
     "`shadowbench list metrics` has the exact definitions, also of the other columns of soft shadows; < marks a value "
-    "below the truth's own error. A slope, below a table, is the median of the slopes of each view, light and phase."
+    "below the truth's own error."
 )
 def run(
-    scenes: Annotated[list[str] | None, options.scene(f"Each is {options.SCENE}  [the study's].")] = None,
+    scenes: Annotated[list[str] | None, options.argument("SCENE", f"Each is {options.SCENE}  [the study's].")] = None,
     *,
     measuring: Measuring,
     view: ViewOptions,
     machines: options.Machines,
     printed: options.Printed,
-    asked: RunOptions,
+    chosen: RunOptions,
 ) -> int:
     """Measure techniques: accuracy against ray tracing, and time.
 
@@ -89,70 +105,142 @@ def run(
     """
     from shadowbench.measure.worker import Worker
 
-    stray = [scene for scene in scenes or () if scene.isdecimal()]
-    if asked.map_size is not None and stray:
-        separate = f"{asked.map_size!r:.60} and {stray[0]!r:.60} as separate arguments"
-        raise InputError(f"--map-size: found {separate}; allowed: {','.join([asked.map_size, *stray])}")
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
-        worker = None if machines.dask is not None else stack.enter_context(Worker(asked.plugin))
-        from shadowbench.campaigns import campaign_in
+        worker = None if machines.dask is not None else stack.enter_context(Worker(chosen.plugin))
+        from shadowbench.measure.gl_drawer import campaign_in
         from shadowbench.measure.plugin_output import subjects_with
         from shadowbench.plugin.spec import parse_spec
-        from shadowbench.studies.run import estimate, measure
+        from shadowbench.studies.run import measure
         from shadowbench.studies.study import study_from_options
 
-        known = subjects_with(asked.plugin)
-        specs = [parse_spec(text, known) for text in asked.techniques]
-        sizes = options.map_sizes(asked.map_size)
+        known = subjects_with(chosen.plugin)
+        specs = [parse_spec(text, known) for text in chosen.techniques]
+        sizes = options.map_sizes(chosen.map_size)
         reporter = stack.enter_context(console.Reporter(printed.quiet))
         if machines.dask is not None:
             if measuring.rounds:
                 raise InputError(f"--rounds {measuring.rounds}: nothing is timed with --dask; allowed: 0")
             measuring = replace(measuring, rounds=0)
         study = study_from_options(
-            known, scenes or (), specs, study=asked.study, map_size=sizes, measuring=measuring, view=view
+            known, scenes or (), specs, study=chosen.study, map_size=sizes, measuring=measuring, view=view
         )
-        if not scenes and not asked.study and asked.part is None:
-            cells, seconds = estimate(study)
-            on = f"{len(study.scenes)} scenes"
-            reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         if worker is not None:
             worker.limits = study.limits
         where = campaign_in(
-            asked.output,
+            chosen.output,
             reporter,
-            asked.plugin,
+            chosen.plugin,
             study.limits,
             worker=worker,
             **asdict(machines),
-            time_again=asked.time_again,
-            keep_going=asked.keep_going,
+            time_again=chosen.time_again,
+            keep_going=chosen.keep_going,
         )
-        found = measure(study, stack.enter_context(where), asked.part)
-    if found.run.earlier and not printed.quiet:
-        console.print_error(f"note: {asked.output}: {_earlier_cells(found.run)}; they are in table.csv and in reports")
-    if found.run.older and not printed.quiet:
-        rows = f"{counted(found.run.older, 'row')} of earlier commands"
+        result = measure(study, stack.enter_context(where), chosen.part)
+    if result.run.older and not printed.quiet:
+        rows = f"{counted(result.run.older, 'row')} of earlier commands"
         why = "of cells with these names, but of another file, setting or version; another -o keeps both"
-        console.print_error(f"note: {asked.output}: table.csv and reports leave out {rows}: {why}")
+        console.print_error(f"note: {chosen.output}: table.csv and reports leave out {rows}: {why}")
     if printed.json:
         from shadowbench.results.law import law_on_record
         from shadowbench.results.summary import summaries
 
-        shown = summaries(found.run.last, law_on_record())
+        shown = summaries(result.run.last, law_on_record())
         console.print_json({summary.scene: summary.records() for summary in shown})
     else:
-        print_study(found, asked.output, printed.quiet)
-    results = found.run.last.results
-    statuses = [one.status for one in results]
-    if "ok" not in statuses and not found.failures:
-        console.print_unsupported(statuses)
-    return console.exit_code_of(results, found.failures)
+        _print_study(result, chosen.output, printed.quiet)
+    return console.exit_code_of(result.run.last.results, result.failures)
 
 
-def _earlier_cells(run: "Run") -> str:
+def _print_study(study: "StudyResult", folder: Path, quiet: bool) -> None:
+    """One table per scene, one over all scenes, and the path of table.csv."""
+    from shadowbench.results.law import law_on_record
+    from shadowbench.results.summary import by_kind, over_scenes, summaries
 
-    rows = [row for row in run.rows if row["key"] in run.earlier]
-    named = ", ".join(counted(len({row[what] for row in rows}), what) for what in ("scene", "spec"))
-    return f"the folder also holds {counted(len(rows), 'cell')} of earlier commands ({named})"
+    run = study.run.last
+    scenes = summaries(run, law_on_record())
+    times = "; times of a software renderer, not of a GPU" if study.info.software else "; times of this GPU"
+    for scene in scenes:
+        costs = {
+            "frame_ms": times if study.study.rounds else "",
+            "predicted_ms": f"; ms predicted for {scene.device}",
+            "work_cost": "; work in millions of shader invocations and texture reads",
+        }
+        _print_scene(scene, costs.get(scene.cost, ""))
+    kinds = by_kind(scenes) if run.frame["renderer"].nunique() == 1 else []  # no mean over renderers
+    for kind in (kind for kind in kinds if len(kind) > 1):
+        hardness = "" if len(kinds) == 1 else "soft " if kind[0].soft else "hard "
+        title = f"mean over the {len(kind)} {hardness}scenes, of what has a score in each"
+        mean = over_scenes(kind, title)
+        _print_settings(title, mean, mean.shown)
+        console.print_text("")
+    if not quiet:
+        drawn = any(scene.max_cells for scene in scenes)
+        beside = "; masks/ and pictures/ are beside it" if drawn else ""
+        console.print_line(f"{folder / 'table.csv'}: {counted(len(study.run.rows), 'cell')}{beside}")
+
+
+def _print_scene(scene: "Summary", costs: str) -> None:
+    """A table with a line for each setting; then unsuccessful cells and notes."""
+    from shadowbench.reports.texts import bias_notes, phase_note, preset_note
+    from shadowbench.results.times import time_notes
+
+    settings, error, lines = scene.lines, scene.ranked_by.error_label, []
+    for one in settings:
+        total = one.cells + len(one.refused)
+        for status, count in Counter(one.refused).items():
+            share = f"{count} of {total} cells " if total > 1 else ""
+            lines.append(f"{one.name} {one.map_size or ''}: {share}{status}")
+    if scene.max_cells > 1:
+        several = f"medians of up to {scene.max_cells} cells (views × phases)"
+        lines.append(f"{several}; in brackets the 95% interval of {error}")
+    lines += filter(None, (phase_note(settings), preset_note(settings)))
+    lines += [*bias_notes(settings), *time_notes(scene.reference, [one.rough for one in scene.timed])]
+    _print_settings(f"{scene.scene}, best first{' by RMSE' if scene.soft else ''}{costs}", scene, settings)
+    for line in lines:
+        console.print_line(f"  {line}")
+    console.print_text("")
+
+
+def _print_settings(title: str, summary: "Summary", settings: "Sequence[Setting]") -> None:
+    columns = _columns(summary, settings)
+    lines = [
+        (one.name, str(one.map_size or ""), *(_cell(summary, one, key) for key in columns.values()))
+        for one in settings
+        if one.cells
+    ]
+    if lines:
+        console.print_table(title, ("spec", "map", *columns), lines, numbers=("map", *columns))
+    else:
+        console.print_text(title)
+
+
+def _columns(summary: "Summary", settings: "Sequence[Setting]") -> dict[str, str]:
+    """The columns of a table, by heading; no optional one that is empty."""
+    from shadowbench.reports.texts import COST_HEADINGS
+    from shadowbench.results.summary import known
+    from shadowbench.scores.metrics import plugged_in
+
+    added = {one.name: one.label or one.name for one in plugged_in() if one.suits(summary.soft)}
+    headings = {"error": "RMSE" if summary.soft else "1 − IoU", "cost": COST_HEADINGS[summary.cost]}
+    headings |= _HEADINGS | added
+    lacking = {key for key in _OPTIONAL if not any(known(getattr(one, key)) for one in settings)}
+    lacking |= set() if summary.cost == "frame_ms" else {"ratio"}  # of measured times
+    return {
+        headings.get(key, key.replace("_", " ")): key
+        for key in (*(_OF_SOFT if summary.soft else _OF_HARD), *added)
+        if key not in lacking
+    }
+
+
+def _cell(summary: "Summary", one: "Setting", key: str) -> str:
+    """The error with its interval, else the median; 1 − IoU for `iou`."""
+    from shadowbench.reports.texts import error_text, value_text
+
+    if key == "error":
+        return error_text(summary, one, number)
+    value = getattr(one, key)
+    if key in ("iou", "gpu_bytes") and value == value:  # not NaN
+        return number(1 - value) if key == "iou" else f"{value / 2**20:.1f}"
+    return "–" if value != value else value_text(one, summary.cost if key == "cost" else key, number)

@@ -52,7 +52,7 @@ def score(
     """
     from shadowbench.masks.accuracy import accuracy_of, append_row
     from shadowbench.masks.inputs import external_mask
-    from shadowbench.scores.difference import write_difference
+    from shadowbench.scores.difference import difference_picture, write_difference
 
     _check_outputs(scoring, mask)
     picture = external_mask(mask, scoring.lit, scoring.shadowed, scoring.ambient, scoring.linear)
@@ -60,7 +60,7 @@ def score(
         accuracy = accuracy_of(picture, reporter.view(scene, picture.size, view))
     notes = []
     if scoring.diff is not None:
-        write_difference(scoring.diff, accuracy.difference())
+        write_difference(scoring.diff, difference_picture(accuracy.comparison))
         notes.append(f"{scoring.diff}: false shadow orange, false light blue")
     if scoring.output is not None and scoring.name is not None:
         added = append_row(accuracy, scoring.name, scoring.output)

@@ -20,9 +20,7 @@ class StressOptions:
     techniques: list[str] = options.technique(
         f"Technique to test: {options.SPEC}; repeatable  [all techniques at their defaults].", default=()
     )
-    axis: list[str] = option(
-        "Axis to vary (shadowbench list axes); repeatable  [all].", "NAME", default=(), complete=options.axes
-    )
+    axis: list[str] = option("Axis to vary (shadowbench list axes); repeatable  [all].", "NAME", default=())
     quick: bool = options.flag("Only a few values of each axis.")
     plugin: list[Path] = options.plugins()
     output: Path = options.output(
@@ -37,7 +35,7 @@ class StressOptions:
     "  shadowbench stress --quick\n"
     "  shadowbench stress -t shadow-map -t 'shadow-map:bias=slope' --axis elevation"
 )
-def stress(asked: StressOptions, machines: options.Machines, printed: options.Printed) -> int:
+def stress(chosen: StressOptions, machines: options.Machines, printed: options.Printed) -> int:
     """Find where each technique breaks.
 
     Varies one property of a scene at a time, along an axis: elevation of the light, distance from the origin, gap
@@ -56,34 +54,33 @@ def stress(asked: StressOptions, machines: options.Machines, printed: options.Pr
       refused: 1e5              values that the technique does not support
       3 of 20 values            number of values measured, with --quick
     """
-    from shadowbench.campaigns import campaign_in
+    from shadowbench.measure.gl_drawer import campaign_in
     from shadowbench.measure.plugin_output import subjects_with
     from shadowbench.plugin.spec import parse_spec
     from shadowbench.results.ranges import ranges_frame
     from shadowbench.studies.stress import LIMITS, SWEEPING, default_specs, select_axes
     from shadowbench.studies.stress import stress as walk
 
-    axes = select_axes(asked.axis)
-    known = subjects_with(asked.plugin)
-    specs = tuple(dict.fromkeys(parse_spec(text, known) for text in asked.techniques)) or default_specs(known.values())
+    axes = select_axes(chosen.axis)
+    known = subjects_with(chosen.plugin)
+    specs = tuple(dict.fromkeys(parse_spec(text, known) for text in chosen.techniques)) or default_specs(known.values())
     with (
         console.Reporter(printed.quiet) as reporter,
         campaign_in(
-            asked.output, reporter, asked.plugin, LIMITS, **asdict(machines), keep_going=asked.keep_going, **SWEEPING
+            chosen.output, reporter, chosen.plugin, LIMITS, **asdict(machines), keep_going=chosen.keep_going, **SWEEPING
         ) as campaign,
     ):
-        found = walk(specs, axes, campaign, quick=asked.quick, part=asked.part)
+        result = walk(specs, axes, campaign, quick=chosen.quick, part=chosen.part)
     if printed.json:
-        frame = ranges_frame(found.ranges).astype(object)
+        frame = ranges_frame(result.ranges).astype(object)
         console.print_json(frame.where(frame.notna(), None).to_dict("records"))
     else:
         for spec in (spec.text for spec in specs):
-            _print(spec, [one for one in found.ranges if one.spec == spec])
+            _print(spec, [one for one in result.ranges if one.spec == spec])
         if not printed.quiet:
-            told = f"{len(found.ranges)} operating ranges, from {len(found.rows)} cells"
-            console.print_line(f"{asked.output / 'ranges.csv'}: {told}")
-    console.print_unsupported([str(row["status"]) for row in found.rows])
-    return console.exit_code_of((), found.failures) or _exit_code(found.rows)
+            counts = f"{len(result.ranges)} operating ranges, from {len(result.rows)} cells"
+            console.print_line(f"{chosen.output / 'ranges.csv'}: {counts}")
+    return console.exit_code_of((), result.failures) or _exit_code(result.rows)
 
 
 def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
@@ -111,11 +108,11 @@ def _exit_code(rows: "Sequence[Record]") -> int:
 
     code = 0
     for kinds, verdict, what in ((BROKEN, 1, "NaN, infinity or an OpenGL error"), (DEAD, 3, "a crash, hang or error")):
-        found = [(row, one) for row in rows if (one := failure(row)) is not None and one.kind in kinds]
-        if found:
-            row, one = found[0]
+        broken = [(row, one) for row in rows if (one := failure(row)) is not None and one.kind in kinds]
+        if broken:
+            row, one = broken[0]
             place = f"{row['axis']} {row['axis_value']} {row['light']}"
             first = f"{row['spec']} at {place}: {one.text}"
-            console.print_error(f"shadowbench: {what} in {len(found)} of {len(rows)} cells; the first: {first}")
+            console.print_error(f"shadowbench: {what} in {len(broken)} of {len(rows)} cells; the first: {first}")
             code = verdict
     return code

@@ -1,6 +1,5 @@
 """`view`: a window in which what is seen is what is scored."""
 
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +11,6 @@ from shadowbench.options import FIRST, ViewOptions, option, view_size
 if TYPE_CHECKING:
     from shadowbench.viewer.window import ViewerWindow
 
-_MOST = 2
 LIBRARIES = "libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
 
 
@@ -38,7 +36,7 @@ class WindowOptions:
 def view(
     scene: Annotated[
         str | None,
-        options.argument("[SCENE]", f"The scene: {options.SCENE}; with --cell the folder of a run.", options.scenes),
+        options.argument("[SCENE]", f"The scene: {options.SCENE}; with --cell the folder of a run."),
     ] = None,
     *,
     window: WindowOptions,
@@ -76,16 +74,13 @@ def view(
 
 def _check(scene: str | None, window: WindowOptions, view: ViewOptions) -> None:
     """Raises InputError for arguments that exclude each other."""
-    if len(window.technique) > _MOST:
+    if len(window.technique) > 2:
         raise InputError(f"--technique: found {len(window.technique)}; allowed: one or two, A and B")
     if (scene is None) == (window.state is None):
         given = "no scene" if scene is None else "SCENE and --state"
-        allowed = "SCENE, such as sphere-and-torus or a mesh file, or --state FILE.toml"
-        raise InputError(f"view: found {given}; allowed: {allowed}")
-    if window.cell is None and scene is not None and Path(scene).is_dir():
-        raise InputError(f"{scene}: found a folder; allowed with --cell KEY, a key of its rows.jsonl or its report")
-    if window.state is not None and window.cell is not None:
-        raise InputError("view: found --state and --cell; allowed: one")
+        raise InputError(f"view: found {given}; allowed: a SCENE, such as sphere-and-torus, or --state FILE.toml")
+    if (window.cell is not None) != (scene is not None and Path(scene).is_dir()):
+        raise InputError("view: --cell KEY is for a folder of a run, and a folder is shown by --cell KEY")
     if (window.state or window.cell) and replace(view, assets=None) != FIRST:
         raise InputError(
             "options on how a SCENE is read, such as --view or --sun, are for one; a state and a cell have their own"
@@ -99,13 +94,8 @@ def _window() -> "type[ViewerWindow]":
     except ModuleNotFoundError as error:
         if error.name in NOT_EVERYWHERE:
             raise
-        if sys.version_info >= (3, 14):
-            raise InputError(
-                "view needs imgui-bundle below 1.92, which has no wheel for Python 3.14; allowed: Python 3.11 to 3.13"
-            ) from None
-        raise InputError(f"view needs {error.name}; {how_to_install('viewer')}") from None
+        until = " (its wheels end at Python 3.13)" if error.name == "imgui_bundle" else ""
+        raise InputError(f"view needs {error.name}; {how_to_install('viewer')}{until}") from None
     except ImportError as error:  # a library of the system
-        raise InputError(
-            f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}"
-        ) from None
+        raise InputError(f"view cannot be loaded ({error}); Debian and Ubuntu: apt-get install {LIBRARIES}") from None
     return ViewerWindow

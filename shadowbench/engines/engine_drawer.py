@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from functools import cache
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, cast
@@ -40,19 +39,13 @@ class EngineDrawer(GLDrawer):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        with ExitStack() as stack:
-            for session in self._sessions.values():
-                stack.callback(session.close)
+        for engine in list(self._sessions):
+            self._close(engine)
 
     def identity(self, cell: Cell) -> Mapping[str, str]:
         """See `GLDrawer`. Of an engine also what is installed, our files and declaration of it, and the browser."""
         engine, own = engine_of(cell.spec), self.device_identity
         return own if engine is None else {**own, "engine": environment(engine).name, "adapter": _adapter(engine)}
-
-    def unsupported(self, block: Block, cell: Cell) -> str | None:
-        """See `GLDrawer`."""
-        engine = engine_of(cell.spec)
-        return super().unsupported(block, cell) if engine is None else _unsupported(engine, block.view, cell)
 
     def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
         """See `GLDrawer`. Raises InputError for an engine that is not installed."""
@@ -66,17 +59,16 @@ class EngineDrawer(GLDrawer):
     def _draw(self, engine: type[Engine], view: View, cell: Cell) -> Rendering:
         if reason := _unsupported(engine, view, cell):
             raise Unsupported(reason)
-        session = self._sessions.pop(engine, None)
-        if session is not None and (session.ended or session.size != view.size or session.memory > _MOST_BYTES):
-            session.close()
-            session = None
-        if session is None:
+        open_one = self._sessions.get(engine)
+        if open_one and (open_one.host.ended or open_one.size != view.size or open_one.host.memory > _MOST_BYTES):
+            self._close(engine)
+        if engine not in self._sessions:
             while len(self._sessions) >= _MOST_OPEN:
                 self._close(next(iter(self._sessions)))
             from shadowbench.engines.engine_session import EngineSession  # imports trimesh, 0.8 s
 
-            session = EngineSession(engine, view.size)
-        self._sessions[engine] = session  # behind those that were used before
+            self._sessions[engine] = EngineSession(engine, view.size)
+        session = self._sessions[engine] = self._sessions.pop(engine)  # behind those that were used before
         try:
             return session.draw(view, cast(EngineParams, cell.spec.params), Phase(cell.phase))
         except BaseException:  # such as KeyboardInterrupt: no program may be left

@@ -75,8 +75,8 @@ class EngineSession:
         self._scene: tuple[View, str] | None = None
         try:
             log = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="shadowbench-"))) / "log"
-            self._host = start_host(engine, log, {"DISPLAY": self._display()} if engine.display else {})
-            self._stack.callback(self._host.close)
+            self.host = start_host(engine, log, {"DISPLAY": self._display()} if engine.display else {})
+            self._stack.callback(self.host.close)
             about, _ = self._call("open", {"size": size})
             self.version, self.renderer = str(about["version"]), str(about["renderer"])
             if "SwiftShader" in self.renderer:
@@ -92,16 +92,6 @@ class EngineSession:
     def close(self) -> None:
         """End the program."""
         self._stack.close()
-
-    @property
-    def ended(self) -> bool:
-        """Whether the program is no more, although nobody closed it."""
-        return self._host.ended
-
-    @property
-    def memory(self) -> int:
-        """Resident memory of the program's largest process, in bytes."""
-        return self._host.memory
 
     def draw(self, view: View, params: EngineParams, phase: Phase) -> Rendering:
         """The mask of a view. Raises CellFailed; the session is to be closed then."""
@@ -142,7 +132,11 @@ class EngineSession:
         """Pictures of a view without shadows, as many as its darkest surfaces need, at least two."""
         truth, request = cached_truth(view), self._request(view, params, Phase())
         levels = [self._lit_picture(view, params)]
-        while len(levels) < 2 or (len(levels) < _MOST_LEVELS and too_dark(levels[-1], truth) > _TOO_DARK_SHARE):
+        facing = _facing(truth)
+        most_dark = _TOO_DARK_SHARE * np.count_nonzero(facing)
+        while len(levels) < _MOST_LEVELS:
+            if len(levels) > 1 and np.count_nonzero(levels[-1][facing] < DARKEST) <= most_dark:
+                break
             levels.append(self._picture(request, shadows=False, times=BRIGHTER ** len(levels)))
         check_lit(levels, truth, view.light.hard_kind == "directional")
         return levels
@@ -180,7 +174,7 @@ class EngineSession:
 
     def _call(self, name: str, argument: Any, data: bytes = b"") -> tuple[dict[str, Any], bytes]:
         try:
-            return self._host.call(name, argument, data, self.engine.seconds)
+            return self.host.call(name, argument, data, self.engine.seconds)
         except HostFailed as error:
             raise CellFailed(str(error)) from None
 
@@ -242,12 +236,6 @@ def encode_srgb(linear: Luminance) -> NDArray[np.uint8]:
     return np.repeat(np.round(encoded * 255).astype(np.uint8)[..., np.newaxis], 3, axis=-1)
 
 
-def too_dark(lit: Luminance, truth: Truth) -> float:
-    """Share of what faces the light that is too dark in a picture to be scored; 0 if nothing does."""
-    inside = _facing(truth)
-    return float((lit[inside] < DARKEST).mean()) if inside.any() else 0.0
-
-
 def check_lit(lit: Levels, truth: Truth, directional: bool) -> None:
     """Raises CellFailed for pictures that are black where surfaces face the light or, under a sun, not shaded by N·L.
 
@@ -293,11 +281,6 @@ def _square(name: str, right: int, up: int, turn: float) -> Mesh:
     return Mesh(name, np.array(points, np.float64), _FACES)
 
 
-def cosines() -> dict[str, float]:
-    """N·L of the squares, 0 of the one that is not lit."""
-    return {name: max(math.cos(math.radians(turn + _SUN)), 0.0) for name, turn in TURNS.items()}
-
-
 def check_probe(view: View, picture: Luminance) -> None:
     """Raises CellFailed unless each square is where it should be, and as bright as its N·L says."""
     truth = cached_truth(view)
@@ -307,10 +290,11 @@ def check_probe(view: View, picture: Luminance) -> None:
         raise CellFailed("drew the probe where nothing is: is the picture upside down, or with a background?")
     levels = {name: float(np.median(picture[square == index])) for index, name in enumerate(TURNS)}
     brightest = max(levels["upper right"], 1e-6)
-    for name, cosine in cosines().items():
+    cosines = {name: max(math.cos(math.radians(turn + _SUN)), 0.0) for name, turn in TURNS.items()}
+    for name, cosine in cosines.items():
         if not abs(levels[name] / brightest - cosine) <= (_TOLERANCE if cosine else _UNLIT):
             drawn = ", ".join(f"{square} {level:.3f}" for square, level in levels.items())
-            wanted = ", ".join(f"{cosine:.2f}" for cosine in cosines().values())
+            wanted = ", ".join(f"{cosine:.2f}" for cosine in cosines.values())
             raise CellFailed(
                 f"drew the probe's squares as {drawn}, whose N·L are {wanted}: is the picture upside down, of another "
                 "encoding, or with ambient light?"

@@ -39,7 +39,6 @@ from shadowbench.scenes.vectors import Floats, unit, vec3
     ),
     default=50.0,
     quick=(89.9, 50.0, 5.0, 0.1),
-    invariant="a low light lengthens shadows and leaks through no surface",
 )
 def elevation(degrees: float, kind: LightKind) -> Setting:
     """The base scene under a light at an elevation."""
@@ -55,7 +54,6 @@ def elevation(degrees: float, kind: LightKind) -> Setting:
     default=5.0,
     quick=(5.0, 1e-5, 0.0),
     lights=("directional", "spot"),
-    invariant="a light along the up axis is a light like any other",
 )
 def through_up(degrees: float, kind: LightKind) -> Setting:
     """A floor, perpendicular to the light at 0°, under a box that is out of view."""
@@ -73,7 +71,6 @@ def through_up(degrees: float, kind: LightKind) -> Setting:
     default=1e1,
     quick=(1e1, 1e4, 1e7),
     lights=("spot", "point"),
-    invariant="a caster near the light shadows as its larger, farther likeness does",
 )
 def far_near(ratio: float, kind: LightKind) -> Setting:
     """A box near the light, the ground's farthest corner being `ratio` times as far; its shadow is always the same."""
@@ -93,7 +90,6 @@ def far_near(ratio: float, kind: LightKind) -> Setting:
     default=1.0,
     quick=(1.0, 1e-2, 1e-4),
     lights=("point",),
-    invariant="a lamp close to a wall lights the wall, and the rest as before",
 )
 def lamp_distance(metres: float, kind: LightKind) -> Setting:
     """A lamp beside a wall on the ground, at half the wall's height."""
@@ -111,7 +107,6 @@ def lamp_distance(metres: float, kind: LightKind) -> Setting:
     values=(0.01, 0.03, 0.1, 0.2665, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0),
     default=0.01,
     quick=(0.01, 1.0, 20.0),
-    invariant="a shadow's penumbra is as wide as the light seen from its caster's edge",
 )
 def light_size(degrees: float, kind: LightKind) -> Setting:
     """A light of an angular radius as seen from the scene's centre."""
@@ -134,7 +129,6 @@ _REVERSED = "d32f-reversed"
     values=(0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0, -1e-6, -1e-5, -1e-4, -1e-3, -1e-2, -0.1, -0.5),
     default=0.5,
     quick=(0.5, 1e-4, 0.0, -0.1),
-    invariant="the position of the eye moves no shadow",
 )
 def volume_wall(metres: float, kind: LightKind) -> Setting:
     """The eye at a distance from the side of a plate's shadow volume, inside it if `metres` is negative."""
@@ -159,7 +153,6 @@ def volume_wall(metres: float, kind: LightKind) -> Setting:
     values=(0.05, 0.1, 0.25, 0.5, 0.75),
     default=0.05,
     quick=(0.05, 0.5),
-    invariant="a pixel changes only if it does in the truth",
 )
 def camera_step(texels: float, kind: LightKind) -> Setting:
     """The camera moves by that many texels per frame."""
@@ -199,13 +192,11 @@ distance = Axis(
     values=(0.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7),
     default=0.0,
     quick=(0.0, 1e4, 1e7),
-    invariant="moving everything changes nothing",
 )
 distance_absolute = replace(
     distance,
     name="distance-absolute",
     about="the whole scene moves away from the world origin, in absolute float32 coordinates",
-    invariant="moving everything changes nothing, until float32 coordinates are too coarse for the scene",
     change=partial(_translated, coordinates="absolute"),
 )
 
@@ -218,7 +209,6 @@ distance_absolute = replace(
     values=(1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6),
     default=1.0,
     quick=(1e-6, 1.0, 1e6),
-    invariant="scaling everything changes nothing",
 )
 def scale(factor: float, kind: LightKind) -> Setting:
     """The base scene, scaled about the origin."""
@@ -246,7 +236,6 @@ def _moved(camera: Camera, factor: float, offset: Floats) -> Camera:
     values=(_REVERSED, "d32f", "d24", "d16"),
     default="d32f",
     quick=(_REVERSED, "d32f", "d16"),
-    invariant="the bias suits the precision of each depth format",
     ordered=False,
 )
 def depth_format(name: str, kind: LightKind) -> Setting:
@@ -263,7 +252,6 @@ def depth_format(name: str, kind: LightKind) -> Setting:
     values=(16, 32, 64, 128, 256, 512, MAP_SIZE, 2048, 4096, 8192, 16384),
     default=MAP_SIZE,
     quick=(16, 256, MAP_SIZE, 2048),
-    invariant="a coarse map blurs edges, a fine one is right, and none leaks light",
 )
 def map_size(texels: float, kind: LightKind) -> Setting:
     """The base scene, with a map size."""
@@ -279,7 +267,6 @@ def map_size(texels: float, kind: LightKind) -> Setting:
     default=VIEW_SIZE,
     quick=(16, VIEW_SIZE, 512),
     lights=("directional", "point"),
-    invariant="the same shadows, sampled finer",
 )
 def view_size(pixels: float, kind: LightKind) -> Setting:
     """The base scene, at a view size."""
@@ -299,7 +286,6 @@ _FLAT = 1e-7  # height of a sliver relative to its longest edge
     values=(30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01),
     default=10.0,
     quick=(10.0, 1.0, 0.01),
-    invariant="a thin wall shadows as a thick one does",
 )
 def thickness(texels: float, kind: LightKind) -> Setting:
     """A wall on the ground, roughly perpendicular to the light's azimuth, and a plate above the ground."""
@@ -317,7 +303,6 @@ def thickness(texels: float, kind: LightKind) -> Setting:
     values=(1.0, 0.3, 0.1, 0.03, 1e-2, 3e-3, 1e-3, 1e-4, 1e-5),
     default=0.3,
     quick=(0.3, 1e-2, 1e-5),
-    invariant="the shadow of a lowered caster ends at its foot",
 )
 def gap(share: float, kind: LightKind) -> Setting:
     """A plate above the ground, at a height given as a share of its side; its shadow is visible beside and below it."""
@@ -336,7 +321,6 @@ def gap(share: float, kind: LightKind) -> Setting:
     default=1,
     quick=(1, 256, 1000),
     lights=("directional", "point"),
-    invariant="a point behind many casters is in shadow",
 )
 def overlap(count: float, kind: LightKind) -> Setting:
     """A stack of plates, 5 cm high in all, so that a shadow ray crosses nearly all of them."""
@@ -356,7 +340,6 @@ def overlap(count: float, kind: LightKind) -> Setting:
     values=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
     default=0.1,
     quick=(0.1, 1.0, 10.0),
-    invariant="a caster behind another changes no shadow",
 )
 def layers(ratio: float, kind: LightKind) -> Setting:
     """A plate, and above it along the light a smaller one, whose shadow's edge lies in the first one's shadow."""
@@ -378,7 +361,6 @@ def layers(ratio: float, kind: LightKind) -> Setting:
     default=1024,
     quick=(1, 1024, 16384),
     lights=("directional", "point"),
-    invariant="a finer mesh of the same surface casts the same shadow",
 )
 def triangles(count: float, kind: LightKind) -> Setting:
     """One caster with a number of triangles: a triangle, a box, tori of more and more sections, finally two tori."""
@@ -402,7 +384,6 @@ def triangles(count: float, kind: LightKind) -> Setting:
     values=(20, 80, 320, 1280, 5120, 20480),
     default=1280,
     quick=(20, 80, 1280),
-    invariant="a smooth surface shadows itself only where its smooth normal faces away from the light",
 )
 def smoothness(triangles: float, kind: LightKind) -> Setting:
     """A sphere above the ground, lit from the side."""
@@ -420,7 +401,6 @@ def smoothness(triangles: float, kind: LightKind) -> Setting:
     default="closed",
     quick=("closed", "slivers", "inconsistent-winding", "open"),
     lights=("directional", "point"),
-    invariant="triangles cast shadows whatever the mesh's topology",
     ordered=False,
 )
 def defects(name: str, kind: LightKind) -> Setting:
@@ -480,7 +460,6 @@ def _crown(size: float, count: int, kind: LightKind) -> Setting:
     values=(30.0, 20.0, 10.0, 5.0, 3.0, 2.0, 1.0),
     default=20.0,
     quick=(20.0, 5.0, 1.0),
-    invariant="between small leaves light comes through as between large ones",
 )
 def leaf_size(texels: float, kind: LightKind) -> Setting:
     """A crown of leaves of a length; their number grows so that they cover the same area."""
@@ -496,7 +475,6 @@ def leaf_size(texels: float, kind: LightKind) -> Setting:
     values=(10, 30, 100, 300, 1000, 10_000),
     default=100,
     quick=(10, 100, 1000),
-    invariant="a ray passes every card that is clear where it meets it",
 )
 def cards(count: float, kind: LightKind) -> Setting:
     """A crown of cards of one size."""

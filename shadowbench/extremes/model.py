@@ -1,4 +1,4 @@
-"""Stress axes: one parameter of a scene, view or technique each, its values, and the property to hold along it."""
+"""Stress axes: one parameter of a scene, view or technique each, and its values."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -41,8 +41,7 @@ class Axis:
 
     about: what varies, and what that stresses; values: in order from one end to the other, or words; default: the
     unproblematic value, from which the operating range extends both ways; quick: values of a quick sweep; lights: kinds
-    of light to sweep under; invariant: the property that must hold at every value, in words; ordered: whether the order
-    of values is meaningful.
+    of light to sweep under; ordered: whether the order of values is meaningful.
     """
 
     change: Callable[[Any, LightKind], Setting]
@@ -51,7 +50,6 @@ class Axis:
     values: tuple[Value, ...]
     default: Value
     quick: tuple[Value, ...]
-    invariant: str
     unit: str = ""
     lights: tuple[LightKind, ...] = tuple(NAMES)
     ordered: bool = True

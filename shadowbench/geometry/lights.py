@@ -88,14 +88,10 @@ class LightView:
     @property
     def planes(self) -> Floats:
         """(5, 4) planes of the map's four sides and its far plane, with n·x + d ≥ 0 inside."""
-        right_axis, up_axis, back = self.space.basis
-        (left, bottom, _), (right, top, far) = self.box.low, self.box.high
-        # The sides of a spot's box pass through the light; those of a directional light are parallel to its axis.
-        slope, offset = (back, 0.0) if self.space.perspective else (np.zeros(3), 1.0)
-        sides = [(right_axis, left), (-right_axis, -right), (up_axis, bottom), (-up_axis, -top)]
-        normals = np.array([*(normal + edge * slope for normal, edge in sides), back])
-        offsets = np.array([*(-edge * offset for _, edge in sides), far])
-        return np.column_stack([normals, offsets - normals @ self.space.origin])
+        x, y, depth, w = self.to_map()
+        planes = np.array([x, w - x, y, w - y, w - depth])
+        unit_planes: Floats = planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+        return unit_planes
 
     def _unit_depth(self, reversed_depth: bool) -> Floats:
         """(4, 4) world to x, y in [−1, 1] and depth in [0, 1], before the division by w."""

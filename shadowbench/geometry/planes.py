@@ -90,17 +90,12 @@ def find_planes(
     return tuple(sorted(planes, key=lambda plane: (-round(plane.share / _EQUAL), plane.triangles[0]))[:most])
 
 
-@dataclass(eq=False)
 class _PlaneSearch:
     """The searched triangles; `free`: (F,) bool, those that are not yet part of a plane."""
 
-    points: Floats
-    faces: NDArray[np.int32]
-    areas: Floats
-    tolerance: float
-
-    def __post_init__(self) -> None:
-        self.free = np.ones(len(self.faces), dtype=bool)
+    def __init__(self, points: Floats, faces: NDArray[np.int32], areas: Floats, tolerance: float) -> None:
+        self.points, self.faces, self.areas, self.tolerance = points, faces, areas, tolerance
+        self.free = np.ones(len(faces), dtype=bool)
 
     def refined(self, guess: Floats) -> tuple[Floats, Floats]:
         """The plane fitted iteratively from a guess, and the (F,) distances of the triangles, inf if not free.
@@ -112,22 +107,16 @@ class _PlaneSearch:
             while (chosen := plane[1] <= within).any():
                 equation = _least_squares_plane(self.points[self.faces[chosen]], self.areas[chosen])
                 fitted = equation, self.distances(equation)
-                grown = self.area(fitted[1]) - self.area(plane[1])
-                plane = fitted if grown >= 0.0 else plane
-                if grown <= 0.0:
+                on, before = (float(self.areas[distances <= self.tolerance].sum()) for _, distances in (fitted, plane))
+                plane = fitted if on >= before else plane
+                if on <= before:
                     break
         return plane
-
-    def area(self, distances: Floats) -> float:
-        return float(self.areas[distances <= self.tolerance].sum())
 
     def distances(self, equation: Floats) -> Floats:
         """(F,) distance of each triangle's farthest corner from the plane; inf for triangles that are not free."""
         off = np.abs(self.points @ equation[:3] + equation[3])
-        furthest = np.empty(len(self.faces))
-        for part in in_slices(len(self.faces)):
-            first, second, third = (off.take(self.faces[part, k]) for k in range(3))
-            furthest[part] = np.maximum(np.maximum(first, second), third)
+        furthest: Floats = np.maximum.reduce([off.take(corner) for corner in self.faces.T])
         furthest[~self.free] = np.inf
         return furthest
 
@@ -172,7 +161,6 @@ def _least_squares_plane(corners: Floats, areas: Floats) -> Floats:
     """(4,) least-squares plane of the (N, 3, 3) corners of triangles, weighted by (N,) areas."""
     middles = corners.mean(axis=1)
     middle = np.average(middles, axis=0, weights=areas) if areas.sum() > 0 else middles.mean(axis=0)
-    away = (corners - middle) * np.sqrt(areas)[:, None, None]
-    away = away.reshape(-1, 3)
+    away = ((corners - middle) * np.sqrt(areas)[:, None, None]).reshape(-1, 3)
     normal = np.linalg.eigh(away.T @ away)[1][:, 0]
     return np.append(normal, -normal @ middle)

@@ -4,10 +4,8 @@ Where moderngl is not installed there are only its names, so that techniques are
 """
 
 import ctypes
-import os
-import re
 import sys
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
@@ -32,49 +30,14 @@ except ModuleNotFoundError:  # no wheel for this platform: docs/how-to/install.m
 _SUBPIXEL_BITS, _CUBE_MAP_SEAMLESS = 0x0D50, 0x884F
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "warp", "basic render")
 
-_ENUM = _UINT = ctypes.c_uint
-_INT = _SIZE = ctypes.c_int
-_BOOL = ctypes.c_ubyte
-_POINTER = ctypes.c_void_p
-
-SIGNATURES: Mapping[str, tuple[Any, ...]] = {
-    "glActiveTexture": (_ENUM,),
-    "glBeginQuery": (_ENUM, _UINT),
-    "glBindFramebuffer": (_ENUM, _UINT),
-    "glBindTexture": (_ENUM, _UINT),
-    "glClear": (_UINT,),
-    "glClearStencil": (_INT,),
-    "glClipControl": (_ENUM, _ENUM),
-    "glColorMask": (_BOOL, _BOOL, _BOOL, _BOOL),
-    "glDeleteQueries": (_SIZE, _POINTER),
-    "glDeleteTextures": (_SIZE, _POINTER),
-    "glDepthMask": (_BOOL,),
-    "glEndQuery": (_ENUM,),
-    "glFramebufferTexture": (_ENUM, _ENUM, _UINT, _INT),
-    "glFramebufferTexture2D": (_ENUM, _ENUM, _ENUM, _UINT, _INT),
-    "glFramebufferTextureLayer": (_ENUM, _ENUM, _UINT, _INT, _INT),
-    "glGenQueries": (_SIZE, _POINTER),
-    "glGenTextures": (_SIZE, _POINTER),
-    "glGetIntegerv": (_ENUM, _POINTER),
-    "glGetQueryObjectui64v": (_UINT, _ENUM, _POINTER),
-    "glGetTexImage": (_ENUM, _INT, _ENUM, _ENUM, _POINTER),
-    "glGetTexLevelParameteriv": (_ENUM, _INT, _ENUM, _POINTER),
-    "glGetUniformLocation": (_UINT, ctypes.c_char_p),
-    "glStencilFunc": (_ENUM, _INT, _UINT),
-    "glStencilOpSeparate": (_ENUM, _ENUM, _ENUM, _ENUM),
-    "glTexImage2D": (_ENUM, _INT, _INT, _SIZE, _SIZE, _INT, _ENUM, _ENUM, _POINTER),
-    "glTexImage3D": (_ENUM, _INT, _INT, _SIZE, _SIZE, _SIZE, _INT, _ENUM, _ENUM, _POINTER),
-    "glUniform1i": (_INT, _INT),
-    "glUseProgram": (_UINT,),
-}
-"""Types of the arguments of each entry point; the results that there are fit into an int."""
-
 
 class RawGL:
-    """Calls by name, `raw("glUniform1i", location, 0)`. Raises NotImplementedError for one that the driver lacks."""
+    """Calls by name of entry points that return nothing or an int: `raw("glUniform1i", location, 0)`.
 
-    def __init__(self, context: moderngl.Context, signatures: Mapping[str, tuple[Any, ...]] = SIGNATURES) -> None:
-        self._signatures = signatures
+    Arguments: ints, and pointers of ctypes. Raises NotImplementedError for an entry point that the driver lacks.
+    """
+
+    def __init__(self, context: moderngl.Context) -> None:
         self._load: Callable[[str], int] = context.mglo._context.load_opengl_function
         self._functions: dict[str, Callable[..., int]] = {}
 
@@ -84,13 +47,13 @@ class RawGL:
             address = self._load(name)
             if not address:
                 raise NotImplementedError(f"the OpenGL driver has no {name}")
-            self._functions[name] = ctypes.CFUNCTYPE(_INT, *self._signatures[name])(address)
+            self._functions[name] = ctypes.CFUNCTYPE(ctypes.c_int)(address)
         return self._functions[name](*arguments)
 
-    def integer(self, name: int) -> int:
-        """An integer limit or state (glGetIntegerv)."""
+    def integer(self, name: str, *arguments: int) -> int:
+        """The integer that an entry point writes to its last argument, such as glGetIntegerv."""
         value = ctypes.c_int()
-        self("glGetIntegerv", name, ctypes.byref(value))
+        self(name, *arguments, ctypes.byref(value))
         return value.value
 
 
@@ -139,7 +102,7 @@ class Device:
     @cached_property
     def subpixel_bits(self) -> int:
         """Bits of the rasteriser's subpixel grid: usually 8; OpenGL requires 4."""
-        return self.raw.integer(_SUBPIXEL_BITS)
+        return self.raw.integer("glGetIntegerv", _SUBPIXEL_BITS)
 
     def has(self, extension: str, core: int) -> bool:
         """Whether the driver has an extension, or the core version (450 for 4.5) that includes it."""
@@ -181,7 +144,6 @@ def open_device() -> Device:
     """A new context without a window. Raises NoGLError, which names the packages to install."""
     if isinstance(moderngl, MissingModule):
         raise NoGLError(NOT_INSTALLED.format("moderngl"))
-    before_context()
     options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         context = moderngl.create_context(standalone=True, require=410, **options)
@@ -193,27 +155,8 @@ def open_device() -> Device:
     return device_of(context)
 
 
-def before_context() -> None:
-    """Keep the driver from shaders that were compiled for another processor; called before a context is made."""
-    if "LP_NATIVE_VECTOR_WIDTH" in os.environ:
-        # Mesa's cache of compiled shaders is keyed by the processor, not by this (update_cache_sha1_cpu in llvmpipe's
-        # lp_screen.c, 22.3.6 and later). From it, a vertex shader compiled for 8 lanes writes 8 vertices into a buffer
-        # for 4: malloc aborts.
-        os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
-
-
 def device_of(context: moderngl.Context) -> Device:
-    """The device of a context that exists, such as a window's, made after `before_context`.
-
-    Raises NoGLError for a vector width that the driver cannot draw with.
-    """
-    device = Device(context)
-    bits = re.search(r"llvmpipe .*\b(\d+) bits", device.renderer)
-    if bits and bits[1] not in ("128", "256"):
-        # The code for depth and stencil has arrays for 4 or 8 lanes, as assertions say that a package leaves out
-        # (lp_build_depth_stencil_load_swizzled in lp_bld_depth.c, 22.3.6): LLVM is handed a null pointer.
-        context.release()
-        raise NoGLError(f"LP_NATIVE_VECTOR_WIDTH: found {bits[1]}, with which llvmpipe cannot draw; allowed: 128, 256")
+    """The device of a context that exists, such as a window's."""
     context.gc_mode = "auto"
     context.enable_direct(_CUBE_MAP_SEAMLESS)  # filters read across the edges of cube faces
-    return device
+    return Device(context)

@@ -1,37 +1,13 @@
 """The shaded picture (Blinn-Phong, anti-aliased where surfaces meet): to look at, never scored."""
 
-from dataclasses import asdict, dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device, moderngl
-from shadowbench.gl.gbuffer import GBuffer, download
-from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
-from shadowbench.gl.program import SHADERS, Drawable, Sampling, compose, link
+from shadowbench.gl.gbuffer import DeviceGeometry, GBuffer, download
+from shadowbench.gl.program import Sampling, fullscreen
 from shadowbench.scenes.model import View
-from shadowbench.scenes.vectors import Vec3, unit, vec3
-
-
-@dataclass(frozen=True)
-class Shading:
-    """Coefficients of Blinn-Phong, the exponent of its highlight, and linear RGB colours.
-
-    sky, ground: of ambient light from above and from below; horizon, zenith: behind the scene.
-    """
-
-    ambient: float = 1.0
-    diffuse: float = 1.0
-    specular: float = 0.12
-    shininess: float = 32.0
-    light_color: Vec3 = (0.86, 0.82, 0.76)
-    sky: Vec3 = (0.13, 0.17, 0.25)
-    ground: Vec3 = (0.085, 0.075, 0.06)
-    horizon: Vec3 = (0.28, 0.36, 0.46)
-    zenith: Vec3 = (0.11, 0.18, 0.32)
-
-
-DEFAULT_SHADING = Shading()
+from shadowbench.scenes.vectors import unit, vec3
 
 
 class PicturePass:
@@ -40,13 +16,8 @@ class PicturePass:
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
         self._device, self._geometry = device, geometry
         self._white = device.context.texture((1, 1), 4, b"\xff" * 4)
-        self._shade, self._antialias = (self._fullscreen(name) for name in ("shade", "antialias"))
-
-    def _fullscreen(self, fragment: str) -> Drawable:
-        defines = {**TRIANGLE_DEFINES, **self._geometry.smooth_defines}
-        vertex, text = compose("fullscreen.vert", SHADERS), compose(f"picture/{fragment}.frag", SHADERS, defines)
-        program = link(self._device, vertex, text)
-        return Drawable(program, self._device.context.vertex_array(program.linked, []), count=3)
+        self._shade = fullscreen(device, "picture/shade.frag", geometry.defines)
+        self._antialias = fullscreen(device, "picture/antialias.frag")
 
     def draw(
         self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
@@ -58,12 +29,7 @@ class PicturePass:
         return picture
 
     def shade(
-        self,
-        surface: GBuffer,
-        view: View,
-        visibility: moderngl.Texture,
-        tint: moderngl.Texture | None = None,
-        shading: Shading = DEFAULT_SHADING,
+        self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
     ) -> moderngl.Texture:
         """A texture (N, N) of sRGB bytes, which the caller releases: ambient + visibility · (diffuse + specular).
 
@@ -75,7 +41,6 @@ class PicturePass:
             eye=view.camera.position,
             cone_axis=vec3(unit(view.light.direction)),
             cos_half_angle=view.light.cos_half_angle,
-            **asdict(shading),
         )
         shaded, smooth = (self._device.context.texture((view.size, view.size), 4, dtype="f1") for _ in range(2))
         targets = [self._device.context.framebuffer([texture]) for texture in (shaded, smooth)]
@@ -103,5 +68,6 @@ class PicturePass:
 
     def release(self) -> None:
         """Free the programs and textures."""
-        drawables = (self._shade, self._antialias)
-        self._device.free((*(part for one in drawables for part in (one.vertices, one.program.linked)), self._white))
+        self._shade.release()
+        self._antialias.release()
+        self._device.free((self._white,))

@@ -19,18 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.files import data_folder
-from shadowbench.gl.device import Device, RawGL, moderngl
+from shadowbench.gl.device import Device, moderngl
 
 Comparison = Literal["", "<", "<=", ">", ">=", "=="]
 Wrap = Literal["border", "edge", "repeat"]
 Value = bool | int | float | tuple[float, ...] | NDArray[np.float64]
 
-_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
-_UNIFORM = re.compile(r"\buniform\s+(?:(?:low|medium|high)p\s+)?(\w+)\s+(\w[^;{]*);")
-_MACRO = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+(\w+)", re.MULTILINE)
+# GL_SAMPLER_1D to …_2D_RECT_SHADOW, …_1D_ARRAY to …_CUBE_SHADOW, those of integers, and of arrays of cubes.
+_SAMPLERS = {*range(0x8B5D, 0x8B65), *range(0x8DC0, 0x8DC6), *range(0x8DC9, 0x8DD9), *range(0x900C, 0x9010)}
 _PLACE = re.compile(r"\b0(?::(\d+)(?:\(\d+\))?|\((\d+)\)(?: (?=:))?)")  # Mesa: 0:12(5):, NVIDIA: 0(12) :, others: 0:12:
-_CANDIDATE = "error:   "  # begins Mesa's list of functions that a call might have meant
-_MOST_ERRORS = 5
 _STENCIL_TEST, _CLIP_DISTANCE, _FRONT, _BACK = 0x0B90, 0x3000, 0x0404, 0x0405
 _STENCIL_TESTS = {"always": 0x0207, "==": 0x0202, "!=": 0x0205}
 _STENCIL_OPS = {"keep": 0x1E00, "zero": 0, "replace": 0x1E01, "increment": 0x8507, "decrement": 0x8508}
@@ -98,43 +95,42 @@ class Program:
     def __init__(self, device: Device, program: moderngl.Program, text: str) -> None:
         self.device = device
         self.linked = program
-        self._types = types = _uniforms(text)
+        self._text = text
         self._units: dict[str, int] = {}
         # All sampler uniforms are set here, as moderngl silently ignores some sampler types.
         device.raw("glUseProgram", program.glo)
-        for name in sorted(name for name, kind in types.items() if "sampler" in kind):
-            location = device.raw("glGetUniformLocation", program.glo, name.encode())
-            if location >= 0:  # compilers remove unused uniforms
+        for name in program:
+            uniform = program[name]
+            if isinstance(uniform, moderngl.Uniform) and uniform.gl_type in _SAMPLERS:  # type: ignore[attr-defined]
                 self._units[name] = len(self._units)
-                device.raw("glUniform1i", location, self._units[name])
+                device.raw("glUniform1i", uniform.location, self._units[name])
 
     def set(self, **values: Value) -> None:
         """Set uniforms by name, those of `cut` too: numbers, tuples as vectors, (4, 4) row-major arrays as matrices.
 
-        Arrays of these set arrays.
-
-        A uniform that the compiler removed is skipped. Raises KeyError for a name that the source does not declare.
+        Arrays of these set arrays. A uniform that the compiler removed is skipped. Raises KeyError for a name that the
+        source does not have.
         """
         if self.cut is not None:
             self.cut.set(**values)
         for name, value in values.items():
-            if name not in self._types:
-                raise KeyError(f"no uniform {name!r}; the program has {', '.join(sorted(self._types))}")
-            if name not in self.linked:
+            uniform = self.linked.get(name, None)
+            if uniform is None:
+                if not re.search(rf"\b{name}\b", self._text):
+                    raise KeyError(f"the shaders have no uniform {name!r}")
                 continue
+            assert isinstance(uniform, moderngl.Uniform)
             if isinstance(value, np.ndarray):
-                uniform = self.linked[name]
-                assert isinstance(uniform, moderngl.Uniform)
-                columns = value.swapaxes(-1, -2) if self._types[name] == "mat4" else value
+                columns = value.swapaxes(-1, -2) if uniform.matrix else value  # type: ignore[attr-defined]
                 # Compilers shorten arrays whose last elements are unused.
                 size = uniform.array_length * uniform.dimension * 4
                 uniform.write(columns.astype(np.float32).tobytes()[:size])
             else:
-                self.linked[name].value = value  # type: ignore[union-attr]
+                uniform.value = value
 
     def has(self, name: str) -> bool:
-        """Whether the source declares a uniform of this name."""
-        return name in self._types
+        """Whether the shaders use a uniform of this name."""
+        return name in self.linked or (self.cut is not None and self.cut.has(name))
 
     def bind(self, textures: Textures) -> None:
         """Bind textures to samplers by name. Raises KeyError if a sampler in use has no texture."""
@@ -142,16 +138,6 @@ class Program:
             texture, sampling = textures[name]
             texture.use(unit)
             sampler_of(self.device, sampling).use(unit)
-
-
-def _uniforms(text: str) -> dict[str, str]:
-    """The type of each uniform declared in a source text, by name, used or not."""
-    types, code = {}, _COMMENT.sub("", text)
-    macros = dict(_MACRO.findall(code))
-    for kind, names in _UNIFORM.findall(code):
-        for name in names.split(","):
-            types[re.split(r"\W", name.strip())[0]] = macros.get(kind, kind)
-    return types
 
 
 def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
@@ -170,23 +156,19 @@ def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
 
 
 class ShaderError(ValueError):
-    """A shader that does not compile or link: a line for each of the first errors, with its place and source line."""
+    """A shader that does not compile or link: the driver's first error, with its place and source line."""
 
 
-def _explained(log: str, stage: str, text: str) -> str:
-    """The errors in a driver's log, with their places in files if the text is composed."""
+def _first_error(log: str, stage: str, text: str) -> str:
     logged = [line.strip() for line in log.splitlines()]
-    errors = [line for line in logged if "error" in line.lower() and not re.search(f"(?i)failed|{_CANDIDATE}", line)]
-    source, told = text.split("\n"), []
-    for error in errors[:_MOST_ERRORS] or logged[:1]:
-        place = _PLACE.search(error)
-        index = int(place[1] or place[2]) - 1 if place else -1
-        if place and 0 <= index < len(source):
-            name, number = text.places[index] if isinstance(text, Composed) else ("", 0)
-            where = f"{name}:{number}" if name else f"line {index + 1}"
-            error = f"{error.replace(place[0], where)}: {source[index].strip()!r}"
-        told.append(error)
-    return f"{stage} shader: " + "\n".join(told)
+    error = next((line for line in logged if "error" in line.lower() and "failed" not in line.lower()), logged[0])
+    lines, place = text.split("\n"), _PLACE.search(error)
+    index = int(place[1] or place[2]) - 1 if place else -1
+    if place and 0 <= index < len(lines):
+        name, number = text.places[index] if isinstance(text, Composed) else ("", 0)
+        where = f"{name}:{number}" if name else f"line {index + 1}"
+        error = f"{error.replace(place[0], where)}: {lines[index].strip()!r}"
+    return f"{stage} shader: {error}"
 
 
 def link(device: Device, vertex: str, fragment: str, geometry: str | None = None) -> Program:
@@ -196,7 +178,7 @@ def link(device: Device, vertex: str, fragment: str, geometry: str | None = None
     except moderngl.Error as error:
         texts = {"vertex": vertex, "geometry": geometry or "", "fragment": fragment}
         failed = next((name for name in texts if f"{name}_shader" in str(error)), "vertex")
-        raise ShaderError(_explained(str(error), failed, texts[failed])) from None
+        raise ShaderError(_first_error(str(error), failed, texts[failed])) from None
     return Program(device, program, "\n".join([vertex, geometry or "", fragment]))
 
 
@@ -237,6 +219,12 @@ class Drawable:
         if self.cut is not None:
             self.cut.draw(target, textures, state, of_cut)
 
+    def release(self) -> None:
+        """Free the programs and vertex arrays, and not the buffers."""
+        self.program.device.free((self.vertices, self.program.linked))
+        if self.cut is not None:
+            self.cut.release()
+
 
 def _divided(ranges: Ranges, at: int) -> tuple[Ranges, Ranges]:
     """The parts of ranges before an index, and those from it on, counted from there."""
@@ -258,13 +246,20 @@ def _render_state(device: Device, state: State) -> Iterator[None]:
         context.blend_func = (moderngl.ONE, moderngl.ONE)
         context.blend_equation = (_BLENDS[state.blend],) * 2
     direct = [_CLIP_DISTANCE + plane for plane in range(state.clip_distances)]
-    if state.stencil is not None:
-        _set_stencil(raw, state.stencil)
+    if (stencil := state.stencil) is not None:
+        raw("glStencilFunc", _STENCIL_TESTS[stencil.test], stencil.reference, 0xFF)
+        for side, operations in ((_FRONT, stencil.front), (_BACK, stencil.back)):
+            raw("glStencilOpSeparate", side, *(_STENCIL_OPS[operation] for operation in operations))
         direct.append(_STENCIL_TEST)
     for flag in direct:
         context.enable_direct(flag)
-    calls = _calls(state)
-    for name, inside, _ in calls:
+    calls = [  # for the draw, and to undo them
+        (state.zero_to_one, "glClipControl", (_LOWER_LEFT, _ZERO_TO_ONE), (_LOWER_LEFT, _NEGATIVE_ONE_TO_ONE)),
+        (not state.depth_write, "glDepthMask", (False,), (True,)),
+        (not state.color_write, "glColorMask", (False,) * 4, (True,) * 4),
+    ]
+    changed = [(name, inside, after) for needed, name, inside, after in calls if needed]
+    for name, inside, _ in changed:
         raw(name, *inside)
     try:
         yield
@@ -274,24 +269,8 @@ def _render_state(device: Device, state: State) -> Iterator[None]:
         context.enable_only(moderngl.NOTHING)
         context.polygon_offset = (0.0, 0.0)
         context.depth_clamp_range = None
-        for name, _, after in calls:
+        for name, _, after in changed:
             raw(name, *after)
-
-
-def _set_stencil(raw: RawGL, stencil: Stencil) -> None:
-    raw("glStencilFunc", _STENCIL_TESTS[stencil.test], stencil.reference, 0xFF)
-    for side, operations in ((_FRONT, stencil.front), (_BACK, stencil.back)):
-        raw("glStencilOpSeparate", side, *(_STENCIL_OPS[operation] for operation in operations))
-
-
-def _calls(state: State) -> list[tuple[str, tuple[int, ...], tuple[int, ...]]]:
-    """Entry points with their arguments for a draw, and those that undo them."""
-    calls = [
-        (state.zero_to_one, "glClipControl", (_LOWER_LEFT, _ZERO_TO_ONE), (_LOWER_LEFT, _NEGATIVE_ONE_TO_ONE)),
-        (not state.depth_write, "glDepthMask", (False,), (True,)),
-        (not state.color_write, "glColorMask", (False,) * 4, (True,) * 4),
-    ]
-    return [(name, inside, after) for changed, name, inside, after in calls if changed]
 
 
 VERSION = "#version 410 core"
@@ -323,7 +302,7 @@ def compose(
 
     def include(name: str, old: str = "", new: str = "") -> None:
         """Append the lines of a file or text, with names that begin with `old` renamed to `new`."""
-        text, label, first = _found(name, roots)
+        text, label, first = _source_of(name, roots)
         text = _renamed(text, old, new) if old else text
         if (label, text) in taken:
             lines.append("")
@@ -351,7 +330,7 @@ def _renamed(text: str, old: str, new: str) -> str:
     return re.sub(rf"\b{old.upper()}(?=_)", new.upper(), text)
 
 
-def _found(name: str, roots: Sequence[Path]) -> tuple[str, str, int]:
+def _source_of(name: str, roots: Sequence[Path]) -> tuple[str, str, int]:
     """A text by its file's name, or the text itself; the file, for a text a Python file beside the shaders that has it.
 
     Last, the number of the text's first line in the file.
@@ -362,10 +341,18 @@ def _found(name: str, roots: Sequence[Path]) -> tuple[str, str, int]:
                 return (root / name).read_text(encoding="utf-8"), name, 1
         raise FileNotFoundError(f"no shader file {name!r} in {', '.join(str(root) for root in roots)}")
     for file in (file for root in roots for file in sorted(root.glob("*.py"))):
-        before, found, _ = file.read_text(encoding="utf-8").partition(name)
-        if found:
+        before, separator, _ = file.read_text(encoding="utf-8").partition(name)
+        if separator:
             return name, file.name, before.count("\n") + 1
     return name, "inline source", 1
+
+
+def fullscreen(
+    device: Device, fragment: str, defines: Mapping[str, str] = {}, vertex: str = "fullscreen.vert"
+) -> Drawable:
+    """A triangle that covers the target, drawn by no technique. fragment: a file."""
+    program = link(device, compose(vertex, SHADERS), compose(fragment, SHADERS, defines))
+    return Drawable(program, device.context.vertex_array(program.linked, []), count=3)
 
 
 _SIDE = 16  # pixels
@@ -373,12 +360,11 @@ _SIDE = 16  # pixels
 
 def arithmetic(device: Device) -> str:
     """Digest of the bits of a small image: equal where a driver rounds and approximates equally."""
-    vertex, fragment = (compose(f"arithmetic/probe.{stage}", SHADERS) for stage in ("vert", "frag"))
-    program = link(device, vertex, fragment)
     image = device.context.texture((_SIDE, _SIDE), 4, dtype="f4")
     target = device.context.framebuffer([image])
-    vertices = device.context.vertex_array(program.linked, [])
-    Drawable(program, vertices, count=3).draw(target, {}, State())
+    triangle = fullscreen(device, "arithmetic/probe.frag", vertex="arithmetic/probe.vert")
+    triangle.draw(target)
     digest = hashlib.sha256(image.read()).hexdigest()[:8]
-    device.free((vertices, target, image, program.linked))
+    triangle.release()
+    device.free((target, image))
     return digest

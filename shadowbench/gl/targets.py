@@ -54,12 +54,8 @@ class DepthTexture:
         depths = np.empty((self.layers, self.size, self.size), dtype=np.float32)
         self.use()
         for target, image in zip(_image_targets(self.kind), depths if self.kind == "cube" else [depths], strict=True):
-            self.device.raw("glGetTexImage", target, 0, _DEPTH_COMPONENT, _FLOAT, image.ctypes.data)
+            self.device.raw("glGetTexImage", target, 0, _DEPTH_COMPONENT, _FLOAT, image.ctypes.data_as(ctypes.c_void_p))
         return depths
-
-    def attach(self, framebuffer: moderngl.Framebuffer, layer: int | None = None) -> None:
-        """Attach the whole texture (layered if it has several layers), or one layer, to a framebuffer as its depth."""
-        _attach(self.device, framebuffer, _DEPTH_ATTACHMENT, self.glo, self.kind, layer)
 
     def release(self) -> None:
         """Free the texture."""
@@ -70,14 +66,13 @@ class DepthTexture:
 class DepthTarget:
     """A depth texture and its framebuffers: `target` of all layers, `layer_targets` of each, none for a 2-D texture.
 
-    step: spacing of stored values near 1; bytes: device memory.
+    step: spacing of stored values near 1.
     """
 
     texture: DepthTexture
     target: moderngl.Framebuffer
     layer_targets: tuple[moderngl.Framebuffer, ...]
     step: float
-    bytes: int
 
     def release(self) -> None:
         """Free the texture and its framebuffers."""
@@ -87,7 +82,7 @@ class DepthTarget:
 
 
 def _image_targets(kind: Kind) -> Sequence[int]:
-    """The texture targets by which OpenGL addresses the images of a texture."""
+    """What OpenGL addresses the images of a texture by."""
     return range(_FIRST_FACE, _FIRST_FACE + FACES) if kind == "cube" else [_BINDINGS[kind]]
 
 
@@ -100,7 +95,7 @@ def framebuffer_of(depth: DepthTexture, colors: Sequence[Color] = (), layer: int
     framebuffer = _with_colors(device, colors, depth.kind, layer, placeholder)
     placeholder.release()
     framebuffer.viewport = (0, 0, side, side)
-    depth.attach(framebuffer, layer)
+    _attach(device, framebuffer, _DEPTH_ATTACHMENT, depth.glo, depth.kind, layer)
     return framebuffer
 
 
@@ -147,15 +142,11 @@ def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d
     for image_target in _image_targets(kind):
         _specify(device, image_target, kind, size, layers, depth)
     what = f"a {depth} target of {size}²" if kind == "2d" else f"{layers} layers of {size}² in {depth}"
-    try:
-        _check(device, _image_targets(kind)[0], _DEPTH_SIZE, bits, what)
-    except RuntimeError:
-        texture.release()
-        raise
+    _check(device, _image_targets(kind)[0], _DEPTH_SIZE, bits, what)
     whole = framebuffer_of(texture)
     layer_targets = tuple(framebuffer_of(texture, layer=layer) for layer in range(0 if kind == "2d" else layers))
     device.check(what)
-    return DepthTarget(texture, whole, layer_targets, step, map_bytes(size, depth, kind, layers))
+    return DepthTarget(texture, whole, layer_targets, step)
 
 
 def map_bytes(size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> int:
@@ -167,10 +158,9 @@ def map_bytes(size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1)
 def unsupported_map(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:
     """Why the driver does not support such a map; None if it does. Uses proxy textures, which allocate nothing."""
     _specify(device, _PROXIES[kind], kind, size, layers, depth)
-    width = ctypes.c_int()
-    device.raw("glGetTexLevelParameteriv", _PROXIES[kind], 0, _TEXTURE_WIDTH, ctypes.byref(width))
+    width = device.raw.integer("glGetTexLevelParameteriv", _PROXIES[kind], 0, _TEXTURE_WIDTH)
     what = {"2d": "a map", "array": f"{layers} maps", "cube": "a cube"}[kind]
-    return None if width.value == size else f"the driver refuses {what} of {size}² texels in {depth}"
+    return None if width == size else f"the driver refuses {what} of {size}² texels in {depth}"
 
 
 def _specify(device: Device, target: int, kind: Kind, size: int, layers: int, depth: DepthFormat) -> None:
@@ -188,12 +178,10 @@ class StencilTarget:
     device: Device
     depth: moderngl.Texture
     target: moderngl.Framebuffer
-    bytes: int
 
-    def clear_stencil(self, value: int = 0) -> None:
+    def clear_stencil(self) -> None:
         """Clear the stencil, which moderngl's clear leaves unchanged."""
         self.target.use()
-        self.device.raw("glClearStencil", value)
         self.device.raw("glClear", _STENCIL_BUFFER)
 
     def release(self) -> None:
@@ -213,12 +201,11 @@ def stencil_target(device: Device, size: tuple[int, int], *colors: moderngl.Text
     target = device.context.framebuffer(list(colors), depth)
     _attach(device, target, _DEPTH_STENCIL_ATTACHMENT, depth.glo, "2d", None)
     device.check("a stencil attachment")
-    return StencilTarget(device, depth, target, width * height * 4)
+    return StencilTarget(device, depth, target)
 
 
 def _check(device: Device, target: int, query: int, bits: int, name: str) -> None:
-    found = ctypes.c_int()
-    device.raw("glGetTexLevelParameteriv", target, 0, query, ctypes.byref(found))
+    given = device.raw.integer("glGetTexLevelParameteriv", target, 0, query)
     device.check(name)
-    if found.value != bits:
-        raise RuntimeError(f"asked the driver for {bits} bits in {name}, got {found.value}")
+    if given != bits:
+        raise RuntimeError(f"asked the driver for {bits} bits in {name}, got {given}")

@@ -4,8 +4,6 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
 
-from pydantic import model_validator
-
 from shadowbench.plugin.params import Call, Component, param, parse_value
 
 MapKind = Literal["2d", "array", "cube"]
@@ -30,15 +28,8 @@ class Effect:
     along_normal: float = 0.0
 
     def __add__(self, other: "Effect") -> "Effect":
-        return Effect(
-            self.factor + other.factor,
-            self.units + other.units,
-            self.cull or other.cull,
-            self.depth + other.depth,
-            self.metres + other.metres,
-            self.texels + other.texels,
-            self.along_normal + other.along_normal,
-        )
+        sums = {key: value + getattr(other, key) for key, value in vars(self).items() if key != "cull"}
+        return Effect(cull=self.cull or other.cull, **sums)
 
     def lengths(self, radius: float, texel_m: float, depth_range_m: float) -> dict[str, float]:
         """A sun's smallest bias along the light and largest offset along the normal, in metres and in texel widths.
@@ -49,9 +40,11 @@ class Effect:
             "bias": self.depth * depth_range_m + self.metres + self.texels * texel_m,
             "normal_offset": self.along_normal * radius * math.sqrt(2) * texel_m,
         }
-        found = {name: length for name, length in lengths.items() if length}
-        return {f"{name}_m": length for name, length in found.items()} | {
-            f"{name}_texels": length / texel_m for name, length in found.items()
+        return {
+            f"{name}_{unit}": length / scale
+            for unit, scale in (("m", 1.0), ("texels", texel_m))
+            for name, length in lengths.items()
+            if length
         }
 
 
@@ -67,7 +60,6 @@ class Bias(Component):
     swept: ClassVar[tuple[str, ...]] = ()
     effects: ClassVar[dict[str, str]] = {}
     shader = "bias/none.glsl"
-    of_number = "constant"
 
     @classmethod
     def from_value(cls, value: "Component | str | Call") -> "Bias":
@@ -79,7 +71,7 @@ class Bias(Component):
 
     @property
     def terms(self) -> "tuple[Bias, ...]":
-        """The biases of a sum; the bias itself otherwise."""
+        """The biases of a sum; else the bias itself."""
         return (self,)
 
     @property
@@ -238,18 +230,12 @@ class Texel(Bias):
 class Sum(Bias):
     """The sum of two biases, `polygon-offset(2,4)+before-divide(0.01)`: the second applies to what the first has left.
 
-    Not in the table of biases; specs form it with `+`. `second` may be a sum.
+    Not in the table of biases; specs form it with `+`. `second` may be a sum, and `first` is none.
     """
 
     shader = "bias/sum.glsl"
     first: Bias
     second: Bias
-
-    @model_validator(mode="after")
-    def _has_one_form(self) -> Self:
-        if isinstance(self.first, Sum):
-            raise ValueError("first: found a sum; allowed: one bias")
-        return self
 
     @property
     def terms(self) -> tuple[Bias, ...]:

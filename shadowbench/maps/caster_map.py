@@ -31,7 +31,7 @@ from shadowbench.scenes.vectors import Floats, vec3
 class ResolvePass:
     """Runs a fragment shader that includes `receiver.glsl` for every pixel; built once, called each frame.
 
-    `texture` is its render target; with one component, the visibility.
+    `texture` is its render target, by default of the image's size; with one component, the visibility.
     """
 
     def __init__(
@@ -42,9 +42,10 @@ class ResolvePass:
         defines: Mapping[str, int | str] = {},
         includes: Mapping[str, str] = {},
         components: int = 1,
+        size: tuple[int, int] | None = None,
     ) -> None:
         self.program = stage.program("fullscreen.vert", fragment, params=params, defines=defines, includes=includes)
-        self.texture = stage.texture(components=components)
+        self.texture = stage.texture(size, components)
         self._target = stage.target(self.texture)
         self._triangle = stage.fullscreen(self.program)
 
@@ -61,96 +62,12 @@ class ResolvePass:
         if self.program.has("view_far"):
             self.program.set(view_far=frame.view.near_far[1])
         self.program.set(light=frame.light_uniform, **uniforms)
-        self._triangle.draw(self._target, {**frame.surface.inputs, **textures})
+        return self.draw({**frame.surface.inputs, **textures})
+
+    def draw(self, textures: Textures) -> moderngl.Texture:
+        """Draw with these textures alone; returns `texture`."""
+        self._triangle.draw(self._target, textures)
         return self.texture
-
-
-BlurPass = tuple[Drawable, list[moderngl.Framebuffer], Color, Sampling]
-"""A drawable, its target for each layer, and the texture that it reads."""
-
-
-class MapContents:
-    """A filter's contents of a map of one or more layers; its shader's `filter_contents` writes them with the depth.
-
-    texture: the contents, of the map's kind; far: (4,) contents where no caster is, which also surround the map; reads:
-    texels read by the blur, and by the first mip level.
-    """
-
-    def __init__(
-        self,
-        stage: Stage,
-        params: TechniqueParams,
-        contents: Contents,
-        size: int,
-        kind: Kind,
-        layers: int,
-        defines: Mapping[str, int],
-        includes: Mapping[str, str],
-    ) -> None:
-        self._contents, self.kind, self._layers = contents, kind, layers
-        self._taps = contents.blur | 1  # texels that the kernel touches: an odd number
-        stored = contents.components, contents.dtype, contents.mips
-        self.texture = stage.map_texture((size, size), kind, layers, *stored)
-        program = stage.program(
-            "fullscreen.vert", "contents-far.frag", params=params, defines=defines, includes=includes
-        )
-        far = stage.texture((1, 1), contents.components)
-        stage.fullscreen(program).draw(stage.target(far))
-        values = np.frombuffer(far.read(), dtype=np.float32)
-        x, y, z, w = np.pad(values, (0, 4 - contents.components)).tolist()
-        self.far = x, y, z, w
-        blurred = contents.blur > 1
-        self.reads = layers * size**2 * (2 * self._taps * blurred + contents.mips)
-        self._passes = self._blur_passes(stage, size) if blurred else ()
-
-    def _blur_passes(self, stage: Stage, size: int) -> tuple[BlurPass, BlurPass]:
-        """A separable blur, through a scratch texture that has the rows beyond a layer's edges too."""
-        layers, height = range(self._layers), size + self._taps - 1
-        scratch = stage.map_texture(
-            (size, height), "array", self._layers, self.texture.components, self._contents.dtype
-        )
-        rows, columns = (
-            stage.program(
-                "fullscreen.vert",
-                "blur.frag",
-                defines={"TAPS": self._taps, "SIZE": size},
-                includes={"blur": blur, "map": self.kind},
-            )
-            for blur in ("rows", "columns")
-        )
-        around = Sampling(linear=True) if self.kind == "cube" else Sampling(wrap="border", border=self.far)
-        to_scratch, back = ([stage.target(one, layer=layer) for layer in layers] for one in (scratch, self.texture))
-        return (
-            (stage.fullscreen(rows), to_scratch, self.texture, around),
-            (stage.fullscreen(columns), back, scratch, Sampling()),
-        )
-
-    def prepare(self, texels: Sequence[float] = ()) -> None:
-        """Blur the layers and compute their mip levels.
-
-        texels: width of each layer's texels, if they differ; the blur has the width in the scene that it has in the
-        layer of the finest ones.
-        """
-        shares = min(texels) / np.array(texels) if texels else np.ones(self._layers)
-        blur, kernel = self._contents.blur, self._contents.kernel
-        weights = [kernel_weights(kernel, share * blur, self._taps) for share in shares]
-        # Rows of all layers before the columns of any, as a cube's faces read their neighbours.
-        for drawable, targets, source, sampling in self._passes:
-            for layer, target in enumerate(targets):
-                drawable.program.set(weights=weights[layer], layer=layer)
-                drawable.draw(target, {"source": (source, sampling)})
-        if self._contents.mips:
-            self.texture.build_mipmaps()
-
-    def sampler(self, wrap: Wrap) -> dict[str, tuple[Texture, Sampling]]:
-        """The sampler `map_contents` of shadow_map.glsl."""
-        sampling = Sampling(
-            linear=self._contents.linear,
-            wrap="edge" if self.kind == "cube" else wrap,
-            border=self.far,
-            mips=self._contents.mips,
-        )
-        return {"map_contents": (self.texture, sampling)}
 
 
 def kernel_weights(kernel: Kernel, width: float, taps: int) -> Floats:
@@ -202,8 +119,68 @@ class MapLayout:
         """Why bias, filter or device does not support such a map; None if all do."""
         names = {"2d": "a 2-D map", "array": "an array of maps", "cube": "a cube map"}
         parts: tuple[Bias | Filter, ...] = (*bias.terms, filter)
-        unable = [f"{part.name} has no meaning for {names[self.kind]}" for part in parts if self.kind not in part.maps]
-        return unable[0] if unable else unsupported_map(device, self.size, self.depth, self.kind, self.layers)
+        for part in parts:
+            if self.kind not in part.maps:
+                return f"{part.name} has no meaning for {names[self.kind]}"
+        return unsupported_map(device, self.size, self.depth, self.kind, self.layers)
+
+
+class MapContents:
+    """A filter's contents of a map of one or more layers; its shader's `filter_contents` writes them with the depth.
+
+    texture, sampling: the contents, of the map's kind, and how they are read; far: (4,) contents where no caster is,
+    which also surround the map; reads: texels read by the blur, and by the first mip level.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        params: TechniqueParams,
+        contents: Contents,
+        layout: MapLayout,
+        defines: Mapping[str, int],
+        includes: Mapping[str, str],
+    ) -> None:
+        self._contents, self._layout = contents, layout
+        self._taps = contents.blur | 1  # texels that the kernel touches: an odd number
+        size, kind, layers = layout.size, layout.kind, layout.layers
+        stored = contents.components, contents.dtype
+        self.texture = stage.map_texture((size, size), kind, layers, *stored, contents.mips)
+        far = ResolvePass(stage, "contents-far.frag", params, defines, includes, contents.components, (1, 1))
+        values = np.frombuffer(far.draw({}).read(), dtype=np.float32)
+        x, y, z, w = np.pad(values, (0, 4 - contents.components)).tolist()
+        self.far = x, y, z, w
+        self.sampling = Sampling(linear=contents.linear, wrap=layout.wrap, border=self.far, mips=contents.mips)
+        self.reads = layers * size**2 * (2 * self._taps * (contents.blur > 1) + contents.mips)
+        self._passes: list[tuple[Drawable, list[moderngl.Framebuffer], Color, Sampling]] = []
+        if contents.blur > 1:  # separable, through a scratch texture that has the rows beyond a layer's edges too
+            scratch = stage.map_texture((size, size + self._taps - 1), "array", layers, *stored)
+            around = Sampling(linear=True) if kind == "cube" else Sampling(wrap="border", border=self.far)
+            for along, source, target, sampling in (
+                ("rows", self.texture, scratch, around),
+                ("columns", scratch, self.texture, Sampling()),
+            ):
+                defines, includes = {"TAPS": self._taps, "SIZE": size}, {"blur": along, "map": kind}
+                program = stage.program("fullscreen.vert", "blur.frag", defines=defines, includes=includes)
+                targets = [stage.target(target, layer=layer) for layer in range(layers)]
+                self._passes.append((stage.fullscreen(program), targets, source, sampling))
+
+    def prepare(self, texels: Sequence[float] = ()) -> None:
+        """Blur the layers and compute their mip levels.
+
+        texels: width of each layer's texels, if they differ; the blur has the width in the scene that it has in the
+        layer of the finest ones.
+        """
+        shares = min(texels) / np.array(texels) if texels else np.ones(self._layout.layers)
+        blur, kernel = self._contents.blur, self._contents.kernel
+        weights = [kernel_weights(kernel, share * blur, self._taps) for share in shares]
+        # Rows of all layers before the columns of any, as a cube's faces read their neighbours.
+        for drawable, targets, source, sampling in self._passes:
+            for layer, target in enumerate(targets):
+                drawable.program.set(weights=weights[layer], layer=layer)
+                drawable.draw(target, {"source": (source, sampling)})
+        if self._contents.mips:
+            self.texture.build_mipmaps()
 
 
 class CasterMap:
@@ -242,9 +219,17 @@ class CasterMap:
         if chunks.reordered:
             ordered = stage.drawable(program, {"position": chunks.vertices}, indices=chunks.faces)
             self._casters = replace(ordered, count=chunks.faces.size, cut=self._casters.cut)
-        self._state = caster_state(bias, layout.clamp, layout.reversed_depth)
+        effect, reversed_depth = bias.effect, layout.reversed_depth
+        sign = -1 if reversed_depth else 1
+        self._state = State(
+            depth_test=">=" if reversed_depth else "<=",
+            cull=effect.cull,
+            polygon_offset=(sign * effect.factor, sign * effect.units),
+            depth_clamp=layout.clamp,
+            zero_to_one=reversed_depth,
+        )
         # A negative polygon offset may move casters beyond the far plane in front of it.
-        self._sides = 5 if min(bias.effect.factor, bias.effect.units) >= 0 else 4
+        self._sides = 5 if min(effect.factor, effect.units) >= 0 else 4
         self.culled = 0
 
     @property
@@ -252,12 +237,13 @@ class CasterMap:
         border = 0.0 if self.layout.reversed_depth else 1.0
         compare: Comparison = ">=" if self.layout.reversed_depth else "<="
         wrap = self.layout.wrap
-        stored = {} if self.contents is None else self.contents.sampler(wrap)
-        return {
+        samplers: dict[str, tuple[Texture, Sampling]] = {
             "map_depths": (self.texture, Sampling(wrap=wrap, border=border)),
             "map_compare": (self.texture, Sampling(linear=True, wrap=wrap, border=border, compare=compare)),
-            **stored,
         }
+        if self.contents is not None:
+            samplers["map_contents"] = self.contents.texture, self.contents.sampling
+        return samplers
 
     def draw(self, frame: Frame, views: Sequence[LightView], layered: bool = False) -> None:
         """Clear the map and draw the casters into each layer by its light view.
@@ -314,32 +300,26 @@ class FilteredMap(CasterMap):
         self._stage, self._params, self.hull = stage, params, hull
         self.bias: Bias = params.bias
         self.filter: Filter = params.filter
+        stored, contents = self.filter.contents, None
         cube, on_plane = layout.kind == "cube", self.bias.on_plane or self.filter.on_plane
         self.defines = {
+            "LAYERS": layout.layers,
             "ARRAY": int(layout.kind == "array"),
             "PARALLEL": int(parallel),
             "REVERSED": int(layout.reversed_depth),
             "LIT_BEYOND": int(layout.far_rule == "lit"),
             "ON_PLANE": int(on_plane),
             "GRADIENT_OF_RECEIVER": int(on_plane and not cube and not self.bias.on_plane),
+            "MIPMAPPED": int(stored is not None and stored.mips),
             **more,
         }
-        stored, contents = self.filter.contents, None
-        self.includes = {
-            "projection": "cube" if cube else "matrix",
-            "map": layout.kind,
-            "contents": "mipmapped" if stored is not None and stored.mips else "stored",
-        }
+        self.includes = {"projection": "cube" if cube else "matrix", "map": layout.kind}
         if stored is not None:
-            defines = self.defines | {"LAYERS": layout.layers}
-            contents = MapContents(
-                stage, params, stored, layout.size, layout.kind, layout.layers, defines, self.includes
-            )
+            contents = MapContents(stage, params, stored, layout, self.defines, self.includes)
         folder = "cube-map/" if cube else ""
         fragment = f"{folder}depth.frag" if contents is None else f"{folder}contents.frag"
         program = stage.program(vertex, fragment, geometry, params=params, defines=self.defines, includes=self.includes)
         super().__init__(stage, program, layout, self.bias, contents)
-        self._debug_passes: dict[str, ResolvePass] = {}
 
     def resolve_pass(self, fragment: str, components: int = 1, **defines: int) -> ResolvePass:
         """A pass over the pixels by a shader that includes `shadow_map.glsl`. defines: in place of the map's."""
@@ -368,44 +348,23 @@ class FilteredMap(CasterMap):
         """The visibility that a resolve pass finds."""
         textures, uniforms = inputs
         self.last = frame, textures, uniforms
-        return resolve(frame, textures, **uniforms, **self._penumbra(resolve.program, frame.light))
-
-    def _penumbra(self, program: Program, light: Light) -> dict[str, Value]:
-        """Uniforms of `penumbra.glsl`, if a program includes it."""
-        if not program.has("light_radius"):
-            return {}
-        radius = self.light_radius(light)
-        if radius == 0.0:  # all penumbrae have a width of 0, and the search for the nearest caster is of no use
-            return {"light_radius": 0.0, "nearest_caster": 1.0}
-        sun = light.kind == "directional"
-        return {
-            "light_radius": radius,
-            "nearest_caster": self.hull.highest_caster(light) if sun else self.hull.nearest_caster(light),
-        }
+        if resolve.program.has("light_radius"):  # of `penumbra.glsl`
+            radius, nearest = self.light_radius(frame.light), 1.0
+            if radius > 0.0:  # else all penumbrae have a width of 0
+                sun = frame.light.kind == "directional"
+                nearest = self.hull.highest_caster(frame.light) if sun else self.hull.nearest_caster(frame.light)
+            uniforms = {**uniforms, "light_radius": radius, "nearest_caster": nearest}
+        return resolve(frame, textures, **uniforms)
 
     def debug(self, fragment: str) -> moderngl.Texture:
         """Four components of each pixel by another shader, with the inputs of the last lookup."""
-        if fragment not in self._debug_passes:
-            self._debug_passes[fragment] = self.resolve_pass(fragment, components=4)
         frame, textures, uniforms = self.last
-        return self._debug_passes[fragment](frame, textures, **uniforms)
+        return self.resolve_pass(fragment, components=4)(frame, textures, **uniforms)
 
     def facts(self, pixels: int) -> dict[str, float]:
         """Culled triangles, and texture reads: the filter's of each pixel, and those that prepare what it stores."""
         prepared = self.contents.reads if self.contents else 0
         return {"culled_triangles": self.culled, "reads": self.filter.reads * pixels + prepared}
-
-
-def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -> State:
-    """Render state of the depth pass. `clamp` clamps casters in front of the near plane to it."""
-    sign = -1 if reversed_depth else 1
-    return State(
-        depth_test=">=" if reversed_depth else "<=",
-        cull=bias.effect.cull,
-        polygon_offset=(sign * bias.effect.factor, sign * bias.effect.units),
-        depth_clamp=clamp,
-        zero_to_one=reversed_depth,
-    )
 
 
 def map_uniforms(light_views: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:

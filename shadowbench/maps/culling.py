@@ -69,13 +69,12 @@ def may_shadow(boxes: Floats, light: tuple[float, ...], planes: Floats) -> NDArr
     through the box approaches that plane. A lamp in or on the box has rays through it in more directions than its
     corners tell.
     """
-    points = box_corners(boxes)
-    away = light[3] * points - np.array(light[:3])
+    points, position = box_corners(boxes), np.array(light[:3])
+    away = light[3] * points - position
     slack = _ROUNDING * float(np.abs(boxes).max(initial=1.0))
     behind = (points @ planes[:, :3].T + planes[:, 3] < -slack).all(axis=1)
     receding = (away @ planes[:, :3].T <= slack).all(axis=1)
-    lamp = np.array(light[:3]) if light[3] else np.full(3, np.inf)
-    around = ((boxes[:, 0] - slack <= lamp) & (lamp <= boxes[:, 1] + slack)).all(axis=1)
+    around = ((boxes[:, 0] - slack <= position) & (position <= boxes[:, 1] + slack)).all(axis=1) & (light[3] > 0)
     kept: NDArray[np.bool_] = around | ~(behind & receding).any(axis=1)
     return kept
 

@@ -1,7 +1,6 @@
 """Shadow-map filters: the compared texels and their weights. Each has a class and a shader file in `filter/`."""
 
 import math
-from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -10,6 +9,7 @@ from shadowbench.plugin.params import Component, param
 from shadowbench.scenes.model import Light, Placement
 
 Kernel = Literal["box", "gaussian"]
+Dtype = Literal["f4", "f2", "nu2"]
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Contents:
     """
 
     components: int
-    dtype: Literal["f4", "f2", "nu2"] = "f4"
+    dtype: Dtype = "f4"
     linear: bool = True
     blur: int = 1
     kernel: Kernel = "box"
@@ -29,21 +29,21 @@ class Contents:
 
 
 class Filter(Component):
-    """Base class of the filters. A subclass has a `name`, a `shader`, a `radius` and `reads`; the rest has defaults.
+    """Base class of the filters. A subclass has a `name` and a `shader`; the rest has defaults.
 
-    maps: the supported kinds of shadow map.
+    maps: the supported kinds of shadow map; reads: texture reads per pixel, of which a hardware comparison of 2×2
+    texels is one; on_plane: whether each texel is compared with the receiver's plane there, and not all with the
+    receiver's depth.
     """
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
-    of_number = "pcf"
 
-    @classmethod
-    def missing(cls) -> list[str]:
-        return [] if cls.shader else ["shader, a file or text with the functions that shadow_map.glsl lists"]
-
-    @abstractmethod
     def radius(self, size: int) -> float:
-        """The distance from a receiver to compared texels that the bias must span, in texels of a map of `size`."""
+        """The distance from a receiver to compared texels that the bias must span, in texels of a map of `size`.
+
+        By default that of a bilinear read.
+        """
+        return 1.0
 
     def reach(self, size: int) -> float:
         """Largest distance from a receiver's point to any point of a texel that is read, in texels."""
@@ -62,14 +62,12 @@ class Filter(Component):
         return None
 
     @property
-    def on_plane(self) -> bool:
-        """Whether each texel is compared with the receiver's plane there, and not all with the receiver's depth."""
-        return False
+    def reads(self) -> int:
+        return 1
 
     @property
-    @abstractmethod
-    def reads(self) -> int:
-        """Texture reads per pixel; a hardware comparison of 2×2 texels is one read."""
+    def on_plane(self) -> bool:
+        return False
 
 
 class Hard(Filter):
@@ -82,10 +80,6 @@ class Hard(Filter):
     def radius(self, size: int) -> float:
         return 0.5
 
-    @property
-    def reads(self) -> int:
-        return 1
-
 
 class Hardware(Filter):
     """Hardware comparison: 2×2 texels with bilinear weights."""
@@ -93,13 +87,6 @@ class Hardware(Filter):
     name = "hardware"
     shader = "filter/hardware.glsl"
     maps = ALL_MAPS
-
-    def radius(self, size: int) -> float:
-        return 1.0
-
-    @property
-    def reads(self) -> int:
-        return 1
 
 
 class PCF(Filter):
@@ -178,22 +165,21 @@ Bits = Literal[16, 32]
 
 
 class Filterable(Filter):
-    """Base class of filters whose contents are blurred: reads once per pixel, however wide the blur."""
+    """Base class of filters whose contents are blurred: reads once per pixel, however wide the blur.
+
+    A symmetric blur leaves the mean depth of a plane as it is, so that the bias need not span it.
+    """
 
     maps = ALL_MAPS
     blur: int = param(5, "texels along a side of the blur's kernel; 1 for none", ge=1, le=64)
     kernel: Kernel = param("box", "weights of the blur; a Gaussian's standard deviation is a quarter of its width")
     mips: bool = param(False, "mip levels, with a footprint from the receiver's plane")
 
-    def radius(self, size: int) -> float:
-        return 1.0  # of the bilinear read; a symmetric blur leaves the mean depth of a plane as it is
-
     def reach(self, size: int) -> float:
         return self.blur / 2 + 1
 
-    @property
-    def reads(self) -> int:
-        return 1
+    def _blurred(self, components: int, dtype: Dtype) -> Contents:
+        return Contents(components, dtype, blur=self.blur, kernel=self.kernel, mips=self.mips)
 
 
 class VSM(Filterable):
@@ -210,7 +196,7 @@ class VSM(Filterable):
 
     @property
     def contents(self) -> Contents:
-        return Contents(2, _float(self.bits), blur=self.blur, kernel=self.kernel, mips=self.mips)
+        return self._blurred(2, "f2" if self.bits == 16 else "f4")
 
 
 class ESM(Filterable):
@@ -225,7 +211,7 @@ class ESM(Filterable):
 
     @property
     def contents(self) -> Contents:
-        return Contents(1, blur=self.blur, kernel=self.kernel, mips=self.mips)
+        return self._blurred(1, "f4")
 
 
 class EVSM(Filterable):
@@ -245,7 +231,7 @@ class EVSM(Filterable):
 
     @property
     def contents(self) -> Contents:
-        return Contents(self.components, _float(self.bits), blur=self.blur, kernel=self.kernel, mips=self.mips)
+        return self._blurred(self.components, "f2" if self.bits == 16 else "f4")
 
 
 class MSM(Filterable):
@@ -272,12 +258,7 @@ class MSM(Filterable):
 
     @property
     def contents(self) -> Contents:
-        dtype: Literal["f4", "nu2"] = "f4" if self.bits == 32 else "nu2"
-        return Contents(4, dtype, blur=self.blur, kernel=self.kernel, mips=self.mips)
-
-
-def _float(bits: Bits) -> Literal["f2", "f4"]:
-    return "f2" if bits == 16 else "f4"
+        return self._blurred(4, "nu2" if self.bits == 16 else "f4")
 
 
 class Disc(Filter):
@@ -292,9 +273,6 @@ class Disc(Filter):
     @property
     def on_plane(self) -> bool:
         return True
-
-    def radius(self, size: int) -> float:
-        return 1.0  # of a single tap
 
 
 class PCFDisc(Disc):

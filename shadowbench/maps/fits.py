@@ -1,7 +1,4 @@
-"""What maps cover: fits, the part of light space of one map; splits, the view depths between cascades.
-
-All fits but `fixed` pad the covered part by the filter radius.
-"""
+"""What maps cover: fits, the part of light space of one map; splits, the view depths between cascades."""
 
 import math
 from abc import abstractmethod
@@ -24,7 +21,7 @@ from shadowbench.geometry.convex import (
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.gl.clock import Changes
 from shadowbench.gl.device import moderngl
-from shadowbench.gl.program import Sampling, Textures
+from shadowbench.gl.program import Drawable, Sampling, Textures
 from shadowbench.plugin.base import Frame, Stage
 from shadowbench.plugin.params import Component, TechniqueParams, param
 from shadowbench.scenes.model import Light, Placement, View
@@ -46,17 +43,14 @@ class FitContext:
 
 
 class Fit(Component):
-    """Base class of the fits.
+    """Base class of the fits. All but `fixed` pad what they cover by the filter's radius.
 
-    clamps: whether casters in front of the near plane are clamped to it, as near and far bound the receivers only.
+    clamps: whether casters in front of the near plane are clamped to it, as near and far bound the receivers only;
+    invalidated_by: what invalidates the map, "light" motion, or "view" (camera or light motion).
     """
 
     clamps: ClassVar[bool] = True
-
-    @property
-    def invalidated_by(self) -> Changes:
-        """What invalidates the map: "light" motion, or "view" (camera or light motion)."""
-        return "view"
+    invalidated_by: ClassVar[Changes] = "view"
 
     def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         """Box of the receivers that the map must cover, in light space; None if there are none."""
@@ -81,6 +75,7 @@ class FixedFit(Fit):
 
     name = "fixed"
     clamps = False
+    invalidated_by = "light"
     half: float = param(10.0, "half the side of the orthographic box", gt=0, metres=True)
     near: float = param(1.0, "near plane", gt=0, metres=True)
     far: float = param(7.5, "far plane", gt=0, metres=True)
@@ -97,22 +92,15 @@ class FixedFit(Fit):
         low, high = np.array([-half, -half, metres(self.near)]), np.array([half, half, metres(self.far)])
         return LightView(space, Box(low + step, high + step), size)
 
-    @property
-    def invalidated_by(self) -> Changes:
-        return "light"
-
 
 class SceneFit(Fit):
     """The bounding box of all casters and receivers."""
 
     name = "scene"
+    invalidated_by = "light"
 
     def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         return _region(space, context) if space.perspective else space.box(context.hull.points)
-
-    @property
-    def invalidated_by(self) -> Changes:
-        return "light"
 
 
 class ViewFit(Fit):
@@ -184,15 +172,14 @@ def _region(space: LightSpace, context: FitContext, *more: Floats) -> Box | None
     if space.perspective:
         reach = 2 * context.hull.extent + float(np.abs(space.origin).max())
         planes.append(frustum_planes(space.origin, space.basis, space.half, reach * 1e-6, 4 * reach))
-    found = corners(np.vstack(planes), context.hull.extent)
-    return space.box(found) if len(found) else None
+    points = corners(np.vstack(planes), context.hull.extent)
+    return space.box(points) if len(points) else None
 
 
 class Split(Component):
     """Base class of the split schemes. slices: how many a scheme always has; None if any number."""
 
     slices: ClassVar[int | None] = None
-    of_number = "practical"
 
     @abstractmethod
     def depths(self, near: float, far: float, count: int) -> Floats:
@@ -260,32 +247,30 @@ class MinMaxReduction:
     def __init__(
         self, stage: Stage, size: tuple[int, int], source: Literal["values", "sample", "receivers"] = "values"
     ) -> None:
-        self.first, self._next = (
+        self.first, later = (
             stage.program("fullscreen.vert", "fit/bounds.frag", defines={"REACH": reach, **more})
             for reach, more in zip(_REACHES, ({f"FROM_{source.upper()}": 1}, {}), strict=True)
         )
-        self._draw_first, self._draw_next = (stage.fullscreen(program) for program in (self.first, self._next))
-        self._steps: list[tuple[moderngl.Texture, moderngl.Texture, moderngl.Framebuffer]] = []
+        drawables = stage.fullscreen(self.first), stage.fullscreen(later)
+        self._steps: list[tuple[Drawable, moderngl.Framebuffer, tuple[moderngl.Texture, moderngl.Texture]]] = []
         while max(size) > 1 or not self._steps:
-            reach = _REACHES[1 if self._steps else 0]
-            size = -(-size[0] // reach), -(-size[1] // reach)
-            low, high = (stage.texture(size, 4) for _ in range(2))
-            self._steps.append((low, high, stage.target(low, high)))
+            step = int(bool(self._steps))
+            size = -(-size[0] // _REACHES[step]), -(-size[1] // _REACHES[step])
+            bounds = stage.texture(size, 4), stage.texture(size, 4)
+            self._steps.append((drawables[step], stage.target(*bounds), bounds))
 
     def reduce(self, textures: Textures) -> Textures:
         """The minimum and maximum as textures of one texel, `lows` and `highs`."""
-        low, high, target = self._steps[0]
-        self._draw_first.draw(target, textures)
-        for *step, target in self._steps[1:]:
-            self._draw_next.draw(target, {"lows": (low, Sampling()), "highs": (high, Sampling())})
-            low, high = step
-        return {"lows": (low, Sampling()), "highs": (high, Sampling())}
+        for drawable, target, (low, high) in self._steps:
+            drawable.draw(target, textures)
+            textures = {"lows": (low, Sampling()), "highs": (high, Sampling())}
+        return textures
 
     def __call__(self, textures: Textures) -> tuple[Floats, Floats]:
         """(3,) minimum and (3,) maximum. The read-back stalls until the device has finished, as in SDSM on the CPU."""
         self.reduce(textures)
-        low, high, _ = self._steps[-1]
-        lowest, highest = (np.frombuffer(texture.read(), dtype=np.float32)[:3] for texture in (low, high))
+        *_, bounds = self._steps[-1]
+        lowest, highest = (np.frombuffer(texture.read(), dtype=np.float32)[:3] for texture in bounds)
         return lowest.astype(np.float64), highest.astype(np.float64)
 
 

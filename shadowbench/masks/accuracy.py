@@ -288,10 +288,6 @@ class Accuracy:
             "warnings": self.warnings,
         }
 
-    def difference(self) -> NDArray[np.uint8]:
-        """Picture of the errors: false shadow orange, false light blue (see `difference_picture`)."""
-        return difference_picture(self.comparison)
-
     def summary(self) -> list[str]:
         """Lines of text about the errors."""
         pixels, soft = self.comparison.truth.pixels, self.comparison.truth.soft
@@ -375,7 +371,6 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
     The row's technique and spec are the engine's name, its renderer is `external: NAME`. A changed mask gets a new row
     after the older one. Raises InputError if the folder cannot be written or another run writes into it.
     """
-    check_name(name)
     view = accuracy.view
     cell, renderer = identity(view, technique=name, spec=name, full_spec=name), f"external: {name}"
     content = _digest(  # of everything that the row depends on
@@ -394,7 +389,16 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
             return False
         # A mask that was changed back gets a new row too, since the newest row of a cell counts.
         key = content if content not in store.scores else _digest([content, same[-1]["key"]])
-        _write_pictures(accuracy, folder, key)
+        for kind in IMAGES:
+            (folder / kind).mkdir(exist_ok=True)
+        write_mask(folder / "masks" / f"{key}.png", accuracy.external.visibility)
+        write_difference(folder / "differences" / f"{key}.png", difference_picture(accuracy.comparison))
+        truth = accuracy.truth
+        for end, mask in (("", truth.visibility), (".undecided", truth.undecided), (".facets", truth.facets)):
+            write_mask(folder / "truth" / f"{view.name}{end}.png", mask.astype(np.float32))
+        if accuracy.external.picture is not None:
+            with replace_file(folder / "pictures" / f"{key}.png") as temporary:
+                shutil.copyfile(accuracy.external.picture, temporary)
         row = {"kind": "score", "key": key, **cell, "content": content, "renderer": renderer, "status": "ok"}
         row |= {**accuracy.record, "gpu_bytes": None, "work": {}, "facts": {}, "assumptions": list(view.scene.notes)}
         store.append(row)
@@ -403,17 +407,3 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
 
 def _digest(parts: object) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
-
-
-def _write_pictures(accuracy: Accuracy, folder: Path, key: str) -> None:
-    view, truth = accuracy.view, accuracy.truth
-    for kind in IMAGES:
-        (folder / kind).mkdir(exist_ok=True)
-    write_mask(folder / "masks" / f"{key}.png", accuracy.external.visibility)
-    write_difference(folder / "differences" / f"{key}.png", accuracy.difference())
-    write_mask(folder / "truth" / f"{view.name}.png", truth.visibility)
-    write_mask(folder / "truth" / f"{view.name}.undecided.png", truth.undecided.astype(np.float32))
-    write_mask(folder / "truth" / f"{view.name}.facets.png", truth.facets.astype(np.float32))
-    if accuracy.external.picture is not None:
-        with replace_file(folder / "pictures" / f"{key}.png") as temporary:
-            shutil.copyfile(accuracy.external.picture, temporary)

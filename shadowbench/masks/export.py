@@ -19,9 +19,9 @@ from shadowbench.geometry.lights import light_space, window
 from shadowbench.geometry.topology import is_closed
 from shadowbench.options import FIRST, SceneOptions
 from shadowbench.scenes.cutouts import Cutout, Wrap
-from shadowbench.scenes.model import WHITE, Camera, Light, Mesh, View
+from shadowbench.scenes.model import Camera, Light, Mesh, View
 from shadowbench.scenes.triangles import bounds_of
-from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit
+from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 from shadowbench.scores.masks import write_mask
 from shadowbench.truths.trace import Truth
 
@@ -48,17 +48,16 @@ def export_view(
     scene_name: str,
     *,
     sides: "Sides" = "double",
-    colours: bool = False,
     options: SceneOptions = FIRST,
 ) -> list[Path]:
     """Write a view's files into a folder, and return their paths.
 
-    scene_name: its argument on the command line; options: how it was read; sides, colours: as of `glb_of`.
+    scene_name: its argument on the command line; options: how it was read; sides: as of `glb_of`.
     """
     make_folder(folder)
     model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
     with replace_file(model) as temporary:
-        temporary.write_bytes(glb_of(view, sides=sides, colours=colours))
+        temporary.write_bytes(glb_of(view, sides=sides))
     with replace_file(description) as temporary:
         text = json.dumps(describe(view, scene_name, sides, options), indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
@@ -247,29 +246,29 @@ def _distances(view: View) -> tuple[float, float]:
     return float(max(near, far / 1e4)), far
 
 
-def glb_of(view: View, *, sides: "Sides" = "double", colours: bool = False) -> bytes:
+def glb_of(view: View, *, sides: "Sides" = "double") -> bytes:
     """Bytes of a .glb with the view's meshes in float32, its camera and its light (KHR_lights_punctual).
 
-    Each triangle has vertices of its own, with its normal. sides: which materials are double-sided, those of meshes
-    that are not closed, or all; colours: whether they have the mesh's linear base colour, or are white. The light has
-    no size there, and a disc or rectangle is a spot of WIDEST_CONE. A mesh that casts or receives no shadow has `casts`
-    or `receives` in its node's `extras`, since glTF cannot express it. If the scene is farther from the origin than it
-    is large, nodes are translated to its centre, so that float32 vertices keep their precision.
+    Each triangle has vertices of its own, with its normal. sides: which of the white materials are double-sided, those
+    of meshes that are not closed, or all. The light has no size there, and a disc or rectangle is a spot of
+    WIDEST_CONE. A mesh that casts or receives no shadow has `casts` or `receives` in its node's `extras`, since glTF
+    cannot express it. If the scene is farther from the origin than it is large, nodes are translated to its centre, so
+    that float32 vertices keep their precision.
     """
     scene, camera, light = view.scene, view.camera, view.light
     low, high = scene.geometry.bounds
-    materials = [
-        (mesh.color if colours else WHITE, sides == "double" or not is_closed(mesh), mesh.cutout)
-        for mesh in scene.meshes
-    ]
+    materials = [(sides == "double" or not is_closed(mesh), mesh.cutout) for mesh in scene.meshes]
     center = (low + high) / 2
     origin = center if np.linalg.norm(center) > np.linalg.norm(high - low) else np.zeros(3)
 
     def complete(tree: Json) -> None:
         """Add what trimesh does not write; its meshes are in the order of the scene's."""
         distinct = list(dict.fromkeys(materials))
-        tree["materials"] = [_material(color, double_sided) for color, double_sided, _ in distinct]
-        _add_masks(tree, [cutout for _, _, cutout in distinct])
+        surface = {"baseColorFactor": [1.0, 1.0, 1.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
+        tree["materials"] = [
+            {"pbrMetallicRoughness": dict(surface), "doubleSided": double_sided} for double_sided, _ in distinct
+        ]
+        _add_masks(tree, [cutout for _, cutout in distinct])
         for mesh, material, written in zip(scene.meshes, materials, tree["meshes"], strict=True):
             written["name"] = mesh.name
             written["primitives"][0]["material"] = distinct.index(material)
@@ -331,11 +330,6 @@ def _add_masks(tree: Json, cutouts: Sequence[Cutout | None]) -> None:
         attributes = mesh["primitives"][0]["attributes"]
         if "_PLACE" in attributes:
             attributes["TEXCOORD_0"] = attributes.pop("_PLACE")
-
-
-def _material(color: Vec3, double_sided: bool) -> Json:
-    surface = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
-    return {"pbrMetallicRoughness": surface, "doubleSided": double_sided}
 
 
 def _lamp(light: Light) -> Json:

@@ -51,10 +51,8 @@ def visibility_of(values: ArrayLike, name: str) -> NDArray[np.floating | np.bool
     """
     array = np.asarray(values)
     full = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS}.get(array.dtype, 1)
-    masked = np.ma.isMaskedArray(values)
-    if masked or (array.dtype.kind not in "bf" and full == 1):
-        kind = "a masked array" if masked else f"an array of {array.dtype}"
-        raise InputError(f"{name}: found {kind}; allowed: float in [0, 1], bool, uint8, uint16")
+    if array.dtype.kind not in "bf" and full == 1:
+        raise InputError(f"{name}: found an array of {array.dtype}; allowed: float in [0, 1], bool, uint8, uint16")
     if full > 1 and array.max(initial=0) == 1:
         raise InputError(f"{name}: found {array.dtype} up to 1; allowed: up to {full}, which is lit")
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.size == 0:

@@ -109,32 +109,23 @@ _FLIP_SAMPLES = 1  # along a pixel's side, of truths that flips are counted with
 
 
 class Reporter(Protocol):
-    """Receiver of progress messages."""
+    """Receiver of progress messages, which are logged unless it does something else."""
 
     def note(self, line: str) -> None:
         """Show one line to the user."""
-
-    def stage(self, name: str, total: int | None) -> None:
-        """Begin a stage of `total` steps, None if unknown; timed: how many of them time a cell."""
-
-    def step(self, what: str) -> None:
-        """Count one step of the stage as done."""
-
-
-class LogReporter:
-    """Reporter that logs progress."""
-
-    def note(self, line: str) -> None:
-        """See `Reporter`."""
         _log.info(line)
 
     def stage(self, name: str, total: int | None) -> None:
-        """See `Reporter`."""
+        """Begin a stage of `total` steps, None if unknown."""
         _log.debug("%s: %s", name, total)
 
     def step(self, what: str) -> None:
-        """See `Reporter`."""
+        """Count one step of the stage as done."""
         _log.debug(what)
+
+
+class LogReporter(Reporter):
+    """Reporter that logs progress."""
 
 
 class Campaign:
@@ -152,7 +143,7 @@ class Campaign:
         drawer: "GLDrawer",
         reporter: Reporter,
         *,
-        keeps_images: Callable[[Record], bool] | None = None,
+        keeps_images: Callable[[Record], object] | None = None,
         sweep: bool = False,
         time_again: bool = False,
         keep_going: bool = False,
@@ -207,15 +198,12 @@ class Campaign:
         """Keys of the rows of a block's cells."""
         if block not in self._keys:
             views = [view_key(view) for view in (block.view, *block.later)]
-            frames = {
-                cell: [cell_key(cell, view, block.coordinates, self.drawer.identity(cell)) for view in views]
-                for cell in block.cells
-            }
             self._keys[block] = {
-                cell: keys[0]
-                if len(keys) == 1 and not block.place
-                else joint_key([*keys, block.step, dict(block.place), cell.home and cell.home.text])
-                for cell, keys in frames.items()
+                cell: joint_key(
+                    [cell_key(cell, view, block.coordinates, self.drawer.identity(cell)) for view in views],
+                    [block.step, dict(block.place), cell.home and cell.home.text],
+                )
+                for cell in block.cells
             }
         return self._keys[block]
 
@@ -275,7 +263,7 @@ class Campaign:
 
     def _keeps(self, row: Record) -> bool:
         """Whether images of a row are written."""
-        return self._keeps_images is None or self._keeps_images(row)
+        return self._keeps_images is None or bool(self._keeps_images(row))
 
     def _score_cell(
         self, block: Block, cell: Cell, key: str, surface: Callable[[], Surface]
@@ -314,41 +302,32 @@ class Campaign:
         return row | ({"step": block.step} if block.step else {}), first
 
     def _time(self, block: Block) -> None:
-        """Time the successful cells that lack a time, and those without a ratio since their reference failed."""
+        """Time the successful cells that lack a time, or a ratio since their reference failed."""
         wanted = {cell: key for cell, key in self.keys(block).items() if block.times(cell)}
         if not wanted:
             return
         name, machine = block.view.scene.name, machine_key(self.drawer)
         reference = self.keys(replace(block, cells=(block.reference_cell,)))[block.reference_cell]
-        lacking = self._to_time(block, wanted, reference)
-        sizes = {cell: int(self.store.scores[wanted[cell]]["gpu_bytes"]) for cell in lacking}
+        lacking = {cell: key for cell, key in wanted.items() if self._lacks_time(key, block.rounds, reference)}
+        sizes = {cell: int(self.store.scores[key]["gpu_bytes"]) for cell, key in lacking.items()}
         for cell, times in self.drawer.time(block, sizes) if sizes else ():
             if isinstance(times, str):
                 what = "no time" if cell in sizes else "no ratios to this reference"
                 self.reporter.note(f"{name} {cell.spec.text}: {what}: {times}")
             if cell in sizes:
-                self._keep_time(time_row(times, wanted[cell], reference, machine), name, lacking[cell])
-        for _ in range(len(wanted) - sum(lacking.values())):
+                self.store.append(time_row(times, wanted[cell], reference, machine))
+                self.reporter.step(f"{name}: timed")
+        for _ in range(len(wanted) - len(lacking)):
             self.reporter.step(f"{name}: nothing to time")
 
-    def _to_time(self, block: Block, wanted: Mapping[Cell, str], reference: str) -> dict[Cell, bool]:
-        """The cells to time: whether each lacks a time, or only a ratio."""
-        found, machine = {}, machine_key(self.drawer)
-        for cell, key in wanted.items():
-            time = self.store.time_on(machine, key)
-            if self.store.scores[key]["status"] == "ok":
-                if self._time_again or not _suffices(time, block.rounds, reference):
-                    found[cell] = True
-                elif _may_have_a_ratio(time):
-                    found[cell] = False
-        return found
-
-    def _keep_time(self, row: Record, scene: str, lacking: bool) -> None:
-        """Append the time of a cell that lacked one, or only a ratio, unless it has none again."""
-        if lacking or row.get("ratio") is not None:
-            self.store.append(row)
-        if lacking:
-            self.reporter.step(f"{scene}: timed")
+    def _lacks_time(self, key: str, rounds: int, reference: str) -> bool:
+        """Whether a cell was scored but not timed here in so many rounds, or has no ratio to this reference."""
+        time = self.store.time_on(machine_key(self.drawer), key)
+        if self.store.scores[key]["status"] != "ok":
+            return False
+        if self._time_again or time is None or time.get("n", 0) < rounds or time.get("reference_key") != reference:
+            return True
+        return time["ratio"] is None and not time["no_ratio"].startswith("unsupported")
 
 
 def trace_view(view: View) -> Shadows:
@@ -364,15 +343,3 @@ def called(block: Block) -> tuple[str, str]:
     """What a block is, and its name, for a user who reads that it failed."""
     place = block.place
     return ("axis", f"{place['axis']} {place['light_kind']}") if place else ("cells", block.view.name)
-
-
-def _suffices(time: Record | None, rounds: int, reference: str) -> bool:
-    """Whether a time record suffices: enough rounds, and the same reference."""
-    if time is None or "reference_ms" not in time:
-        return False
-    return bool(time.get("n", 0) >= rounds and time.get("reference_key") == reference)
-
-
-def _may_have_a_ratio(time: Record | None) -> bool:
-    """Whether a time has no ratio because its reference failed, which may work now; an unsupported one never will."""
-    return time is not None and time["ratio"] is None and not time["no_ratio"].startswith("unsupported")

@@ -3,7 +3,6 @@
 import logging
 import os
 import re
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
@@ -15,7 +14,7 @@ from typing import Any, cast
 
 from shadowbench.errors import InputError, ShadowbenchError, how_to_install, message, quoted
 from shadowbench.measure.campaign import DEFAULT_REFERENCE, Block, Campaign, Cell, LogReporter, Reporter, called
-from shadowbench.measure.gl_drawer import GLDrawer
+from shadowbench.measure.gl_drawer import GLDrawer, shared_worker
 from shadowbench.measure.machine import versions
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rows import Record, Result, read_rows
@@ -28,18 +27,11 @@ Setup = tuple[tuple[Path, ...], Limits]
 CellText = tuple[str, int, str | None]
 """Spec, phase and home of a cell; classes of plug-ins have no name by which another process could unpickle them."""
 
-_drawing = threading.RLock()  # a Dask worker may have several threads, and draws with one
-_started: dict[Setup, Worker] = {}  # at most one
-
 
 def drawn(setup: Setup, task: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-    """On a Dask worker, `task(drawer, …)` with the process that draws; another one if the setup has changed."""
-    with _drawing:
-        if setup not in _started:
-            while _started:
-                _started.popitem()[1].stop()
-            _started[setup] = Worker(*setup)
-        return task(GLDrawer(_started[setup]), *arguments, **options)
+    """On a Dask worker, `task(drawer, …)` with the process that draws, in one of its threads at a time."""
+    with shared_worker(*setup) as worker:
+        return task(GLDrawer(worker), *arguments, **options)
 
 
 def describe(drawer: GLDrawer) -> tuple[Mapping[str, str], Mapping[str, str], DeviceInfo, Mapping[str, Any]]:

@@ -1,15 +1,28 @@
-"""Cells drawn by OpenGL: calls of a worker process, and the groups of cells that are timed together."""
+"""Cells drawn by OpenGL: calls of a worker process, groups of cells that are timed together, and campaigns of them."""
 
-from collections.abc import Callable, Iterator, Mapping
+import atexit
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.metadata import entry_points
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Concatenate
 
 from shadowbench.errors import InputError, ShadowbenchError, Unsupported
-from shadowbench.measure.campaign import UNSHADOWED, Block, Cell, reference_name, status_of
+from shadowbench.measure.campaign import (
+    UNSHADOWED,
+    Block,
+    Campaign,
+    Cell,
+    LogReporter,
+    Reporter,
+    reference_name,
+    status_of,
+)
 from shadowbench.measure.session import CellRequest, Rendering, Session, Surface
 from shadowbench.measure.time_rows import Samples, Times
-from shadowbench.measure.worker import CellFailed, DeviceInfo, MemoryExceeded, P, R, Worker
+from shadowbench.measure.worker import CellFailed, DeviceInfo, Limits, MemoryExceeded, P, R, Worker
 from shadowbench.plugin.spec import Spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import View
@@ -70,10 +83,6 @@ class GLDrawer:
         room = int(_CELL_SHARE * self.worker.limits.bytes)
         return CellRequest(cell.spec.full_text, cell.phase, block.coordinates, room)
 
-    def unsupported(self, block: Block, cell: Cell) -> str | None:
-        """Why a cell's technique does not support a block's view; None if it does."""
-        return self.worker.call(Session.unsupported, block.view, self._request(block, cell))
-
     def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
         """A cell drawn in each view of a block, in their order. Raises Unsupported and CellFailed.
 
@@ -118,13 +127,12 @@ class GLDrawer:
             except _GroupFailed as failure:
                 self._release_timed()
                 failed = failure.cell
-                if failed and isinstance(failure.reason, MemoryExceeded) and not (len(group) == 1 and failed in alone):
+                if isinstance(failure.reason, MemoryExceeded) and not (len(group) == 1 and failed in alone):
                     # Also if it was alone: the worker may have held memory of earlier cells, and a new one has none.
                     alone |= {failed} if len(group) == 1 else set()
                     groups[:0] = [[cell] for cell in group]
-                elif failed is None or failed not in (*group, *reference):  # no other can be left out
-                    what = "opening the view" if failed is None else "the floor, unshadowed"
-                    yield from ((cell, f"{what}: {failure}") for cell in group)
+                elif failed not in (*group, *reference):  # no other can be left out
+                    yield from ((cell, f"the floor, unshadowed: {failure}") for cell in group)
                 else:
                     yield failed, str(failure)
                     if failed in reference:
@@ -141,21 +149,20 @@ class GLDrawer:
         indices = range(len(cells))
 
         def call(
-            index: int | None, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs
+            index: int, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs
         ) -> R:
             try:
                 return self.worker.call(method, *arguments, **options)
             except (CellFailed, Unsupported) as reason:
-                raise _GroupFailed(None if index is None else cells[index], reason) from None
+                raise _GroupFailed(cells[index], reason) from None
 
         def sample() -> list[Samples]:
             frames = [[call(n, Session.time_frame, n) for n in indices] for _ in range(block.rounds)]
             passes = [[call(n, Session.time_passes, n) for n in indices] for _ in range(max(block.rounds // 3, 1))]
             return [Samples([row[n] for row in frames], [row[n] for row in passes], prepare_ms[n]) for n in indices]
 
-        call(None, Session.open, block.view, block.coordinates)
         prepare_ms = [call(n, Session.prepare_timing, block.view, self._request(block, cells[n])) for n in indices]
-        call(None, Session.raise_clocks)
+        call(0, Session.raise_clocks)
         times = sample()
         if any(len(cell.clocks) > 1 for cell in times):  # the clock gave up timer queries midway, for good
             times = sample()
@@ -171,9 +178,9 @@ class GLDrawer:
 
 
 class _GroupFailed(Exception):
-    """Raised when timing a group fails; cell: the one that failed, None if opening the view did."""
+    """Raised when timing a cell of a group fails."""
 
-    def __init__(self, cell: Cell | None, reason: CellFailed | Unsupported) -> None:
+    def __init__(self, cell: Cell, reason: CellFailed | Unsupported) -> None:
         super().__init__(str(reason))
         self.cell, self.reason = cell, reason
 
@@ -209,3 +216,61 @@ def render(
         raise InputError(f"{name} does not support {view.scene.name}: {reason}") from None
     except CellFailed as reason:
         raise ShadowbenchError(f"{name} on {view.scene.name} failed: {reason}") from None
+
+
+_lock = threading.RLock()
+_shared: dict[tuple[tuple[Path, ...], Limits], Worker] = {}  # at most one
+
+
+def close() -> None:
+    """End the worker process, after the calls of other threads; the next drawing call starts another."""
+    with _lock:
+        _end_workers()
+
+
+@atexit.register
+def _end_workers() -> None:  # without the lock: a daemon thread's call is not waited for
+    while _shared:
+        _shared.popitem()[1].stop()
+
+
+@contextmanager
+def shared_worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> Iterator[Worker]:
+    """The worker process that all calls share, started with the plug-ins and limits of the last one; by turns."""
+    settings = plugins, limits or Limits()
+    with _lock:
+        if settings not in _shared:
+            _end_workers()
+            _shared[settings] = Worker(*settings)
+        yield _shared[settings]
+
+
+@contextmanager
+def campaign_in(
+    folder: Path | None,
+    reporter: Reporter | None = None,
+    plugins: Sequence[Path] = (),
+    limits: Limits | None = None,
+    *,
+    worker: Worker | None = None,
+    dask: str | None = None,
+    renderer: str | None = None,
+    **options: Any,
+) -> Iterator[Campaign]:
+    """A campaign in a folder, a temporary one for None; without a reporter it logs its progress.
+
+    worker: the one that draws, else one of its own, with these plug-ins and limits; dask, renderer: a cluster that
+    measures instead, and the renderer of its workers; options: see `Campaign`.
+    """
+    with ExitStack() as stack:
+        if folder is None:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="shadowbench-")))
+        reporter = reporter or LogReporter()
+        if dask is not None:
+            from shadowbench.measure.dask_blocks import dask_campaign
+
+            setup = tuple(plugin.resolve() for plugin in plugins), limits or Limits()
+            yield stack.enter_context(dask_campaign(folder, dask, renderer, setup, reporter, **options))
+            return
+        here = worker or stack.enter_context(Worker(plugins, limits))
+        yield Campaign(folder, stack.enter_context(drawer_of(here)), reporter, **options)

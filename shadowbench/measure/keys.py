@@ -47,12 +47,12 @@ def cell_key(cell: "Cell", view: str, coordinates: Coordinates, drawer: Mapping[
     }
     if metrics := plugged_in():
         parts["metrics"] = [(one.name, _digest(Path(inspect.getfile(one.function)))) for one in metrics]
+    return joint_key(parts)
+
+
+def joint_key(*parts: object) -> str:
+    """Hex key of keys or other values, which JSON must be able to hold."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
-
-
-def joint_key(parts: Sequence[object]) -> str:
-    """Hex key of what depends on several keys or other values, which JSON must be able to hold."""
-    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:24]
 
 
 def sources_of(spec: Spec) -> str:

@@ -33,14 +33,10 @@ class Pictures:
         A scene edited and then restored has no new cells, but the files may hold the truth of the edited version.
         """
         folder = self._subfolder("truth")
-        masks = {
-            "": truth.visibility,
-            ".undecided": truth.undecided.astype(float),
-            ".facets": truth.facets.astype(float),
-        }
+        masks = {"": truth.visibility, ".undecided": truth.undecided, ".facets": truth.facets}
         for name, mask in masks.items():
-            if not _holds_mask(file := folder / f"{view.name}{name}.png", mask):
-                write_mask(file, mask)
+            if not _holds_mask(file := folder / f"{view.name}{name}.png", mask.astype(np.float32)):
+                write_mask(file, mask.astype(np.float32))
 
     def write_shading(self, view: View, surface: Surface) -> None:
         """Write the pictures from which that of a mask is blended."""

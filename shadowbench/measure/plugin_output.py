@@ -1,17 +1,14 @@
 """What plug-ins print, on stderr and apart from results; techniques and engines by name, loaded with them."""
 
-import codecs
-import io
 import os
 import sys
 import threading
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from shadowbench.errors import InputError
-from shadowbench.streams import SafeStream
 
 if TYPE_CHECKING:
     from shadowbench.plugin.base import Subject, Technique
@@ -21,20 +18,13 @@ def forward_output(pipe: IO[bytes]) -> threading.Thread:
     """Forward the output of a process from its pipe to stderr, in a thread, until the pipe is closed."""
 
     def read() -> None:
-        decoder = codecs.getincrementaldecoder("utf-8")("replace")
-        # By file descriptor: sys.stderr may be redirected by then. Read on if nobody reads stderr: plug-ins print on.
-        stderr = io.BufferedWriter(SafeStream(io.FileIO(2, "w", closefd=False)))
-        with pipe, io.TextIOWrapper(stderr, encoding="utf-8", write_through=True) as text:
+        with pipe:
             while data := os.read(pipe.fileno(), 1 << 16):
-                text.write(decoder.decode(data))
-                text.flush()
+                with suppress(OSError):  # nobody reads stderr; plug-ins print on
+                    os.write(2, data)  # not sys.stderr, which may be redirected by then
 
     thread = threading.Thread(target=read, daemon=True)
-    try:
-        thread.start()
-    except RuntimeError:  # no further thread is allowed
-        pipe.close()
-        raise
+    thread.start()
     return thread
 
 

@@ -99,7 +99,6 @@ _TIME = _table(
         **dict.fromkeys(("frame_ms", "frame_iqr_ms", "prepare_ms"), NonNegative),
         **dict.fromkeys(("wall_ms", "still_ms", "camera_ms", "light_ms"), NonNegative | None),
         **dict.fromkeys(("reference_ms", "ratio", "ratio_iqr"), NonNegative | None),
-        "ratio_quartiles": list[NonNegative] | None,
         "no_ratio": str | None,
         "passes": dict[str, dict[str, FiniteFloat | str]],
     },
@@ -108,13 +107,9 @@ _RUN_FILE: TypeAdapter[Record] = TypeAdapter(
     _table(
         {},
         {
-            "schema": Literal[1],
             **dict.fromkeys(("command", "finished", "machine_key", "clock"), str),
-            "versions": dict[str, str],
-            "machine": dict[str, Any],
-            "device": _table({}, {"renderer": str, "software": bool, "version": Count}),
+            **dict.fromkeys(("machine", "device", "versions", "study"), dict[str, Any]),
             "assumptions": list[str],
-            "study": _table({}, dict.fromkeys(("scenes", "specs"), list[str])),
             "keys": list[Key],
         },
     )

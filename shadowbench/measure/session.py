@@ -17,12 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import Unsupported, quoted
+from shadowbench.errors import Unsupported
 from shadowbench.files import png_of
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, moderngl, open_device
-from shadowbench.gl.gbuffer import FacetPass, GBuffer, GBufferPass, download
-from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.gbuffer import DeviceGeometry, FacetPass, GBuffer, GBufferPass, download
 from shadowbench.gl.picture import PicturePass
 from shadowbench.gl.program import arithmetic
 from shadowbench.maps.filters import Filter
@@ -33,7 +32,6 @@ from shadowbench.plugin.registry import shader_folder, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
-from shadowbench.scenes.scene_tables import LONGEST_NAME
 from shadowbench.scores.masks import quantise
 
 
@@ -117,12 +115,8 @@ def declared_work(technique: Technique, pixels: int, facts: dict[str, float]) ->
 
 
 def finite_facts(spec: str, facts: Mapping[str, float]) -> dict[str, float]:
-    """Facts as plain floats. Raises ValueError if one is not finite or its name is longer than LONGEST_NAME."""
+    """Facts as plain floats. Raises ValueError if one is not finite."""
     for name, value in facts.items():
-        if len(name) > LONGEST_NAME:
-            raise ValueError(
-                f"{spec}: fact {name!r:.60}… has a name of {len(name)} characters; allowed: {LONGEST_NAME}"
-            )
         if not math.isfinite(value):
             raise ValueError(f"{spec}: fact {name!r} is {value}; allowed: finite numbers")
     return {name: float(value) for name, value in facts.items()}
@@ -138,7 +132,7 @@ class LoadedScene:
         self.geometry = DeviceGeometry(device, self.scene.geometry)
         self.surface_pass = GBufferPass(device, self.geometry)
         self.picture_pass = PicturePass(device, self.geometry)
-        self.facet_pass = FacetPass(device) if self.scene.geometry.smooth else None
+        self.facet_pass = FacetPass(device, self.geometry) if self.scene.geometry.smooth else None
 
     def matches(self, scene: Scene, coordinates: Coordinates) -> bool:
         """Whether it is a scene in these coordinates."""
@@ -267,10 +261,6 @@ class Session:
             clip_control=device.clip_control,
         )
 
-    def open(self, view: View, coordinates: Coordinates = "relative") -> None:
-        """Load a view's scene and draw its G-buffer, unless done already. Every call about a view does this first."""
-        self._ensure_open(view, coordinates)
-
     def surface(self, view: View, coordinates: Coordinates = "relative") -> Surface:
         """What masks of a view are drawn over."""
         opened = self._ensure_open(view, coordinates)
@@ -302,12 +292,6 @@ class Session:
         if self._open_view is not None:
             self._open_view.surface.release()
             self._open_view = None
-
-    def unsupported(self, view: View, request: CellRequest) -> str | None:
-        """Why a cell's technique does not support a view; None if it does."""
-        open_view = self._ensure_open(view, request.coordinates)
-        reason = self._unsupported(open_view, parse_spec(request.spec, self.techniques))
-        return None if reason is None else quoted(reason)
 
     def shaders(self, view: View, request: CellRequest) -> list[ShaderText]:
         """GLSL of a cell as passed to the driver, with all includes and defines resolved. Raises as `draw` does."""
@@ -418,18 +402,15 @@ class Session:
             gc.enable()
         self.device.check("timing")
 
-    def _unsupported(self, open_view: _OpenView, spec: Spec) -> str | None:
-        size, largest = spec.map_size or 0, self.device.max_map_size
-        if size > largest:
-            return f"map size {size}: {self.info().renderer} allows 1 to {largest}"
-        return spec.drawn_here.declines(spec.params, open_view.view, self.device)
-
     def _build(self, open_view: _OpenView, request: CellRequest) -> _BuiltCell:
         self.device.context.finish()
         start = time.perf_counter()
         spec = parse_spec(request.spec, self.techniques)
-        reason = self._unsupported(open_view, spec)
-        if reason is not None:
+        if (spec.map_size or 0) > self.device.max_map_size:
+            raise Unsupported(
+                f"map size {spec.map_size}: {self.info().renderer} allows 1 to {self.device.max_map_size}"
+            )
+        if reason := spec.drawn_here.declines(spec.params, open_view.view, self.device):
             raise Unsupported(reason)
         technique, stage = open_view.loaded.build(spec, open_view.view.size, request.room)
         frame = Frame(open_view.view, Phase(request.phase), 0, surface_of(technique, open_view.surface), self.clock)

@@ -79,7 +79,6 @@ def time_row(times: Times | str, key: str, reference_key: str, machine: str) -> 
         "reference_ms": None,
         "ratio": None,
         "ratio_iqr": None,
-        "ratio_quartiles": None,
         "no_ratio": times.no_ratio,
         "prepare_ms": cell.prepare_ms,
         "passes": passes,
@@ -93,7 +92,6 @@ def time_row(times: Times | str, key: str, reference_key: str, machine: str) -> 
         record["reference_ms"] = float(np.median(reference_ms))
         ratios = cell.frames_ms(common) / reference_ms
         record["ratio"], record["ratio_iqr"] = _median_iqr(ratios)
-        record["ratio_quartiles"] = [float(end) for end in np.percentile(ratios, [25, 75])]
     return record
 
 

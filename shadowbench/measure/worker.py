@@ -1,5 +1,6 @@
 """The worker: a process that owns the GL context, under a time and memory limit, and is replaced when it dies."""
 
+import copyreg
 import ctypes
 import io
 import logging
@@ -72,23 +73,7 @@ class DeviceInfo:
 
 
 class Pipe:
-    """One end of a connection. Both ends keep the last scene, which is then referred to rather than sent again."""
-
-    class _Pickler(pickle.Pickler):
-        """Sends `stand_in(thing)` instead of a thing, unless that is None."""
-
-        stand_in: Callable[[object], Any]
-
-        def persistent_id(self, thing: object) -> Any:
-            return self.stand_in(thing)
-
-    class _Unpickler(pickle.Unpickler):
-        """Converts a stand-in back to its thing by `restore`."""
-
-        restore: Callable[[Any], object]
-
-        def persistent_load(self, sent: Any) -> object:
-            return self.restore(sent)
+    """One end of a connection. The other end keeps the last scene sent, which is then referred to, not sent again."""
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
@@ -97,40 +82,30 @@ class Pipe:
     def send(self, thing: object) -> None:
         """Pickle and send a thing. Raises BrokenPipeError or ConnectionResetError if the other end is closed."""
         buffer = io.BytesIO()
-        arrays: list[pickle.PickleBuffer] = []  # sent as they are: copying them takes as long as sending them
-        pickler = self._Pickler(buffer, pickle.HIGHEST_PROTOCOL, buffer_callback=arrays.append)
-        pickler.stand_in = self._scene_out
+        pickler = pickle.Pickler(buffer, pickle.HIGHEST_PROTOCOL)
+        pickler.dispatch_table = copyreg.dispatch_table | {Scene: self._reduced}
         pickler.dump(thing)
-        contents = [array.raw() for array in arrays]
-        self.connection.send_bytes(pickle.dumps(([content.nbytes for content in contents], buffer.getvalue())))
-        for content in filter(len, contents):
-            self.connection.send_bytes(content)
+        self.connection.send_bytes(buffer.getbuffer())
 
     def receive(self) -> Any:
         """Wait for the next thing and return it. Raises EOFError if the other end is closed."""
-        sizes, pickled = pickle.loads(self.connection.recv_bytes())
-        contents = [bytearray(size) for size in sizes]
-        for content in filter(len, contents):
-            self.connection.recv_bytes_into(content)
-        unpickler = self._Unpickler(io.BytesIO(pickled), buffers=contents)
-        unpickler.restore = self._scene_in
-        return unpickler.load()
+        return self.connection.recv()
 
-    def _scene_out(self, thing: object) -> tuple[bytes | None] | None:
-        """Stand-in for a scene: its pickled bytes, or None if the other end has it. None for any other thing."""
-        if not isinstance(thing, Scene):
-            return None
-        if thing is self._scene:
-            return (None,)
-        self._scene = thing
-        return (pickle.dumps(thing, pickle.HIGHEST_PROTOCOL),)
+    def _reduced(self, scene: Scene) -> tuple[Any, ...]:
+        """What a scene is pickled as: its bytes, or nothing if the other end has it."""
+        if scene is self._scene:
+            return _last_scene, ()
+        self._scene = scene
+        return _last_scene, (pickle.dumps(scene, pickle.HIGHEST_PROTOCOL),)
 
-    def _scene_in(self, sent: tuple[bytes | None]) -> Scene:
-        (scene,) = sent
-        if scene is not None:
-            self._scene = pickle.loads(scene)
-        assert self._scene is not None
-        return self._scene
+
+_received: dict[str, Scene] = {}  # the last scene
+
+
+def _last_scene(pickled: bytes | None = None) -> Scene:
+    if pickled is not None:
+        _received["scene"] = pickle.loads(pickled)
+    return _received["scene"]
 
 
 class Worker:

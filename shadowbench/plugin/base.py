@@ -20,9 +20,8 @@ name, and LAYERS, the number of maps in an array (default 1). `shadow_map.glsl` 
 `lit(bias(receiver))`, of the parts that `caster_map.FilteredMap` chooses.
 
 Casters cut out by alpha are drawn whole by shaders that do not test it. Those that do, as `casters.vert` and
-`depth.frag`, include `cutout/vertex.glsl` and `cutout/fragment.glsl`, and call `pass_cutout()` and `cut_out()`; a
-geometry shader includes `cutout/geometry.glsl` and calls `pass_cutout(corner)`. A ray asks `is_opaque` of
-`cutout.glsl`, with the textures `stage.cutouts` and CUTOUTS among its defines.
+`depth.frag`, include `cutout.glsl`, and call `pass_cutout()`, in a geometry shader `pass_cutout(corner)`, and
+`cut_out()`. A ray asks its `is_opaque`, with the textures `stage.cutouts` and the defines CUTOUTS and RAYS.
 
 A plug-in may also define a filter or a bias, which every technique whose kind of map it supports then has: a subclass
 of `filters.Filter` or `biases.Bias`, whose `shader` is the text of the functions that `shadow_map.glsl` lists, or a
@@ -201,13 +200,6 @@ class Technique(Subject):
         """Debug colours of the last draw, linear RGBA of the image's size; None if the technique has none.
 
         Rendered only when called. A debug picture multiplies the shaded surfaces by them.
-        """
-        return None
-
-    def texels(self) -> moderngl.Texture | None:
-        """Map coordinates of every pixel in the last draw, in texels, and the layer; None for techniques without a map.
-
-        RGBA32F of the image's size; the layer is below 0 outside the map. Rendered only when called.
         """
         return None
 

@@ -11,12 +11,11 @@ Grammar of a spec:
 
 import inspect
 import re
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
 from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError, alternatives
@@ -64,8 +63,8 @@ class Reader:
         self.text, self.at = text, 0
 
     def fail(self, wanted: str) -> InputError:
-        found = self.text[self.at :].strip()
-        return InputError(f"spec {self.text!r}: expected {wanted}, found {repr(found[:20]) if found else 'its end'}")
+        rest = self.text[self.at :].strip()
+        return InputError(f"spec {self.text!r}: expected {wanted}, found {repr(rest[:20]) if rest else 'its end'}")
 
     def token(self, kind: str, text: str | None = None) -> str | None:
         """Consume and return the next token if it is of this kind (and text); None otherwise."""
@@ -83,22 +82,18 @@ class Reader:
         """A number, a word, or a Call. depth: number of calls around it."""
         if depth > DEEPEST:
             raise InputError(f"spec {self.text!r}: nested deeper than {DEEPEST} calls")
-        first = self._operand(depth)
-        return Call("+", ((None, first), (None, self.value(depth + 1)))) if self.token("mark", "+") else first
-
-    def _operand(self, depth: int) -> Any:
-        number = self.token("number")
-        if number is not None:
-            return int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
-        word = self.token("word")
-        if word is None:
+        value: Any
+        if number := self.token("number"):
+            value = int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
+        elif not (word := self.token("word")):
             raise self.fail("a number or a word")
-        if not self.token("mark", "("):
-            return {"true": True, "false": False}.get(word, word)
-        arguments = self.items(named=False, depth=depth + 1)
-        if not self.token("mark", ")"):
-            raise self.fail("')'")
-        return Call(word, arguments)
+        elif self.token("mark", "("):
+            value = Call(word, self.items(named=False, depth=depth + 1))
+            if not self.token("mark", ")"):
+                raise self.fail("')'")
+        else:
+            value = {"true": True, "false": False}.get(word, word)
+        return Call("+", ((None, value), (None, self.value(depth + 1)))) if self.token("mark", "+") else value
 
     def items(self, named: bool = True, depth: int = 0) -> Items:
         """Items separated by commas; named: whether each must have a key."""
@@ -131,21 +126,13 @@ def parse_value(text: str) -> Any:
     return value
 
 
-def param(
-    default: Any,
-    help: str,
-    *,
-    metres: bool = False,
-    values: str = "",
-    **limits: Any,
-) -> Any:
+def param(default: Any, help: str, *, metres: bool = False, values: str = "", **limits: Any) -> Any:
     """A parameter: default, one line of help, and pydantic limits (ge, gt, le, lt).
 
     metres: the value is a length in file units, converted to a local length when its uniform is set; values: the
     allowed ones in words, if the type does not say them.
     """
-    extra: dict[str, Any] = {"metres": metres, "values": values}
-    return Field(default, description=help, json_schema_extra=extra, **limits)
+    return Field(default, description=help, json_schema_extra={"metres": metres, "values": values}, **limits)
 
 
 def allowed(info: FieldInfo) -> str:
@@ -182,7 +169,6 @@ class Component(Strict):
     shader: ClassVar[str] = ""  # file that fills the include slot of the parameter, or its text of several lines
     table: ClassVar[dict[str, type[Self]]]
     lifts: ClassVar[bool] = False  # whether shadows are received on the smooth surface, not on its triangles
-    of_number: ClassVar[str] = ""  # of a family, the member that a number alone suggests
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -190,9 +176,9 @@ class Component(Strict):
         if Component in cls.__bases__:
             cls.table = {}
         elif "name" in cls.__dict__:
-            found = cls.table.get(cls.name, cls)
-            if (found.__module__, found.__qualname__) != (cls.__module__, cls.__qualname__):  # else imported again
-                places = " and ".join(inspect.getfile(one) for one in (found, cls))
+            other = cls.table.get(cls.name, cls)
+            if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):  # else imported again
+                places = " and ".join(inspect.getfile(one) for one in (other, cls))
                 raise InputError(f"two {cls.family().__name__.lower()}s are called {cls.name!r}: {places}")
             cls.table[cls.name] = cls  # type: ignore[assignment]  # Self is a subclass of the family here
 
@@ -200,11 +186,6 @@ class Component(Strict):
     def family(cls) -> "type[Component]":
         """The family of a component: `Bias`, `Filter`, `Fit` or `Split`."""
         return next(base for base in cls.__mro__ if Component in base.__bases__)
-
-    @classmethod
-    def missing(cls) -> list[str]:
-        """What a subclass still has to define, besides abstract methods."""
-        return []
 
     @classmethod
     def plugin_files(cls) -> list[Path]:
@@ -220,23 +201,10 @@ class Component(Strict):
         if isinstance(value, str):
             value = parse_value(value)
         call, family = value if isinstance(value, Call) else Call(f"{value!s:.60}"), cls.__name__.lower()
-        if call.name == "+":
-            raise ValueError(f"{family}s cannot be added, only biases can; allowed: one of {', '.join(cls.table)}")
         if call.name not in cls.table:
-            hint = cls._hint_of_number(value)
-            raise ValueError(f"unknown {family} {call.name!r}{alternatives(call.name, cls.table)}{hint}")
+            raise ValueError(f"unknown {family} {call.name!r}{alternatives(call.name, cls.table)}")
         component = cls.table[call.name]
         return component(**call.keywords(list(component.model_fields)))
-
-    @classmethod
-    def _hint_of_number(cls, value: object) -> str:
-        """How a number alone is written, if it can be; empty otherwise."""
-        component = cls.table.get(cls.of_number)
-        if component is not None and type(value) in (int, float):
-            with suppress(ValidationError):  # out of its range
-                component(**{next(iter(component.model_fields)): value})
-                return f"; a number alone is written {component.name}({value})"
-        return ""
 
     @model_validator(mode="wrap")
     @classmethod

@@ -5,19 +5,18 @@ and metrics: instances of `Metric`. Engines are known by the entry points of the
 """
 
 import hashlib
-import importlib.util
 import inspect
 import logging
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
-from typing import TypeVar
+from typing import Any
 
 from shadowbench.errors import InputError, message, quoted
 from shadowbench.plugin.base import Subject, Technique
@@ -29,9 +28,6 @@ from shadowbench.scores.metrics import METRICS, Metric, plug_in
 
 GROUP = "shadowbench.techniques"
 ENGINES = "shadowbench.engines"
-T = TypeVar("T")
-Plugged = type[Technique] | type[Component]
-_KINDS = "Technique, Bias, Filter, Fit or Split"
 _SCORED = "Metric(name, function(comparison) -> float | None, better, kind, help)"
 _MODULE = "shadowbench_plugin_"  # begins the names of modules loaded from files
 log = logging.getLogger(__name__)
@@ -42,15 +38,14 @@ def own_techniques() -> tuple[type[Technique], ...]:
     """The techniques of this package's modules, in the order of the module names; imports all components too."""
     rooms = [import_module(f"shadowbench.{room}") for room in ("maps", "techniques")]
     modules = [import_module(f"{room.__name__}.{one.name}") for room in rooms for one in iter_modules(room.__path__)]
-    found = [one for module in modules for one in _defined_in(module)]
-    return tuple(one for one in found if issubclass(one, Technique) and _named(one))
+    classes = [one for module in modules for one in _defined_in(module)]
+    return tuple(one for one in classes if issubclass(one, Technique) and _name_of(one))
 
 
 @cache
 def engines() -> Mapping[str, type[Engine]]:
     """The engines of installed packages, this one among them, by name, in alphabetical order."""
-    loaded = _installed(ENGINES, _checked_engine)
-    return {engine.name: engine for engine in sorted(loaded, key=lambda engine: engine.name)}
+    return {engine.name: engine for engine in sorted(_installed(ENGINES, Engine), key=lambda engine: engine.name)}
 
 
 @cache
@@ -68,19 +63,18 @@ def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
     Raises InputError for a plug-in that cannot be loaded or whose name is taken.
     """
     forget_components()
-    own = own_techniques()
     loaded = [_from_file(file) for file in dict.fromkeys(Path(plugin).resolve() for plugin in plugins)]
     try:
         plug_in([metric for _, metrics in loaded for metric in metrics])
     except ValueError as error:
         raise InputError(f"--plugin: {error}") from None
-    installed = [one for one in _installed(GROUP, _checked) if issubclass(one, Technique)]
-    found: dict[str, type[Technique]] = {}
-    for technique in [*own, *installed, *(one for plugged, _ in loaded for one in plugged)]:
-        if found.setdefault(technique.name, technique) is not technique:
-            places = " and ".join(str(source_file(one)) for one in (found[technique.name], technique))
+    installed = [one for one in _installed(GROUP, Technique, Component) if issubclass(one, Technique)]
+    by_name: dict[str, type[Technique]] = {}
+    for technique in [*own_techniques(), *installed, *(one for plugged, _ in loaded for one in plugged)]:
+        if by_name.setdefault(technique.name, technique) is not technique:
+            places = " and ".join(str(source_file(one)) for one in (by_name[technique.name], technique))
             raise InputError(f"two techniques are called {technique.name!r}: {places}")
-    return found
+    return by_name
 
 
 def forget_components() -> None:
@@ -96,13 +90,13 @@ def shader_folder(technique: type[Technique]) -> Path | None:
     return None if technique in own_techniques() else source_file(technique).parent
 
 
-def source_file(technique: Plugged) -> Path:
+def source_file(technique: type) -> Path:
     """The file that defines a technique or a component."""
     return Path(inspect.getfile(technique))
 
 
-def _installed(group: str, check: Callable[[object, str], T]) -> list[T]:
-    """What entry points of other packages name, as `check` returns it.
+def _installed(group: str, *bases: type) -> list[Any]:
+    """The subclasses of `bases` that entry points of other packages name.
 
     What cannot be loaded, or is refused, is skipped with a warning; the others still run.
     """
@@ -110,7 +104,7 @@ def _installed(group: str, check: Callable[[object, str], T]) -> list[T]:
     for point in entry_points(group=group):
         where = f"entry point {point.name!r} of {point.dist.name if point.dist else 'a package'}"
         try:
-            loaded.append(check(point.load(), where))
+            loaded.append(_checked(point.load(), where, *bases))
         except InputError as error:
             log.warning("%s; it is left out", error)
         except (Exception, SystemExit) as error:  # importing a foreign package may raise anything
@@ -119,70 +113,47 @@ def _installed(group: str, check: Callable[[object, str], T]) -> list[T]:
 
 
 def _from_file(file: Path) -> tuple[list[type[Technique]], list[Metric]]:
+    """The techniques and metrics that a file defines, after executing it."""
     where = f"--plugin {file}"
-    module = _executed(file, where)
-    own = _defined_in(module)
-    built_in = set(map(id, METRICS.values()))
-    metrics = [one for one in vars(module).values() if isinstance(one, Metric) and id(one) not in built_in]
-    if not own and not metrics:
-        raise InputError(f"{where}: defines no subclass of {_KINDS}, and no {_SCORED}")
-    for metric in metrics:
-        _check_name(metric.name, where)
-    bases = {base for one in own for base in one.__mro__[1:]}
-    checked = [_checked(one, where) for one in own if one not in bases or _named(one)]
-    return [one for one in checked if issubclass(one, Technique)], metrics
-
-
-def _executed(file: Path, where: str) -> ModuleType:
-    """The module of a plug-in's file."""
-    if not file.is_file():
-        raise InputError(f"{where}: no such file")
+    if not file.is_file() or file.suffix != ".py":
+        raise InputError(f"{where}: no such file; allowed: a Python file (.py)")
     # The hash keeps files of the same name in different folders apart.
-    name = f"{_MODULE}{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
-    spec = importlib.util.spec_from_file_location(name, file)
-    if spec is None:
-        raise InputError(f"{where}: not a Python file (.py)")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # pydantic and inspect look up the file's classes there
+    module = ModuleType(f"{_MODULE}{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}")
+    module.__file__ = str(file)
+    sys.modules[module.__name__] = module  # pydantic and inspect look up the file's classes there
     try:
         exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # an import would leave __pycache__ beside it
     except InputError:  # a component's name is taken
         raise
     except (Exception, SystemExit) as error:  # executing a foreign file may raise anything
         raise InputError(f"{where}: {_summary(error)}") from error
-    return module
+    own = _defined_in(module)
+    built_in = set(map(id, METRICS.values()))
+    metrics = [one for one in vars(module).values() if isinstance(one, Metric) and id(one) not in built_in]
+    if not own and not metrics:
+        raise InputError(f"{where}: defines no subclass of Technique, Bias, Filter, Fit or Split, and no {_SCORED}")
+    for metric in metrics:
+        _check_name(metric.name, where)
+    bases = {base for one in own for base in one.__mro__[1:]}
+    checked = [_checked(one, where, object) for one in own if one not in bases or _name_of(one)]
+    return [one for one in checked if issubclass(one, Technique)], metrics
 
 
-def _defined_in(module: ModuleType) -> list[Plugged]:
+def _defined_in(module: ModuleType) -> list[type[Technique] | type[Component]]:
     classes = [one for one in vars(module).values() if inspect.isclass(one) and one.__module__ == module.__name__]
     return [one for one in classes if issubclass(one, Technique | Component)]
 
 
-def _checked(one: object, where: str) -> Plugged:
-    if not (inspect.isclass(one) and issubclass(one, Technique | Component)):
-        raise InputError(f"{where}: {one!r} is not a subclass of {_KINDS}")
-    if not _named(one):
+def _checked(one: Any, where: str, *bases: type) -> Any:
+    """A class, unless it is a subclass of none of `bases`, or lacks a name or a method."""
+    if not isinstance(one, type) or not issubclass(one, bases):
+        raise InputError(f"{where}: {one!r} is not a subclass of {' or '.join(base.__name__ for base in bases)}")
+    if (name := _name_of(one)) is None:
         raise InputError(f"{where}: {one.__name__} has no name")
-    _check_name(one.name, where)
-    missing = [_signature(one, name) for name in sorted(one.__abstractmethods__)]
-    missing += one.missing() if issubclass(one, Component) else []
-    if missing:
-        raise InputError(f"{where}: {one.__name__} lacks {'; '.join(missing)}")
+    _check_name(name, where)
+    if missing := sorted(getattr(one, "__abstractmethods__", ())):
+        raise InputError(f"{where}: {one.__name__} lacks {', '.join(missing)}; allowed: definitions of these")
     return one
-
-
-def _checked_engine(one: object, where: str) -> type[Engine]:
-    if not (inspect.isclass(one) and issubclass(one, Engine)):
-        raise InputError(f"{where}: {one!r} is not a subclass of Engine")
-    return one
-
-
-def _signature(one: Plugged, name: str) -> str:
-    """A method, or a property, as a subclass has to define it."""
-    found = inspect.getattr_static(one, name)
-    getter = found.fget if isinstance(found, property) else None
-    signature = re.sub(r"\b\w+\.(?=\w)", "", str(inspect.signature(getter or found)))
-    return f"the property {name}{signature[6:]}" if getter else f"{name}{signature}"
 
 
 def _check_name(name: str, where: str) -> None:
@@ -191,10 +162,9 @@ def _check_name(name: str, where: str) -> None:
         raise InputError(f"{where}: the name {name!r:.90} is not a valid name; allowed: {allowed}")
 
 
-def _named(one: Plugged) -> bool:
-    """Whether it has a name; that of a component must be its own, as it is registered by it."""
-    name = vars(one).get("name") if issubclass(one, Component) else getattr(one, "name", None)
-    return isinstance(name, str)
+def _name_of(one: type) -> str | None:
+    """The name of a class; that of a component must be its own, as it is registered by it."""
+    return vars(one).get("name") if issubclass(one, Component) else getattr(one, "name", None)
 
 
 def _summary(error: BaseException) -> str:

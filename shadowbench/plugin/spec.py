@@ -28,19 +28,6 @@ if TYPE_CHECKING:
     from shadowbench.plugin.base import Subject, Technique
 
 
-WRITTEN = {
-    **dict.fromkeys(("csm", "pssm", "cascade", "cascaded-shadow-maps"), "cascades"),
-    **dict.fromkeys(("sm", "pcf-shadow-map", "shadow-mapping", "depth-map"), "shadow-map"),
-    "sdsm": "shadow-map:fit=visible",
-    **dict.fromkeys(("rt", "rtx", "dxr", "raytracing", "ray-tracing", "ray-query", "embree"), "ray-traced"),
-    **dict.fromkeys(("sv", "stencil", "stencil-shadows", "stencil-volume", "z-fail", "z-pass"), "shadow-volume"),
-    **dict.fromkeys(("omni", "omnidirectional", "cube", "point-shadow-map"), "cube-map"),
-    **dict.fromkeys(("planar", "projected", "projected-shadows"), "planar-projection"),
-    **dict.fromkeys(("none", "off", "no-shadows"), "unshadowed"),
-}
-"""Other names of techniques in the field, and what a spec calls them."""
-
-
 @dataclass(frozen=True)
 class Spec:
     """A technique or engine and its parameters. `explicit`: keys that the user set, directly or by a preset."""
@@ -105,11 +92,6 @@ class Spec:
         params = _validated(self.technique, values, self.technique.name)
         return replace(self, params=params, explicit=self.explicit | set(changes))
 
-    @property
-    def has_size(self) -> bool:
-        """Whether the technique has a `size` parameter."""
-        return has_size(self.technique)
-
 
 def has_size(technique: "type[Subject]") -> bool:
     """Whether a technique has a `size` parameter."""
@@ -123,13 +105,8 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Subject]]") -> Spec:
     if name is None:
         raise reader.fail("a technique's name")
     if name not in techniques:
-        hint = ""
-        for what in (family.__name__.lower() for family in Component.__subclasses__() if name in family.table):
-            hint = f"; {name} is a {what}: {'cascades' if what == 'split' else 'shadow-map'}:{what}={name}"
-        if written := WRITTEN.get(name.casefold().replace("_", "-")):
-            hint = f"; {name} is written {written}"
         own_first = sorted(techniques, key=lambda one: (not techniques[one].own, one))
-        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, own_first)}{hint}")
+        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, own_first)}")
     return _parsed(text, techniques[name])
 
 
@@ -156,9 +133,8 @@ def spec_of(technique: "type[Subject]", items: Items, where: str) -> Spec:
             raise InputError(f"spec {where!r}: {key} is given twice")
         if key == "preset":
             if value not in technique.presets:
-                found = f"{value!s:.60}"
-                known = alternatives(found, technique.presets, f"presets of {technique.name}")
-                raise InputError(f"spec {where!r}: unknown preset {found!r}{known}")
+                known = alternatives(value, technique.presets, f"presets of {technique.name}")
+                raise InputError(f"spec {where!r}: unknown preset '{value!s:.60}'{known}")
             if preset := technique.presets[value]:  # else the defaults
                 values |= parameters_of(f"{technique.name}:{preset}")[1]
         else:

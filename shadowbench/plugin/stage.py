@@ -1,27 +1,26 @@
 """The stage: the scene and device that a technique builds its GL resources from. It owns and releases them."""
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic.fields import FieldInfo
 
 from shadowbench.errors import Unsupported
 from shadowbench.files import data_folder
 from shadowbench.gl import targets
 from shadowbench.gl.device import Device, Releasable, moderngl
-from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_DEFINES, DeviceGeometry
+from shadowbench.gl.gbuffer import CUTOUTS, DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, Textures, compose, link
 from shadowbench.gl.targets import FACES, Color, DepthFormat, DepthTarget, DepthTexture, Kind, StencilTarget
 from shadowbench.plugin.params import Component, TechniqueParams, components_of, in_metres
 from shadowbench.scenes.model import Placement, Scene
 
 Resource = TypeVar("Resource", bound=Releasable)
-MAP_DEFINES = {"LAYERS": "1", "ARRAY": "0", "PARALLEL": "0", "REVERSED": "0", "ON_PLANE": "0"}
+MAP_DEFINES = {"LAYERS": "1", "ARRAY": "0", "PARALLEL": "0", "REVERSED": "0", "ON_PLANE": "0", "MIPMAPPED": "0"}
 """Defines of `map.glsl`: of one map of a sun or a spot."""
 _COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4, "nu2": 2}
 
@@ -78,23 +77,34 @@ class Stage:
         (`#include "select/<select>.glsl"`). The shader file of the chosen bias, filter, fit or split replaces `#include
         <parameter>` (`#include <bias>`), and its own parameters follow the same rules (FILTER_TAPS 3). Uniforms:
         `metre`, the length of one metre in local coordinates; `subpixel`, a step of the rasteriser's grid in pixels.
-        defines: further #defines, besides MAP_DEFINES; includes: further files, by name (`projection`: matrix).
+        defines: further #defines, besides MAP_DEFINES and that of the stage, VERT, GEOM or FRAG; includes: further
+        files, by name (`projection`: matrix).
         """
         names, slots, uniforms = _shader_values(params, self.placement)
         plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
         roots = [*self._roots[:-1], *plugins, self._roots[-1]]
-        own = {name: str(value) for name, value in defines.items()}
-        names = {**MAP_DEFINES, **TRIANGLE_DEFINES, **self._geometry.smooth_defines, **names, **own}
+        names = {
+            **MAP_DEFINES,
+            **self._geometry.defines,
+            **names,
+            **{key: str(value) for key, value in defines.items()},
+        }
         slots = {"projection": "matrix", **slots, **includes}
         uniforms |= {"metre": self.placement.length(1.0), "subpixel": 2.0**-self.device.subpixel_bits}
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
-        texts = {stage: compose(source, roots, names, slots) for stage, source in stages.items()}
-        program = link(self.device, *texts.values())
-        self._resources.append(program.linked)
+
+        def linked(more: Mapping[str, str]) -> tuple[dict[str, str], Program]:
+            texts: dict[str, str] = {
+                stage: compose(source, roots, {**names, **more, stage.upper(): "1"}, slots)
+                for stage, source in stages.items()
+            }
+            program = link(self.device, *texts.values())
+            self._resources.append(program.linked)
+            return texts, program
+
+        texts, program = linked({})
         if self.cutouts and not CUTOUTS.keys() & names and any("CUTOUTS" in text for text in texts.values()):
-            cut = (compose(source, roots, names | CUTOUTS, slots) for source in stages.values())
-            program.cut = link(self.device, *cut)
-            self._resources.append(program.cut.linked)
+            _, program.cut = linked(CUTOUTS)
         used = {name: value for name, value in uniforms.items() if program.has(name)}
         program.set(**used)
         self._programs += 1
@@ -105,10 +115,9 @@ class Stage:
 
     def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:
         """A colour texture, by default of the image's size."""
-        width, height = size or self.size
-        create = self.device.context.texture
-        needed = width * height * components * _COMPONENT_BYTES[dtype]
-        return self._allocated(needed, lambda: create((width, height), components, dtype=dtype))
+        texture = self.map_texture(size or self.size, "2d", 1, components, dtype)
+        assert isinstance(texture, moderngl.Texture)
+        return texture
 
     def map_texture(
         self, size: tuple[int, int], kind: Kind, layers: int, components: int, dtype: str, mips: bool = False
@@ -151,10 +160,8 @@ class Stage:
 
     def stencil_target(self, *textures: moderngl.Texture) -> StencilTarget:
         """A framebuffer of the image's size with colour textures and a depth-stencil buffer."""
-        target = targets.stencil_target(self.device, self.size, *textures)
-        self._resources.append(target)
-        self.bytes += target.bytes
-        return target
+        width, height = self.size
+        return self._allocated(4 * width * height, lambda: targets.stencil_target(self.device, self.size, *textures))
 
     def buffer(self, values: NDArray[np.generic]) -> moderngl.Buffer:
         """A buffer with these values."""
@@ -167,7 +174,7 @@ class Stage:
         return self._geometry.cutouts
 
     def casters(self, program: Program) -> Drawable:
-        """The scene's caster triangles, with `in vec3 position`; cut out if the shaders include `cutout/….glsl`."""
+        """The scene's caster triangles, with `in vec3 position`; cut out if the shaders include `cutout.glsl`."""
         return self._drawable(self._geometry.casters(program))
 
     def surfaces(self, program: Program) -> Drawable:
@@ -249,23 +256,21 @@ def _shader_values(
     defines: dict[str, str] = {}
     slots: dict[str, str] = {}
     uniforms: dict[str, float] = {}
-    for name, field, value in _values(params) if params else ():
-        if isinstance(value, Component):
-            slots |= {name: value.shader} if value.shader else {}
-        elif isinstance(value, bool | int):
-            defines[name.upper()] = str(int(value))
-        elif isinstance(value, float):
-            uniforms[name] = placement.length(value) if in_metres(field) else value
-        else:
-            defines[f"{name}_{value}".upper().replace("-", "_")] = "1"
-            slots[name] = str(value)
+
+    def add(params: TechniqueParams | Component, prefix: str) -> None:
+        for key, field in type(params).model_fields.items():
+            name, value = prefix + key, getattr(params, key)
+            if isinstance(value, Component):
+                slots.update({name: value.shader} if value.shader else {})
+                add(value, f"{name}_")  # `bias_max`
+            elif isinstance(value, bool | int):
+                defines[name.upper()] = str(int(value))
+            elif isinstance(value, float):
+                uniforms[name] = placement.length(value) if in_metres(field) else value
+            else:
+                defines[f"{name}_{value}".upper().replace("-", "_")] = "1"
+                slots[name] = str(value)
+
+    if params is not None:
+        add(params, "")
     return defines, slots, uniforms
-
-
-def _values(params: TechniqueParams | Component, prefix: str = "") -> Iterator[tuple[str, FieldInfo, Any]]:
-    """Name, field and value of parameters, and of those of components: `bias`, `bias_max`."""
-    for key, field in type(params).model_fields.items():
-        value = getattr(params, key)
-        yield prefix + key, field, value
-        if isinstance(value, Component):
-            yield from _values(value, f"{prefix}{key}_")

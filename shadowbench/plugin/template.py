@@ -73,14 +73,13 @@ class $class_name(Technique):
 
 def write_technique(name: str, folder: Path) -> Path:
     """Write the template of a technique to NAME.py. Raises InputError for a bad or taken name or an existing file."""
-    words = f"letters, digits, _ and -, at most {LONGEST_NAME} of them, the first a letter"
     class_name = "".join(part[:1].upper() + part[1:] for part in re.split("[-_]", name))
     if not _NAME.fullmatch(name) or keyword.iskeyword(class_name) or keyword.iskeyword(name):
+        words = f"letters, digits, _ and -, at most {LONGEST_NAME} of them, the first a letter"
         raise InputError(f"new-technique: found {name!r:.90}; allowed: {words}, and not a Python keyword")
-    if re.fullmatch(r"\w+", name) and find_spec(name) is not None:
-        raise InputError(f"new-technique: {name}.py would hide the module {name} of Python's; allowed: another name")
-    if name in techniques():
-        raise InputError(f"new-technique: there is a technique {name!r} already; allowed: another name")
+    if name in techniques() or (name.isidentifier() and find_spec(name) is not None):
+        taken = "technique" if name in techniques() else "Python module (which the file would hide)"
+        raise InputError(f"new-technique: there is a {taken} called {name!r}; allowed: another name")
     file = folder / f"{name}.py"
     if file.exists():
         raise InputError(f"{file}: is there already, and is not overwritten")

@@ -114,7 +114,7 @@ def gallery(folder: Path, pictures: Sequence[Picture]) -> dict[str, Any] | None:
     cells: what the page says of each that has a picture, with its scene and key, its command (that shows it in the
     window), its mask, whether the truth is soft, and a picture, which is used if the view has no shading images; views:
     by view, images of the truth, the undecided pixels, those darkened by facets, and the view without shadow (lit) and
-    in full shadow (ambient), None for missing files; notes: on missing files.
+    in full shadow (ambient), None for missing files; notes: on missing pictures.
 
     Raises InputError for a file that is not a valid mask or picture.
     """
@@ -130,16 +130,8 @@ def gallery(folder: Path, pictures: Sequence[Picture]) -> dict[str, Any] | None:
     shown = [cell for cell in cells if cell["picture"] or cell["mask"]]
     if not shown:
         return None
-    images = {
-        "mask": [cell["mask"] for cell in shown],
-        "truth": [view["truth"] for view in views.values()],
-        "shading": [cell["picture"] or views[cell["view"]]["lit"] for cell in shown],
-    }
-    missing = [name for name, sources in images.items() if None in sources]
-    notes = [f"{folder.name} has no {' and no '.join(missing)} for some of these cells."] if missing else []
-    notes += (
-        [f"{folder.name} has pictures of {len(shown)} of these {len(cells)} cells."] if len(shown) < len(cells) else []
-    )
+    partial = len(shown) < len(cells)
+    notes = [f"{folder.name} has pictures of {len(shown)} of these {len(cells)} cells."] if partial else []
     return {"cells": shown, "views": views, "notes": notes}
 
 

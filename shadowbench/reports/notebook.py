@@ -1,5 +1,6 @@
 """Measurements for notebooks: a frame that also draws its charts, and charts that a notebook shows."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from shadowbench.reports.charts import Chart, front_chart, size_chart, styles_of
 from shadowbench.reports.texts import cost_source
 from shadowbench.results.frame import Run, over_phases
 from shadowbench.results.law import law_on_record
-from shadowbench.results.summary import Summary, specs_of, summaries
+from shadowbench.results.summary import specs_of, summaries
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,29 +62,22 @@ class Results(pd.DataFrame):
         Cost is a time of this GPU or, without one, a predicted time, or work. Raises InputError for an unknown scene,
         and if nothing there has a cost.
         """
-        summary = self._summary(scene)
-        chart = front_chart(summary, styles_of(specs_of([summary.run])))
-        if chart is None:
-            allowed = "rounds of 1 or more on a GPU, else specs with a predicted time"
-            raise InputError(f"front: {summary.title} has no costs; allowed: {allowed}")
-        return Figure(titled(chart, summary.title, summary.run.renderer, cost_source(summary)))
+        return self._figure(scene, front_chart, "costs; allowed: a GPU's times, or specs with a predicted time")
 
     def sizes(self, scene: str | None = None) -> Figure:
-        """Error against map size of a scene, by default the first.
+        """Error against map size of a scene, by default the first. Raises InputError, as `front` does."""
+        return self._figure(scene, size_chart, "maps; allowed: results of techniques with maps")
 
-        Raises InputError for an unknown scene, and if no technique there has a map.
-        """
-        summary = self._summary(scene)
-        chart = size_chart(summary, styles_of(specs_of([summary.run])))
-        if chart is None:
-            raise InputError(f"sizes: {summary.title} has no maps; allowed: results of techniques with maps")
-        return Figure(titled(chart, summary.title, summary.run.renderer))
-
-    def _summary(self, scene: str | None) -> Summary:
+    def _figure(self, scene: str | None, draw: Callable[..., Chart | None], missing: str) -> Figure:
         run: Any = getattr(self, "measured", None)
         if run is None:
             raise InputError("found a frame joined of others; allowed: the results of one call of run")
         scenes = {summary.scene: summary for summary in reversed(summaries(run, law_on_record()))}
         if scene is not None and scene not in scenes:
             raise InputError(f"scene: found {scene!r:.60}{alternatives(scene, list(reversed(scenes)))}")
-        return scenes[next(reversed(scenes)) if scene is None else scene]
+        summary = scenes[next(reversed(scenes)) if scene is None else scene]
+        chart = draw(summary, styles_of(specs_of([run])))
+        if chart is None:
+            raise InputError(f"{summary.title} has no {missing}")
+        subtitle = [cost_source(summary)] if draw is front_chart else []
+        return Figure(titled(chart, summary.title, run.renderer, *subtitle))

@@ -40,7 +40,6 @@ from shadowbench.versions import VERSION
 
 FIGURES = ("png", "svg", "pdf")
 FORMATS = ("html", "md", "csv", "tex", *FIGURES)
-_COLORS = "colour: the share of an axis' values in tolerance"
 _BOLD = "bold: on the Pareto front of error and cost"
 
 Runs = Sequence[tuple[Run, Sequence[Summary]]]
@@ -422,7 +421,7 @@ def _write_figures(folder: Path, runs: Runs, swept: Sequence[Stability], form: s
 def figures(runs: Runs, swept: Sequence[Stability]) -> Iterator[tuple[str, Chart]]:
     """Generate (name, chart) of every figure.
 
-    Per scene: SCENE.VIEW-SIZE.KIND, where KIND is front, sizes or passes; per sweep: stability and stability.AXIS. With
+    Per scene: SCENE.VIEW-SIZE.KIND, where KIND is front, sizes or passes; per sweep: stability.AXIS. With
     several runs or sweeps, their label comes before the last part.
     """
     styles = charts.styles_of(specs_of(run for run, _ in runs))
@@ -442,9 +441,6 @@ def figures(runs: Runs, swept: Sequence[Stability]) -> Iterator[tuple[str, Chart
         stem = "stability" + (f".{one.sweep.label}" if len(swept) > 1 else "")
         styles = charts.styles_of(one.specs)
         subtitle = one.sweep.renderer, f"tolerance: {stability.tolerances()}"
-        if one.ranges:
-            title, width = "Operating range along each axis", sweep_charts.CELL * len(one.axes)
-            yield stem, charts.titled(sweep_charts.heat_map(one), title, *subtitle, _COLORS, width=width)
         for axis in one.axes:
             chart = sweep_charts.axis_figure(one, axis, styles)
-            yield f"{stem}.{axis.name}", charts.titled(chart, f"{axis.name}: {axis.invariant}", *subtitle, width=None)
+            yield f"{stem}.{axis.name}", charts.titled(chart, f"{axis.name}: {axis.about}", *subtitle, width=None)

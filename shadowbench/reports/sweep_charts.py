@@ -1,9 +1,7 @@
-"""Charts of a sweep: the heat map of operating ranges, and the metrics along each axis."""
+"""Charts of a sweep: the colours of its table, and the metrics along each axis."""
 
 import json
 import math
-import re
-import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -31,9 +29,6 @@ SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
 """Colours of shares 0, ½ and 1; distinguishable in greyscale and by the colour-blind."""
 UNSUPPORTED_COLOR = "#dedede"
 _DARK = 0.19  # share below which text on the colour is white, so that the contrast is at least 4.5
-CELL = 74
-"""Width of a heat map's cell, enough for its text."""
-_LINE = 11  # height of a line of text
 
 ERROR = "1 − IoU"
 LIMITS: dict[str, float] = {ERROR: round(1 - TOLERANCES["iou"], 9)} | {
@@ -52,43 +47,10 @@ def share_colors(one: OperatingRange) -> tuple[str, str]:
 
 
 def share_color(share: float) -> str:
-    """The hex colour of a share in [0, 1] on the heat map's scale."""
+    """The hex colour of a share in [0, 1] on the scale of the table."""
     low = int(share >= 0.5)
     ends = zip(bytes.fromhex(SHADES[low][1:]), bytes.fromhex(SHADES[low + 1][1:]), strict=True)
     return "#" + "".join(f"{round(a + (b - a) * (2 * share - low)):02x}" for a, b in ends)
-
-
-def heat_map(stability: Stability) -> Chart:
-    """The range of each spec, by kind of light, along each axis; its share of the values is its colour."""
-    names = {(spec, kind): f"{spec}, {NAMES[kind]}" for spec, kind in stability.series}
-    cells: list[Chart] = [
-        {"row": name, "axis": axis.name, "text": textwrap.wrap(one.plain, 12), "look": share_colors(one)}
-        for axis, ranges in stability.table(stability.series)
-        for name, one in zip(names.values(), ranges, strict=True)
-        if one is not None
-    ]
-    rows: list[Chart] = [
-        {"row": name, "text": textwrap.wrap(re.sub("([,:])", r"\1 ", name), 32)} for name in names.values()
-    ]
-    heads = [{"axis": one.name, "text": [*one.name.split("-"), *textwrap.wrap(one.unit, 10)]} for one in stability.axes]
-    bands = {"type": "ordinal", "axis": None, "scale": {"paddingInner": 0.05, "paddingOuter": 0.02}}
-    x = {"field": "axis", "sort": [axis.name for axis in stability.axes], **bands}
-    y = {"field": "row", "sort": list(names.values()), **bands}
-    ground, ink = ({"field": f"look[{at}]", "type": "nominal", "scale": None} for at in range(2))
-    text: Chart = {"text": {"field": "text"}}
-    style: Chart = {"fontSize": 9.5, "lineHeight": _LINE, "baseline": "middle"}
-    middle = {"expr": f"-{_LINE / 2} * (length(datum.text) - 1)"}
-    above = {"expr": f"-6 - {_LINE} * (length(datum.text) - 1)"}
-    beside = mark("text", text | {"x": {"value": -6}, "y": y}, **style, dy=middle, align="right")
-    layer: list[Chart] = [
-        mark("rect", {"x": x, "y": y, "color": ground}),
-        mark("text", {"x": x, "y": y, "color": ink} | text, **style, dy=middle),
-        {"data": {"values": rows}, **beside},
-        {"data": {"values": heads}, **mark("text", text | {"x": x, "y": {"value": 0}}, **style, dy=above)},
-    ]
-    most = max(len(one["text"]) for one in (*cells, *rows))
-    about = f"Operating range of every technique along every axis, {stability.sweep.label}"
-    return chart_of(about, cells, layer, {"step": _LINE * most + 8})
 
 
 def axis_chart(stability: Stability, axis: Axis) -> Chart:

@@ -91,7 +91,7 @@ class OperatingRange:
 
     in_tolerance: values in tolerance, on an ordered axis the contiguous ones around the default; breaks: values out of
     tolerance, on an ordered axis the first on either side; unsupported: values that the technique does not support;
-    worst: kinds of failure anywhere on the axis; swept: all values of the sweep.
+    swept: all values of the sweep.
     """
 
     technique: str
@@ -101,7 +101,6 @@ class OperatingRange:
     in_tolerance: tuple[Value, ...]
     breaks: tuple[Break, ...]
     unsupported: tuple[Value, ...]
-    worst: tuple[str, ...]
     swept: tuple[Value, ...]
 
     @property
@@ -166,7 +165,6 @@ def operating_range(axis: Axis, rows: Sequence[Record]) -> OperatingRange:
         in_tolerance=tuple(held),
         breaks=tuple(Break(value, failures[value]) for value in ends if value in failures),
         unsupported=tuple(refused),
-        worst=tuple(dict.fromkeys(reason.kind for reason in failures.values())),
         swept=tuple(values),
     )
 
@@ -196,28 +194,27 @@ def operating_ranges(axes: Iterable[Axis], rows: Iterable[Record]) -> list[Opera
 
 def ranges_frame(ranges: Sequence[OperatingRange]) -> pd.DataFrame:
     """Contents of `ranges.csv`: one line per technique, light and axis."""
-    return pd.DataFrame([_line(found) for found in ranges])
+    return pd.DataFrame([_line(one) for one in ranges])
 
 
-def _line(found: OperatingRange) -> dict[str, Any]:
+def _line(one: OperatingRange) -> dict[str, Any]:
     def joined(parts: Iterable[object]) -> str | None:
         return "; ".join(map(str, parts)) or None
 
-    held = [value_label(value) for value in found.in_tolerance if found.axis.ordered]
+    held = [value_label(value) for value in one.in_tolerance if one.axis.ordered]
     return {
-        "technique": found.technique,
-        "spec": found.spec,
-        "light": found.light,
-        "axis": found.axis.name,
-        "unit": found.axis.unit or None,
-        "home": value_label(found.axis.default),
+        "technique": one.technique,
+        "spec": one.spec,
+        "light": one.light,
+        "axis": one.axis.name,
+        "unit": one.axis.unit or None,
+        "home": value_label(one.axis.default),
         "holds_from": held[0] if held else None,
         "holds_to": held[-1] if held else None,
-        "breaks_at": joined(value_label(broken.value) for broken in found.breaks),
-        "failure": joined(broken.failure for broken in found.breaks),
-        "unsupported": joined(map(value_label, found.unsupported)),
-        "kinds": joined(found.worst),
-        "range": found.text,
+        "breaks_at": joined(value_label(broken.value) for broken in one.breaks),
+        "failure": joined(broken.failure for broken in one.breaks),
+        "unsupported": joined(map(value_label, one.unsupported)),
+        "range": one.text,
     }
 
 

@@ -26,7 +26,7 @@ class ReferenceTime:
     """Reference time to which the times of a table are normalised: its name, and its median over blocks in ms.
 
     shortest_ms, longest_ms: range over the blocks of the view and light with the largest spread; left_out: number of
-    cells timed against another reference or without a ratio; one_round: whether a cell was timed once only.
+    cells timed against another reference or without a ratio.
     """
 
     name: str
@@ -35,7 +35,6 @@ class ReferenceTime:
     longest_ms: float
     blocks: int
     left_out: int
-    one_round: bool
 
     @property
     def drifted(self) -> bool:
@@ -71,8 +70,7 @@ def normalise_times(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime | 
     left_out = int((table["frame_ms"].notna() & ~ours).sum())
     spans = reference_ms[ours].groupby([table["view"], table["light"]]).agg(["min", "max"])
     shortest, longest = spans.iloc[(spans["max"] / spans["min"]).to_numpy().argmax()]
-    one_round = bool(table["n"][ours].eq(1).any())
-    return shown, ReferenceTime(str(name), ms, float(shortest), float(longest), len(blocks), left_out, one_round)
+    return shown, ReferenceTime(str(name), ms, float(shortest), float(longest), len(blocks), left_out)
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
@@ -98,8 +96,6 @@ def time_notes(reference: ReferenceTime | None, rough: Sequence[bool] = ()) -> l
     if any(rough):
         wide = f"{sum(rough)} of {len(rough)} times have an interquartile range above a third of their median"
         notes.append(f"~: {wide}; more rounds would narrow it")
-    if reference.one_round:
-        notes.append("timed in one round: how far times vary is unknown, and no ~ marks a rough one")
     if reference.left_out:
         notes.append(f"times of {counted(reference.left_out, 'cell')} left out: they have no ratio to {name}")
     return notes

@@ -58,12 +58,6 @@ def pose_of(camera: Camera) -> str:
     return f"{place}, fov_y {math.degrees(camera.fov_y):.0f}°"
 
 
-def assumed_camera(bounds: Floats, where: str) -> tuple[Camera, str]:
-    """A camera that shows the whole bounding sphere of (2, 3) bounds, and the note about it."""
-    camera = whole_view(bounds, VIEW_FROM, "camera")
-    return camera, f"no camera in {where}: assumed {pose_of(camera)}"
-
-
 def sun_direction(azimuth: float, elevation: float) -> Vec3:
     """Direction in which the light of a sun travels.
 
@@ -72,15 +66,6 @@ def sun_direction(azimuth: float, elevation: float) -> Vec3:
     """
     level = math.cos(elevation)
     return vec3((-level * math.sin(azimuth), -math.sin(elevation), level * math.cos(azimuth)))
-
-
-def assumed_sun(where: str) -> tuple[Light, str]:
-    """A sun 45° above the horizon, and the note about it."""
-    height = math.degrees(math.asin(-unit(SUN)[1]))
-    note = (
-        f"no light in {where}: assumed a sun travelling along {point_text(SUN, 1.0)}, {height:.0f}° above the horizon"
-    )
-    return Light("light", "directional", direction=SUN), note
 
 
 def assumed_ground(meshes: Sequence[Mesh], bounds: Floats, where: str) -> tuple[Mesh, str] | None:
@@ -202,11 +187,13 @@ def with_assumptions(scene: Scene, bounds: Floats, where: str) -> Scene:
     """
     assumed: dict[str, str] = {}
     if not scene.cameras:
-        camera, assumed["camera"] = assumed_camera(bounds, where)
+        camera = whole_view(bounds, VIEW_FROM, "camera")
+        assumed["camera"] = f"no camera in {where}: assumed {pose_of(camera)}"
         scene = replace(scene, cameras=(camera,))
     if not scene.lights:
-        light, assumed["light"] = assumed_sun(where)
-        scene = replace(scene, lights=(light,))
+        sun = f"{point_text(SUN, 1.0)}, {math.degrees(math.asin(-unit(SUN)[1])):.0f}° above the horizon"
+        assumed["light"] = f"no light in {where}: assumed a sun travelling along {sun}"
+        scene = replace(scene, lights=(Light("light", "directional", direction=SUN),))
     scene = replace(scene, notes=(*scene.notes, *assumed.values()), assumed=assumed)
     left_out = f"{where}: {scene.dropped} zero-area triangle(s) left out"
     return replace(scene, notes=(*scene.notes, left_out)) if scene.dropped else scene

@@ -236,7 +236,7 @@ def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera
         if (lens := camera.perspective) is None:
             orthographic += 1
             continue
-        position, forward = _pose(node, where, "camera")
+        position, forward = _pose(node)
         name = unique_name(node.data.name or camera.name, "camera", {camera.name for camera in cameras})
         up, target = vec3(unit(node.matrix[:3, 1])), target_of(position, forward)
         cameras.append(Camera(name, vec3(position), target, lens.yfov, up, lens.znear, lens.zfar))
@@ -253,7 +253,7 @@ def _lights(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Light],
             continue
         data = layout.lights[node.data.light]
         name = unique_name(node.data.name or data.name, "light", {light.name for light in lights})
-        position, direction = (vec3(values) for values in _pose(node, where, "light"))
+        position, direction = (vec3(values) for values in _pose(node))
         light_where = f"{where}: light {name}"
         if data.type == "directional":
             lights.append(Light(name, "directional", direction))
@@ -271,10 +271,8 @@ def _lights(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Light],
     return lights, notes
 
 
-def _pose(node: Node, where: str, what: str) -> tuple[Floats, Floats]:
+def _pose(node: Node) -> tuple[Floats, Floats]:
     """(3,) position of a node, and (3,) unit vector along its −z axis."""
-    if not np.isfinite(node.matrix).all() or not node.matrix[:3, 2].any() or not node.matrix[:3, 1].any():
-        raise InputError(f"{where}: {what}: its node's transform is singular, so that it has no direction")
     return node.matrix[:3, 3], unit(-node.matrix[:3, 2])
 
 

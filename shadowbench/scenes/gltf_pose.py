@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import InputError, NotInFile, alternatives
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.file_contents import Chosen
 from shadowbench.scenes.gltf_layout import NUMBERS, Animation, Channel, Layout, NodeTable, Sampler, Skin
 from shadowbench.scenes.gltf_storage import Data, TrianglePrimitive, as_floats, floats_of, stored
@@ -75,7 +75,7 @@ def _number_of(layout: Layout, clip: str | None, where: str) -> int | None:
         return int(clip) - 1
     known = [f"{name:.60}" for name in names if name][:20]
     numbers = f"1 to {len(names)}" if names else "no others, as there are none"
-    raise NotInFile(f"{where}: clip: found {clip!r:.60}{alternatives(clip, [*known, NO_CLIP])}, or {numbers}")
+    raise InputError(f"{where}: clip: found {clip!r:.60}{alternatives(clip, [*known, NO_CLIP])}, or {numbers}")
 
 
 def _kind_of(layout: Layout, channel: Channel) -> tuple[str, int]:
@@ -262,17 +262,24 @@ class Poser:
     def _deformed(self, primitive: TrianglePrimitive, node: Node) -> Posed | None:
         weights, skin = self._weights(node, primitive.mesh), node.data.skin
         moved = any(weights[: len(primitive.primitive.targets)])
-        blend = None if skin is None else blended(primitive, self._joint_matrices(skin))
-        if blend is None and not moved:
+        influences = None if skin is None else _influences(primitive, len(self._data.layout.skins[skin].joints))
+        if influences is None and not moved:
             return None
         positions, matrix = morphed(primitive, "POSITION", weights), node.matrix
         assert positions is not None  # as `read_primitives` checks
         normals = morphed(primitive, "NORMAL", weights)
-        if blend is not None:
-            positions, matrix = skinned(positions, blend.matrices)
+        if influences is not None and skin is not None:
+            blend = self._blend(skin, *influences)
+            linear = blend[:, :, :3]
+            positions = np.einsum("vij,vj->vi", linear, positions) + blend[:, :, 3]
             if normals is not None:
-                normals = np.einsum("vij,vj->vi", normal_matrices(blend.matrices[:, :, :3]), normals) @ matrix[:3, :3]
-            self._uneven += blend.uneven
+                normals = np.einsum("vij,vj->vi", normal_matrices(linear), normals)
+            matrix = np.eye(4)
+            if np.sign(np.linalg.det(linear)).sum() < 0.0:
+                # Most vertices are mirrored: as by a mirroring node, of positions that are mirrored before.
+                matrix = MIRROR
+                positions = positions * MIRROR.diagonal()[:3]
+                normals = None if normals is None else normals * MIRROR.diagonal()[:3]
         triangles = triangles_of(positions, primitive.faces, self._data.where)
         return Posed(triangles, matrix, corner_normals(primitive, normals))
 
@@ -283,17 +290,21 @@ class Poser:
             return [float(weight) for weight in given]
         return self._data.layout.meshes[mesh].weights if node.data.weights is None else node.data.weights
 
-    def _joint_matrices(self, skin: int) -> Floats:
+    def _blend(self, skin: int, numbers: NDArray[np.int32], weights: Floats) -> Floats:
+        """(V, 3, 4) matrices by which a skin moves vertices with (V, 4 n) joints and weights.
+
+        Weights are divided by their sum; a vertex without any follows the first of its joints, both as in three.js.
+        """
         if skin not in self._joints:
             self._joints[skin] = joint_matrices(self._data, self._data.layout.skins[skin], self._worlds)
-        return self._joints[skin]
-
-
-class Blend(NamedTuple):
-    """(V, 3, 4) matrices by which a skin moves each vertex, and the number of vertices whose weights were uneven."""
-
-    matrices: Floats
-    uneven: int
+        sums = weights.sum(axis=1)
+        self._uneven += int((np.abs(sums - 1.0) > UNEVEN).sum())
+        weights[sums == 0.0, 0] = 1.0
+        weights /= np.where(sums == 0.0, 1.0, sums)[:, None]
+        matrices = np.zeros((len(weights), 3, 4))
+        for number, weight in zip(numbers.T, weights.T, strict=True):
+            matrices += weight[:, None, None] * self._joints[skin][number, :3]
+        return matrices
 
 
 def corner_normals(primitive: TrianglePrimitive, normals: Floats | None) -> Singles | None:
@@ -313,38 +324,6 @@ def morphed(primitive: TrianglePrimitive, name: str, weights: Sequence[float] | 
         primitive.check_count(f"a morph target's {name}", target[name])
         values = values + weight * floats_of(primitive.data, target[name], "VEC3")
     return values
-
-
-def blended(primitive: TrianglePrimitive, joints: Floats) -> Blend | None:
-    """The matrices of a skin at each vertex; None if the primitive has no joints.
-
-    joints: (J, 4, 4) as of `joint_matrices`. Weights are divided by their sum; a vertex without any follows the
-    first of its joints, both as in three.js. Raises InputError.
-    """
-    influences = _influences(primitive, len(joints))
-    if influences is None:
-        return None
-    numbers, weights = influences
-    sums = weights.sum(axis=1)
-    uneven = int((np.abs(sums - 1.0) > UNEVEN).sum())
-    weights[sums == 0.0, 0] = 1.0
-    weights /= np.where(sums == 0.0, 1.0, sums)[:, None]
-    matrices = np.zeros((len(weights), 3, 4))
-    for number, weight in zip(numbers.T, weights.T, strict=True):
-        matrices += weight[:, None, None] * joints[number, :3]
-    return Blend(matrices, uneven)
-
-
-def skinned(positions: Floats, blend: Floats) -> tuple[Floats, Floats]:
-    """(V, 3) positions moved by (V, 3, 4) matrices, and the matrix that places them in the world.
-
-    It is a reflection, of positions that are reflected before, where most vertices are mirrored: it turns triangles as
-    that of a mirroring node does.
-    """
-    linear = blend[:, :, :3]
-    moved = np.einsum("vij,vj->vi", linear, positions) + blend[:, :, 3]
-    mirrored = (np.sign(np.linalg.det(linear)).sum() < 0.0) if len(linear) else False
-    return (moved * MIRROR.diagonal()[:3], MIRROR) if mirrored else (moved, np.eye(4))
 
 
 def joint_matrices(data: Data, skin: Skin, worlds: Mapping[int, Floats]) -> Floats:

@@ -4,7 +4,6 @@ Buffers are a .glb's binary chunk, data URIs or files in its folder.
 """
 
 import base64
-import binascii
 import json
 import struct
 from collections.abc import Iterator, Mapping
@@ -270,14 +269,11 @@ def _buffer(layout: Layout, number: int, chunk: bytes | None, path: Path, where:
 
 
 def read_uri(uri: str, path: Path, where: str) -> bytes:
-    """The bytes of a data URI, or of a file in the folder of the glTF at `path`. Raises InputError for others."""
+    """The bytes of a data URI, or of a file in the folder of the glTF at `path`. Raises InputError or ValueError."""
     where = f"{where}: uri {uri!r:.60}"
     if uri.startswith("data:"):
         head, comma, text = uri.partition(",")
         if not comma or not head.endswith(";base64"):
             raise InputError(f"{where}; allowed: a file, or data in base64")
-        try:
-            return base64.b64decode(text, validate=True)
-        except binascii.Error as error:
-            raise InputError(f"{where}: not base64: {error}") from error
+        return base64.b64decode(text, validate=True)
     return read_beside(unquote(uri), path.parent, where)

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo
 
-from shadowbench.errors import InputError, NotInFile, alternatives
+from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder
 from shadowbench.scenes.assumed import assumed_ground, mesh_bounds, with_assumptions
 from shadowbench.scenes.cutouts import Cutout, Wrap, cut_out
@@ -153,7 +153,7 @@ def _copies(table: MeshTable, sources: tuple[Mesh, ...]) -> Iterator[tuple[Mesh,
         for mesh in sources:
             name = (mesh.name if table.name is None or len(sources) > 1 else table.name) + suffix
             copy = replace(mesh, name=name, color=table.color or mesh.color)
-            yield replace(copy, casts=table.casts, receives=table.receives, planar=table.planar), moved
+            yield replace(copy, casts=table.casts, receives=table.receives), moved
 
 
 def transform_of(table: MeshTable) -> Floats:
@@ -244,7 +244,7 @@ def load_scene(
     if up is not None:
         _check_up(up, text)
     if chosen != BY_DEFAULT and Path(text).suffix.lower() not in GLTF_SUFFIXES:
-        raise NotInFile(
+        raise InputError(
             f"--time, --clip: {text:.200} is no glTF file; allowed for {' and '.join(GLTF_SUFFIXES)}; a scene file has "
             "time and clip in its [[mesh]] tables"
         )

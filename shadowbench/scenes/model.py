@@ -29,10 +29,10 @@ class Mesh:
 
     vertices: (V, 3) float64; faces: (F, 3) int32 indices into them, counter-clockwise seen from outside; both are
     read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
-    and receives shadows; planar: flagged as a planar receiver. cutout: where it is opaque, None for everywhere; places:
-    (F, 3, 2) float32 of the triangles' corners in it, in sub-texels, None for 0. coordinates: (F, 3, 2) float32 texture
-    coordinates of the corners, None for 0. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None
-    if it is flat, and zero at corners without one. tints: (F, 3) float32 linear RGB that color is multiplied by.
+    and receives shadows. cutout: where it is opaque, None for everywhere; places: (F, 3, 2) float32 of the triangles'
+    corners in it, in sub-texels, None for 0. coordinates: (F, 3, 2) float32 texture coordinates of the corners, None
+    for 0. normals: (F, 3, 3) float32 of a smooth surface, which it is shaded by; None if it is flat, and zero at
+    corners without one. tints: (F, 3) float32 linear RGB that color is multiplied by.
     """
 
     name: str
@@ -41,7 +41,6 @@ class Mesh:
     color: Vec3 = GREY
     casts: bool = True
     receives: bool = True
-    planar: bool = False
     cutout: Cutout | None = None
     coordinates: NDArray[np.float32] | None = field(default=None, repr=False)
     places: NDArray[np.float32] | None = field(default=None, repr=False)
@@ -98,21 +97,15 @@ def joined(meshes: Sequence[Mesh]) -> Geometry:
         faces=np.concatenate(faces, dtype=np.int32),
         casts=np.repeat([mesh.casts for mesh in meshes], counts),
         receives=np.repeat([mesh.receives for mesh in meshes], counts),
-        planar=np.repeat([mesh.planar for mesh in meshes], counts),
-        colors=_triangle_colors(meshes),
+        colors=np.concatenate([_tinted(mesh) for mesh in meshes]),
         cutouts=cutout_faces([(len(mesh.faces), mesh.cutout, mesh.places) for mesh in meshes]),
         corner_normals=_normals(meshes),
     )
 
 
-def _triangle_colors(meshes: Sequence[Mesh]) -> Floats:
-    """(F, 3) linear RGB of the triangles of meshes."""
-    counts = [len(mesh.faces) for mesh in meshes]
-    rows = np.repeat(np.array([mesh.color for mesh in meshes], dtype=np.float64), counts, axis=0)
-    for mesh, own in zip(meshes, np.split(rows, np.cumsum(counts[:-1], dtype=np.int64)), strict=True):
-        if mesh.tints is not None:
-            own *= mesh.tints
-    return rows
+def _tinted(mesh: Mesh) -> Floats:
+    """(F, 3) linear RGB of the triangles of a mesh."""
+    return np.ones((len(mesh.faces), 3)) * mesh.color * (1.0 if mesh.tints is None else mesh.tints)
 
 
 def _normals(meshes: Sequence[Mesh]) -> NDArray[np.float32] | None:

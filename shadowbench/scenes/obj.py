@@ -29,7 +29,7 @@ from shadowbench.scenes.vectors import vec3
 
 _KEYS = ("kd", "d", "tr", "map_kd", "map_d")
 _MOVES = {"-o": 0.0, "-s": 1.0, "-t": 0.0}
-"""Options of a map, of up to three numbers, and the value without effect."""
+"""Options of a map that move or scale it, and the value without effect."""
 
 
 class MaterialFiles:
@@ -81,16 +81,11 @@ class MaterialFiles:
         words = fields.get(key, "").split()
         wrap: Wrap = "repeat"
         while len(words) > 1 and words[0].startswith("-"):
-            option = words.pop(0).lower()
-            if option in _MOVES:
-                moves = list(takewhile(len, (_numbers(word, 1) for word in words[: min(3, len(words) - 1)])))
-                words = words[len(moves) :]
-                if any(move != [_MOVES[option]] for move in moves):
-                    self._lines[f"{self._where}: {key} {option}: left out"] = None
-            else:
-                value = words.pop(0).lower()
-                words = words[1:] if option == "-mm" else words
-                wrap = "clamp" if option == "-clamp" and value == "on" else wrap
+            option, numbers_after = words.pop(0).lower(), list(takewhile(lambda word: _numbers(word, 1), words[:-1]))
+            if option in _MOVES and any(float(number) != _MOVES[option] for number in numbers_after):
+                self._lines[f"{self._where}: {key} {option}: left out"] = None
+            wrap = "clamp" if [option, words[0].lower()] == ["-clamp", "on"] else wrap
+            words = words[len(numbers_after) or 1 :]
         return " ".join(words), wrap
 
     def _mask(self, file: str, colored: bool) -> Alphas:
@@ -116,13 +111,7 @@ class MaterialFiles:
 
     def _separate(self, names: str) -> list[str]:
         """The files of a statement: one whose name may have blanks, or several."""
-        if len(names.split()) < 2:
-            return [names]
-        try:
-            read_beside(names, self._folder, "")
-        except InputError:
-            return names.split()
-        return [names]
+        return [names] if (self._folder / names).is_file() else names.split() or [names]
 
 
 def _statements(text: str) -> Iterator[tuple[str, str, str]]:

@@ -136,18 +136,6 @@ def _seen_from(scene: Scene, camera: str, target: str | None, tracer_of: TracerO
     raise InputError(f"--camera: found {camera!r:.60}{known}, or X,Y,Z")
 
 
-def _seen_from_inside(scene: Scene, tracer_of: TracerOf) -> Scene:
-    """The scene with a camera in its largest free space, and with a lamp there if no sun comes in that was assumed."""
-    inside = interior(scene, tracer_of)
-    seen = with_cameras(scene, [inside.camera], inside.note)
-    if "light" not in scene.assumed or inside.sunny:
-        return seen
-    size = math.dist(inside.lamp.position, inside.camera.position)
-    lamp = f"assumed a lamp at {point_text(inside.lamp.position, size)}"
-    note = f"no light in {scene.name}, and the sun that is assumed outside does not come in: {lamp}"
-    return with_lights(seen, [inside.lamp], note)
-
-
 def _lamp(text: str) -> Light:
     place = coordinates(text, "--lamp")
     return Light(_name("lamp", place), "point", position=place)
@@ -191,22 +179,12 @@ def named(things: Sequence[Named], name: str, where: str) -> Named:
     raise InputError(f"{where}: found {name!r:.60}{alternatives(name, [thing.name for thing in things])}{hint}")
 
 
-class Interior(NamedTuple):
-    """A camera inside and a note on it; a lamp above where most is free; whether the assumed sun comes in."""
-
-    camera: Camera
-    note: str
-    lamp: Light
-    sunny: bool
-
-
 class _Places(NamedTuple):
-    """Points at eye height, in local coordinates, those of `placement`; a row each.
+    """N points at eye height, in local coordinates: a row each.
 
-    eye: (N, 3); floor: (N,) height of the floor; height: (N,) from floor to ceiling; in_metres: (N,) whether the eye is
-    at `EYE_M`; around: (N, _AROUND) distances of horizontal rays, `_FAR` or more for none; inside: (N,) whether
-    surfaces surround the point; facing: (N,) whether they face it as well, as they do not inside a solid; sunny: (N,)
-    whether the assumed sun reaches it.
+    floor: height of the floor; height: from there to the ceiling; in_metres: whether the eye is at `EYE_M`; around:
+    (N, _AROUND) distances of horizontal rays, `_FAR` or more for none; inside: whether surfaces surround the point;
+    facing: whether they face it as well, as they do not inside a solid; sunny: whether the assumed sun reaches it.
     """
 
     placement: Placement
@@ -226,13 +204,13 @@ class _Places(NamedTuple):
         return nearest
 
 
-def interior(scene: Scene, tracer_of: TracerOf) -> Interior:
-    """A view through the largest free space of an interior, at eye height.
+def _seen_from_inside(scene: Scene, tracer_of: TracerOf) -> Scene:
+    """The scene with a camera in its largest free space, and with a lamp there if no sun comes in that was assumed.
 
-    That is around the point whose nearest wall is farthest; the distance is that of horizontal rays, as floor and
-    ceiling are near everywhere. The camera looks past it to where most is free, and a little down, from four fifths of
-    that distance behind; the lamp is above it. Points inside a solid count only if there is no other. Raises InputError
-    if none is inside.
+    That is around the point at eye height whose nearest wall is farthest; the distance is that of horizontal rays, as
+    floor and ceiling are near everywhere. The camera looks past it to where most is free, and a little down, from four
+    fifths of that distance behind; the lamp is above it. Points inside a solid count only if there is no other. Raises
+    InputError if none is inside.
     """
     places = _places(scene, tracer_of)
     inside = (places.facing if places.facing.any() else places.inside) & (places.wall >= _ROOM)
@@ -250,11 +228,15 @@ def interior(scene: Scene, tracer_of: TracerOf) -> Interior:
     start = eye - _BACK * wall * _around()[ahead]
     aim = start + (_around()[ahead] - math.tan(_DOWN) * _UP[0]) * (_BACK * wall + float(across[ahead]))
     camera = Camera("inside", _placed(start, places.placement), _placed(aim, places.placement), _INSIDE_FOV_Y)
-    lamp = eye + _LAMP * (places.floor[best] + places.height[best] - eye[1]) * _UP[0]
     height = f"{EYE_M} m above the floor" if places.in_metres[best] else "half way from floor to ceiling"
-    note = f"inside of {scene.name}: camera {pose_of(camera)}, {height}"
-    light = Light("lamp", "point", position=_placed(lamp, places.placement))
-    return Interior(camera, note, light, bool(places.sunny[inside].mean() >= SUNNY))
+    seen = with_cameras(scene, [camera], f"inside of {scene.name}: camera {pose_of(camera)}, {height}")
+    if "light" not in scene.assumed or places.sunny[inside].mean() >= SUNNY:
+        return seen
+    above = eye + _LAMP * (places.floor[best] + places.height[best] - eye[1]) * _UP[0]
+    lamp = Light("lamp", "point", position=_placed(above, places.placement))
+    where = point_text(lamp.position, math.dist(lamp.position, camera.position))
+    note = f"no light in {scene.name}, and the sun that is assumed outside does not come in: assumed a lamp at {where}"
+    return with_lights(seen, [lamp], note)
 
 
 def _places(scene: Scene, tracer_of: TracerOf) -> _Places:

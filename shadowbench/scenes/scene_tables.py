@@ -27,6 +27,12 @@ NAME = re.compile(rf"\w[\w .+-]{{0,{LONGEST_NAME - 1}}}")
 NAMES = f"up to {LONGEST_NAME} letters, digits, spaces, or any of _ . + -, the first a letter, a digit or _"
 
 
+def _not_too_large(number: float) -> float:
+    if abs(number) > LARGEST:
+        raise ValueError(f"found {number:g}; allowed: at most {LARGEST:.0e} either way")
+    return number
+
+
 def _checked(valid: Callable[[tuple[float, ...]], bool], allowed: str) -> AfterValidator:
     """Accepts numbers that are valid together."""
 
@@ -52,7 +58,7 @@ def name_from(text: str) -> str:
     return re.sub(r"[^\w .+-]", "-", text).lstrip(" .+-")
 
 
-Number = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
+Number = Annotated[float, Field(strict=True), AfterValidator(_not_too_large)]
 Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
 Three = tuple[Number, Number, Number]
 Direction = Annotated[Three, _checked(any, "a direction of three numbers, not three zeros")]
@@ -157,7 +163,6 @@ class MeshTable(Strict):
     color: Color | None = None
     casts: Flag = True
     receives: Flag = True
-    planar: Flag = False
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:

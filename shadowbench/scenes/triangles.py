@@ -114,7 +114,7 @@ def checked(vertices: Floats, where: str) -> Floats:
 class Geometry:
     """All triangles of a scene in one indexed list, meshes in file order; an index identifies a triangle.
 
-    vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives, planar: (F,) bool; colors: (F, 3) float64, linear;
+    vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives: (F,) bool; colors: (F, 3) float64, linear;
     cutouts: the cut-out triangles, None without any; corner_normals: (F, 3, 3) float32 of smooth surfaces, zero at
     corners without one, None if there is none at all.
     """
@@ -123,7 +123,6 @@ class Geometry:
     faces: Faces
     casts: NDArray[np.bool_]
     receives: NDArray[np.bool_]
-    planar: NDArray[np.bool_]
     colors: Floats
     cutouts: CutoutFaces | None = None
     corner_normals: NDArray[np.float32] | None = None
@@ -145,7 +144,7 @@ class Geometry:
     def select(self, triangles: NDArray[np.intp]) -> "Geometry":
         """Only these triangles, given in ascending order, opaque; each with vertices of its own."""
         faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
-        flags = self.casts[triangles], self.receives[triangles], self.planar[triangles]
+        flags = self.casts[triangles], self.receives[triangles]
         normals = None if self.corner_normals is None else self.corner_normals[triangles]
         corners = self.corners(triangles).reshape(-1, 3)
         return Geometry(corners, faces, *flags, self.colors[triangles], corner_normals=normals)
@@ -207,8 +206,6 @@ class Geometry:
         for array in arrays:
             digest.update(repr((array.shape, array.dtype.str)).encode())
             digest.update(np.ascontiguousarray(array).tobytes())
-        if self.planar.any():  # used by planar-projection:receives=flagged
-            digest.update(np.ascontiguousarray(self.planar).tobytes())
         return digest.hexdigest()
 
 

@@ -33,10 +33,7 @@ WEIGHTS = tuple(map(float, _gaussian / _gaussian.sum()))
 
 
 class PreparedTruth(ThresholdedMask):
-    """The truth of one view, prepared for metrics. Only `valid` pixels, decided receivers, are in any of the sets.
-
-    Derived arrays are computed on first use and kept, about 30 MB at 1024², 45 MB if there is a penumbra.
-    """
+    """The truth of one view, prepared for metrics. Only `valid` pixels, decided receivers, are in any of the sets."""
 
     def __init__(self, arrays: Mapping[str, Any], positions: Callable[[], NDArray[np.float64]] | None = None) -> None:
         """The truth of the (H, W) arrays of a `Truth`, by name; `irradiance` and `triangle` are ignored.
@@ -71,11 +68,6 @@ class PreparedTruth(ThresholdedMask):
     def boundary_width(self) -> int:
         """Width in pixels, as in Cheng et al.'s code: 2% of the image's diagonal, rounded, at least 1."""
         return max(1, round(BOUNDARY_WIDTH * self.image_diagonal))
-
-    @cached_property
-    def squared_edge_distance(self) -> NDArray[np.int32]:
-        """Squared distance to `edge` in pixels; NOWHERE if there is no edge."""
-        return squared_distance(self.edge)
 
     @cached_property
     def boundary(self) -> Mask:
@@ -215,21 +207,15 @@ class Comparison(ThresholdedMask):
     @property
     def boundary(self) -> NDArray[np.bool_]:
         """Strip of shadow, as wide as the truth's, along the inside of its edge."""
-        return self._around_edge[0]
-
-    @cached_property
-    def _around_edge(self) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
-        """`boundary`, and squared distances from the truth's edge pixels to `edge`; the image of them is not kept."""
-        squared = squared_distance(self.edge)
-        return self.shadow & (squared < self.truth.boundary_width**2), squared[self.truth.edge]
+        return self.shadow & (self.squared_edge_distance < self.truth.boundary_width**2)
 
     @cached_property
     def edge_distances(self) -> NDArray[np.float64] | None:
-        """(E,) distances in pixels from the edge pixels of either mask to the other's edge; None if neither has one.
+        """(E,) pixels from the edge pixels of either mask to the other's edge; if only one has any, the diagonal.
 
-        The image's diagonal, once, if only one of them has an edge.
+        None if neither has one.
         """
-        both = self.truth.squared_edge_distance[self.edge], self._around_edge[1]
+        both = self.truth.squared_edge_distance[self.edge], self.squared_edge_distance[self.truth.edge]
         if not all(squared.size for squared in both):
             return np.array([self.truth.image_diagonal]) if any(squared.size for squared in both) else None
         pooled: NDArray[np.float64] = np.sqrt(np.concatenate(both), dtype=np.float64)

@@ -1,8 +1,4 @@
-"""Compiled loops over pixels: distances to a set, windows of SSIM and of maxima, steps and samples along isolines.
-
-To be imported where they are called, as the import takes 0.3 s. Operations are in the order of those of SciPy and
-NumPy, so that results are equal to the last bit.
-"""
+"""Compiled loops over pixels, equal to SciPy's and NumPy's to the bit. Imported where called, as it takes 0.3 s."""
 
 import numba
 import numpy as np
@@ -14,10 +10,9 @@ _TILE = (32, 128)  # windows whose sums, in float64, fit into the processor's ca
 
 @compiled()
 def squared_distance(to):  # type: ignore[no-untyped-def]
-    """(H, W) int32 squared Euclidean distance in pixels from each pixel to the nearest one in `to` (H, W), not empty.
+    """(H, W) int32 squared distance in pixels from each pixel to the nearest in `to` (H, W), not empty.
 
-    In each row, the lower envelope of a parabola for each column; Felzenszwalb, Huttenlocher 2012, "Distance
-    Transforms of Sampled Functions".
+    By Felzenszwalb, Huttenlocher 2012, "Distance Transforms of Sampled Functions".
     """
     height, width = to.shape
     far = height + width  # its square is above every distance
@@ -81,10 +76,9 @@ def ssim_map(values, truth, valid, weights, c1, c2):  # type: ignore[no-untyped-
     """SSIM of float32 `values` and `truth` (H, W) in [0, 1] over the `valid` (H, W) pixels of windows inside the image.
 
     Returns float32, empty for an image smaller than a window; NaN for windows without a valid pixel, whose centres are
-    invalid too. The weights of a window's valid pixels are rescaled to sum to 1, since filling in the invalid ones with
-    any value would change the score. `weights`, of rows and columns, are symmetric and a tuple, whose length is known
-    when the loop is compiled: it is seven times as fast as with an array. Sums are in float64, because a variance is a
-    difference of nearly equal numbers and `c2` is small: float32 would be off by 1e-4 in a flat region.
+    invalid too. A window's weights are rescaled over its valid pixels. `weights`, of rows and columns, are symmetric
+    and a tuple, with which the loop is seven times as fast as with an array. In float32 the variance, a difference of
+    nearly equal numbers, would be off by 1e-4 in a flat region.
     """
     border = len(weights) - 1
     rows, columns = max(valid.shape[0] - border, 0), max(valid.shape[1] - border, 0)
@@ -161,10 +155,8 @@ def step_squared(values, valid):  # type: ignore[no-untyped-def]
 
 @numba.njit(inline="always")
 def sample(values, valid, row, column):  # type: ignore[no-untyped-def]
-    """Bilinear samples at a point: of values (H, W), 0 where not valid, and of `valid`; both 0 outside the image.
-
-    Without branches, and with indices that cannot be negative, it is three times as fast.
-    """
+    """Bilinear samples at a point: of values (H, W), 0 where not valid, and of `valid`; both 0 outside the image."""
+    # Without branches, and with indices that cannot be negative, it is three times as fast.
     height, width = values.shape
     inside = np.float64((row >= 0) & (row <= height - 1) & (column >= 0) & (column <= width - 1))
     top, left = min(max(int(row), 0), height - 1), min(max(int(column), 0), width - 1)
@@ -180,32 +172,11 @@ def sample(values, valid, row, column):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def straight(gradient, rows, columns, tangent, reach, least):  # type: ignore[no-untyped-def]
-    """(P,) whether the gradients (2, H, W) at both ends of segments have about the direction of those in the middle.
-
-    rows, columns: (P,) pixels in the middle; tangent: (2, P) unit vectors along the segments, `reach` pixels long to
-    either side; least: cosine of the angle between the gradients.
-    """
-    found, valid = np.ones(len(rows), np.bool_), np.ones(gradient.shape[1:], np.bool_)
-    for i in range(len(rows)):
-        down, right = gradient[0, rows[i], columns[i]], gradient[1, rows[i], columns[i]]
-        length = np.sqrt(down * down + right * right)
-        for side in (-reach, reach):
-            row = np.float32(rows[i]) + side * tangent[0, i]
-            column = np.float32(columns[i]) + side * tangent[1, i]
-            there_down = sample(gradient[0], valid, row, column)[0]
-            there_right = sample(gradient[1], valid, row, column)[0]
-            along = there_down * down + there_right * right
-            length_there = np.sqrt(there_down * there_down + there_right * there_right)
-            found[i] &= (along > 0) & (along >= least * length_there * length)
-    return found
-
-
-@compiled()
 def variances_along(values, valid, rows, columns, tangent, reach):  # type: ignore[no-untyped-def]
-    """(P,) float64 squares by which values differ from their mean along segments, n/(n − 1) times; see `Isolines`.
+    """(P,) float64 squares by which values (H, W) at pixels differ from their mean along segments, n/(n − 1) times.
 
-    Arguments as of `straight`. A pair of points counts by the product of its weights; NaN for no more than half a pair.
+    rows, columns: (P,); tangent: (2, P) unit vectors along the segments, `reach` pixels long to either side. A pair of
+    points counts by the product of its weights; NaN for no more than half a pair.
     """
     one, squares = np.float32(1), np.empty(len(rows))
     for i in range(len(rows)):

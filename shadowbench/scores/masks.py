@@ -160,6 +160,11 @@ class ThresholdedMask:
         beside_lit[:, :-1] |= lit[:, 1:]
         return np.logical_and(self.shadow, beside_lit, out=beside_lit)
 
+    @cached_property
+    def squared_edge_distance(self) -> NDArray[np.int32]:
+        """Squared distance to `edge` in pixels; NOWHERE if there is no edge."""
+        return squared_distance(self.edge)
+
 
 def squared_distance(to: NDArray[np.bool_]) -> NDArray[np.int32]:
     """(H, W) int32 squared Euclidean distance in pixels from each pixel to the nearest in `to`, NOWHERE if empty."""

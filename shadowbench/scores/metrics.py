@@ -358,19 +358,21 @@ def score(visibility: ArrayLike, prepared: PreparedTruth) -> dict[str, float | N
 
 
 def values_of(comparison: Comparison) -> dict[str, float | None]:
-    """Values of all metrics by name, in the order of the table."""
-    return {one.name: _value(one, comparison) for one in METRICS.values()}
+    """Values of all metrics by name, in the order of the table.
 
-
-def _value(one: Metric, comparison: Comparison) -> float | None:
-    """Value of a metric. Raises MetricError, as the function of a plug-in may raise, or return, anything."""
-    try:
-        value = one.function(comparison)
-        if value is None or math.isfinite(value):
-            return None if value is None else float(value)
-    except Exception as error:
-        raise MetricError(f"metric {one.name}: {type(error).__name__}: {quoted(message(error))}") from error
-    raise MetricError(f"metric {one.name}: found {value}; allowed: a finite number, or None")
+    Raises MetricError, as the function of a plug-in may raise, or return, anything.
+    """
+    values = {}
+    for name, one in METRICS.items():
+        try:
+            value = one.function(comparison)
+            finite = value is None or math.isfinite(value)
+        except Exception as error:
+            raise MetricError(f"metric {name}: {type(error).__name__}: {quoted(message(error))}") from error
+        if not finite:
+            raise MetricError(f"metric {name}: found {value}; allowed: a finite number, or None")
+        values[name] = None if value is None else float(value)
+    return values
 
 
 def plug_in(added: Sequence[Metric]) -> None:

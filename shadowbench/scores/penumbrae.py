@@ -46,8 +46,7 @@ def smooth_gradient(visibility: Single, valid: Mask) -> Single:
 class Isolines:
     """Segments, SEGMENT pixels to either side of P pixels of a penumbra, along which the truth's isolines are straight.
 
-    Where they curve, as around pinholes, any smooth error, such as a blur, varies along a segment. rows, columns: (P,)
-    pixels; tangent: (2, P) unit vectors along the segments, in rows and columns.
+    Where they curve, any smooth error varies along them. tangent: (2, P) unit vectors, in rows and columns.
     """
 
     rows: NDArray[np.int32]
@@ -57,19 +56,22 @@ class Isolines:
     @classmethod
     def of(cls, gradient: Single, penumbra: Mask) -> "Isolines":
         """gradient: (2, H, W) of the truth; penumbra: (H, W) bool."""
-        from shadowbench.scores import loops
-
         rows, columns = (index.astype(np.int32) for index in np.nonzero(penumbra & (np.hypot(*gradient) > FLAT)))
         down, right = gradient[:, rows, columns]
         tangent = np.stack([-right, down]) / np.hypot(down, right)
-        straight = loops.straight(gradient, rows, columns, tangent, np.float32(SEGMENT), STRAIGHT)
+        straight = np.ones(len(rows), np.bool_)
+        for side in (np.float32(-SEGMENT), np.float32(SEGMENT)):
+            ends = np.stack([rows, columns]).astype(np.float32) + side * tangent
+            down_there, right_there = (_sampled(part, ends) for part in gradient)
+            along = down_there * down + right_there * right
+            least = STRAIGHT * np.sqrt(down_there**2 + right_there**2) * np.sqrt(down**2 + right**2)
+            straight &= (along > 0) & (along >= least)
         return cls(rows[straight], columns[straight], np.ascontiguousarray(tangent[:, straight]))
 
     def variance(self, values: Single, valid: Mask, known: Single) -> float | None:
-        """Mean square by which values (H, W) differ from their mean along the segment, less the known variance (H, W).
+        """Sample variance of values (H, W) along the segments less the known one (H, W); None without a segment.
 
-        As of a sample's variance, n/(n − 1) times: independent values keep theirs. Points count in pairs, so that what
-        is linear along the segment has none; None without a segment of more than half a pair.
+        Points count in pairs, so that what is linear along the segment has none.
         """
         from shadowbench.scores import loops
 
@@ -123,10 +125,7 @@ class Crossings:
 def crossings(
     visibility: Single, standard_error: Single, valid: Mask, edge: Mask, gradient: Single, positions: Floats
 ) -> Crossings:
-    """Lines across the penumbrae of a truth, from its `edge` pixels; arrays are (H, W).
-
-    gradient: (2, H, W) of visibility per pixel; positions: (H, W, 3) of the surface in metres, finite everywhere.
-    """
+    """Lines across the penumbrae of a truth, from its `edge` pixels; (H, W) arrays, gradient: (2, H, W)."""
     rows, columns = np.nonzero(edge[1:-1, 1:-1])
     chosen = np.linspace(0, len(rows) - 1, min(len(rows), MOST)).round().astype(np.intp)
     starts = np.stack([rows[chosen], columns[chosen]]) + 1
@@ -165,14 +164,10 @@ def crossings(
 
 
 def _across(starts: Indices, gradient: Single, positions: Floats) -> tuple[Floats, Floats, Mask]:
-    """(S, 3) normal of the plane at each start, (2, S) steps of a pixel along the gradient on it, and where it is flat.
-
-    starts: (2, S) pixels inside the border.
-    """
+    """(S, 3) normal of the plane at each start, (2, S) steps of a pixel along the gradient, and where it is flat."""
     here = positions[tuple(starts)]
-    neighbours = [
-        positions[starts[0] + down, starts[1] + right] - here for down, right in ((1, 0), (-1, 0), (0, 1), (0, -1))
-    ]
+    ways = ((1, 0), (-1, 0), (0, 1), (0, -1))
+    neighbours = [positions[starts[0] + down, starts[1] + right] - here for down, right in ways]
     down, right = (neighbours[0] - neighbours[1]) / 2, (neighbours[2] - neighbours[3]) / 2
     normal = np.cross(down, right)
     with np.errstate(invalid="ignore", divide="ignore"):

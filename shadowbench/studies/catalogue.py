@@ -28,14 +28,14 @@ def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> d
     plugins: Python files that add techniques and metrics; what: only this kind; name: only this entry. Raises
     InputError for an unknown kind or name.
     """
-    found = {kind: entries(kind, plugins) for kind in ([what] if what else KINDS)}
+    listed = {kind: entries(kind, plugins) for kind in ([what] if what else KINDS)}
     if name:
-        for kind, every in found.items():
+        for kind, every in listed.items():
             names = [entry["name"] for entry in every]
             if name not in names:
                 raise InputError(f"list {kind}: found {name!r:.60}{alternatives(name, names)}")
-            found[kind] = [every[names.index(name)]]
-    return found
+            listed[kind] = [every[names.index(name)]]
+    return listed
 
 
 def entries(kind: str, plugins: Sequence[Path] = ()) -> list[Entry]:
@@ -84,13 +84,13 @@ def _help(described: type) -> str:
 
 def _parameters(model: type[TechniqueParams] | type[Component]) -> list[Entry]:
     """Name, default, allowed values and help of every field; a component field lists its family with parameters."""
-    found: list[Entry] = []
+    listed: list[Entry] = []
     for name, info in model.model_fields.items():
         default = format_value(info.default)
-        found.append({"name": name, "default": default, "allowed": allowed(info), "help": info.description})
+        listed.append({"name": name, "default": default, "allowed": allowed(info), "help": info.description})
         if isinstance(info.default, Component):
-            found[-1]["values"] = [
+            listed[-1]["values"] = [
                 {"name": one.name, "help": _help(one), "parameters": _parameters(one)}
                 for one in info.default.family().table.values()
             ]
-    return found
+    return listed

@@ -23,9 +23,6 @@ from shadowbench.strict import explain
 
 Techniques = Mapping[str, type[Subject]]
 
-MOST_SPECS = 10_000
-"""Most specs of a study, counting each map size."""
-
 _FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # default factors of a bias sweep
 
 
@@ -80,18 +77,13 @@ def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list
     base = parse_spec_at(read.spec, techniques, where)
     lists = {key: to_list(value) for key, value in (read.model_extra or {}).items()}
     _check_lists(lists, base, where)
-    count = math.prod(len(choices) for choices in lists.values()) * max(1, len(read.bias_sweep))
-    if count > MOST_SPECS:
-        raise InputError(f"{where}: its lists combine to {count} specs; allowed are at most {MOST_SPECS}")
     dropped: list[InputError] = []
     specs = _combined(base, lists, dropped, where)
-    swept = [(spec, variant) for spec in specs for variant in _variants(spec, read.bias_sweep, dropped).items()]
-    made = [variant for _, (_, variant) in swept] if read.bias_sweep else specs
+    sweeps = [(spec, *variant) for spec in specs for variant in _variants(spec, read.bias_sweep, dropped).items()]
+    made = [variant for _, _, variant in sweeps] if read.bias_sweep else specs
     if not made:
         raise InputError(f"{where}: {dropped[0]}")
     notes.extend(dict.fromkeys(f"{where}: dropped: {error}" for error in dropped))
-    order = {spec: index for index, spec in enumerate(specs)}
-    sweeps = sorted(((spec, *variant) for spec, variant in swept), key=lambda one: (order[one[0]], one[1]))
     return CrossedSpecs(tuple(made), read.phases, tuple(sweeps), read.soft)
 
 
@@ -127,21 +119,21 @@ def _combined(base: Spec, lists: dict[str, list[Any]], dropped: list[InputError]
 
 def _variants(spec: Spec, factors: Iterable[float], dropped: list[InputError]) -> dict[float, Spec]:
     """The spec with its bias multiplied by each factor that is possible."""
-    found = {}
-    for factor in factors:
+    variants = {}
+    for factor in sorted(factors):
         try:
-            found[factor] = _with_bias_times(spec, factor)
+            variants[factor] = _with_bias_times(spec, factor)
         except InputError as error:
             dropped.append(error)
-    return found
+    return variants
 
 
 def _with_bias_times(spec: Spec, factor: float) -> Spec:
     """The spec with its bias multiplied by a factor. Raises InputError if it has no bias that can be multiplied."""
     bias = getattr(spec.params, "bias", None)
     if not isinstance(bias, Bias) or not any(term.swept for term in bias.terms):
-        found = f", found bias={format_value(bias)}" if isinstance(bias, Component) else ""
-        raise InputError(f"bias_sweep: {spec.technique.name} has no bias here that can be multiplied{found}")
+        written = f", found bias={format_value(bias)}" if isinstance(bias, Component) else ""
+        raise InputError(f"bias_sweep: {spec.technique.name} has no bias here that can be multiplied{written}")
     try:
         scaled = bias.scaled(factor)
     except ValidationError as error:

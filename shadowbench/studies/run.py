@@ -2,23 +2,20 @@
 
 import hashlib
 import json
-import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.measure.campaign import UNSHADOWED, Block, Campaign, Cell, Failure, Reporter
+from shadowbench.measure.campaign import Block, Campaign, Cell, Failure, Reporter
 from shadowbench.measure.flips import SIZE_AFTER
-from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import DeviceInfo
 from shadowbench.scenes.opening import first_of
 from shadowbench.studies.study import Study, scenes_of
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
-    from shadowbench.results.frame import Run, SweepPositions
+    from shadowbench.results.frame import Run
 
 T = TypeVar("T")
 _PIXEL_S = 12e-9  # seconds of a drawn pixel or texel, on two cores without a GPU
@@ -53,13 +50,12 @@ def names_of(block: Block) -> list[str]:
 class StudyResult:
     """Result of measuring a study into a folder.
 
-    run: the whole folder, with cells of earlier commands, of which `run.last` are the study's; sweep_positions: of
-    specs in its bias sweeps; failures: what was left out, if it kept going.
+    run: the whole folder, with cells of earlier commands, of which `run.last` are the study's; failures: what was left
+    out, if it kept going.
     """
 
     study: Study
     run: "Run"
-    sweep_positions: "SweepPositions"
     info: DeviceInfo
     failures: tuple[Failure, ...] = ()
 
@@ -74,34 +70,8 @@ def measure(study: Study, campaign: Campaign, part: str | None = None) -> StudyR
     failures: list[Failure] = []
     blocks = readable_blocks(study, failures) if campaign.keep_going else [*study.blocks()]
     blocks = dealt(blocks, part, names_of, campaign.reporter)
-    keys: dict[str, None] = {}
-    notes: dict[str, None] = {}
-    with ExitStack() as folder:
-        check_sizes(study, campaign.drawer.info)
-        for kind, text in _measured(study, blocks, campaign, folder):
-            if kind == "key":
-                keys[text] = None
-            elif text not in notes:  # phases may say the same
-                notes[text] = None
-                campaign.reporter.note(text)
-        failures += campaign.failures
-        from shadowbench.results.frame import write_cells
-
-        positions = study.sweep_positions
-        campaign.finish(study.facts, list(notes), keys)
-        run = write_cells(campaign.folder, positions)
-    return StudyResult(study, run, positions, campaign.drawer.info, tuple(dict.fromkeys(failures)))
-
-
-def _measured(
-    study: Study, blocks: Sequence[Block], campaign: Campaign, folder: ExitStack
-) -> Iterator[tuple[Literal["key", "note"], str]]:
-    """The keys of all cells of the blocks, measured now or before, and what is noted about them.
-
-    folder: holds the campaign's folder locked, from before anything is written until the table is.
-    Raises InputError before anything is written, ShadowbenchError if nothing is left of a campaign that keeps going.
-    """
-    yield from (("note", line) for line in _notes(study, blocks))
+    check_sizes(study, campaign.drawer.info)
+    notes = list(dict.fromkeys(_notes(study, blocks)))
     # Before anything is written: a view that shows nothing raises InputError.
     traced = [(block, shows) for block, shows in zip(blocks, campaign.trace(blocks), strict=True) if shows]
     if blocks and not traced:
@@ -109,18 +79,20 @@ def _measured(
     for block, shows in traced:
         if shows != "with edges":
             everything = "nothing is in shadow" if shows == "lit" else "everything is in shadow"
-            yield "note", f"{block.view.name}: {everything}, so most metrics are undefined or trivial"
-    folder.enter_context(campaign)
-    _announce(study, [block for block, _ in traced], campaign)
-    some = False
-    for (block, shows), found in zip(traced, campaign.measure(block for block, _ in traced), strict=True):
-        for result in found:
-            some = True
-            yield "key", result.score["key"]
-            if shows == "with edges" and (line := _uniform_mask(result)):
-                yield "note", f"{block.view.name}: {line}"
-    if blocks and not some:
-        raise _nothing("was measured", campaign.failures)
+            notes.append(f"{block.view.name}: {everything}, so most metrics are undefined or trivial")
+    for line in notes:
+        campaign.reporter.note(line)
+    drawn = [block for block, _ in traced]
+    with campaign:
+        _announce(study, drawn, campaign)
+        keys = [result.score["key"] for results in campaign.measure(drawn) for result in results]
+        if blocks and not keys:
+            raise _nothing("was measured", campaign.failures)
+        from shadowbench.results.frame import write_cells
+
+        campaign.finish(study.facts, notes, dict.fromkeys(keys))
+        run = write_cells(campaign.folder, study.sweep_positions)
+    return StudyResult(study, run, campaign.drawer.info, tuple(dict.fromkeys([*failures, *campaign.failures])))
 
 
 def _notes(study: Study, blocks: Sequence[Block]) -> Iterator[str]:
@@ -175,16 +147,6 @@ def check_sizes(study: Study, info: DeviceInfo) -> None:
             raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
 
 
-def estimate(study: Study) -> tuple[int, float]:
-    """Number of cells of a study, and their approximate run time in seconds on two cores without a GPU, at least 5.
-
-    Lights other than `sun` are taken to have no size.
-    """
-    cells = study.cells(study.sun)
-    seconds = sum(_seconds(study, cell) for cell in cells) * len(study.scenes)
-    return len(cells) * len(study.scenes), max(seconds, 5)
-
-
 def _seconds(study: Study, cell: Cell) -> float:
     """Approximate seconds of drawing, scoring and timing a cell on two cores without a GPU."""
     pixels = study.view_size**2 + (cell.spec.map_size or 0) ** 2
@@ -197,15 +159,3 @@ def duration(seconds: float) -> str:
     if seconds < 90:
         return f"{max(seconds, 1):.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
-def _uniform_mask(result: Result) -> str | None:
-    """A line about a mask without an edge, in a view whose truth has one: it is lit, or in shadow, all over."""
-    row = result.score
-    if row["status"] != "ok" or row["technique"] == UNSHADOWED.technique.name:
-        return None
-    if row["metrics"]["edge_px"] != math.hypot(row["view_size"], row["view_size"]):
-        return None
-    size = f" at {row['map_size']}" if row["map_size"] else ""
-    where = "in shadow" if row["metrics"]["iou"] else "lit"
-    return f"{row['spec']}{size} draws every scored pixel {where}"

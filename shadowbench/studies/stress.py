@@ -23,12 +23,7 @@ Point = tuple[Axis, LightKind, Value]
 LIMITS = Limits(seconds=120.0, bytes=4 << 30)  # fixed, so that the same maps are too large on every machine
 
 
-def out_of_tolerance(row: Record) -> bool:
-    """Whether a row's cell is out of tolerance."""
-    return failure(row) is not None
-
-
-SWEEPING: Mapping[str, Any] = {"sweep": True, "keeps_images": out_of_tolerance}
+SWEEPING: Mapping[str, Any] = {"sweep": True, "keeps_images": failure}
 """Options of a campaign along axes: images are written of cells out of tolerance."""
 
 

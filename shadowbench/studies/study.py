@@ -1,15 +1,16 @@
 """Studies: scenes, views, lights, techniques and map sizes to combine, from a file or options, and their cells."""
 
 import itertools
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, InstanceOf, ValidationError, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, InstanceOf, ValidationInfo, model_validator
 
-from shadowbench.errors import InputError, NotInFile, alternatives
-from shadowbench.files import data_folder
+from shadowbench.errors import InputError, alternatives
+from shadowbench.files import data_folder, replace_file
 from shadowbench.measure.campaign import DEFAULT_REFERENCE, Block, Cell, reference_name
 from shadowbench.measure.flips import Step, Stepped
 from shadowbench.measure.worker import Limits
@@ -30,7 +31,7 @@ from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.opening import Named, named, opened
-from shadowbench.strict import Strict, explain, read_toml
+from shadowbench.strict import Strict, read_toml, validated
 from shadowbench.studies.crossing import CrossedSpecs, Techniques, convert, to_list
 from shadowbench.truths.embree import tracer_of
 
@@ -87,14 +88,12 @@ class SceneFields(Strict):
 class Study(SceneFields):
     """Scenes × views × lights × specs × map sizes × phases to measure, and the settings of the measurement.
 
-    The fields are those of a study file, except `assets`, `up` and `notes`. scenes: built-in names, paths, or loaded
+    The fields are those of a study file. scenes: built-in names, paths, or loaded
     scenes. map_size: for specs that name no size; None for each technique's own. technique: crossed specs. phases:
     subtexel offsets of the map's grid to measure, for `technique` entries without their own number. step: what moves a
     little to count flips, None to count none. views, lights: "file" for the first camera and all lights of a scene,
     else by name. time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
-
-    not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
 
     about: str = ""
     scenes: Annotated[tuple[str | InstanceOf[Scene], ...], _SOME]
@@ -135,19 +134,19 @@ class Study(SceneFields):
     @staticmethod
     def of(scenes: Sequence[str | Scene], specs: Sequence[Spec], **others: Any) -> "Study":
         """A study of the given scenes and specs; others: further fields by name. Raises InputError."""
-        return _valid({"scenes": list(scenes), "technique": [CrossedSpecs(tuple(specs))], **others})
+        return validated(Study, {"scenes": list(scenes), "technique": [CrossedSpecs(tuple(specs))], **others}, "study")
 
     def with_(self, **changes: Any) -> "Study":
         """A copy with some fields replaced, validated again. Raises InputError."""
-        return _valid({name: getattr(self, name) for name in type(self).model_fields} | changes)
+        return validated(Study, {name: getattr(self, name) for name in type(self).model_fields} | changes, "study")
 
     def phases_of_specs(self) -> Mapping[Spec, int]:
         """Number of phases of each spec; the larger one for a spec that is named twice."""
-        found: dict[Spec, int] = {}
+        counts: dict[Spec, int] = {}
         for crossed in self.technique:
             for spec in crossed.specs:
-                found[spec] = max(crossed.phases or self.phases, found.get(spec, 1))
-        return found
+                counts[spec] = max(crossed.phases or self.phases, counts.get(spec, 1))
+        return counts
 
     @property
     def limits(self) -> Limits:
@@ -188,7 +187,8 @@ class Study(SceneFields):
     def blocks(self) -> Iterator[Block]:
         """All blocks, scene by scene. Raises InputError for a scene that cannot be read."""
         files: dict[str, str | Scene] = {}
-        for source, scene in self._opened():
+        for source in dict.fromkeys(self.scenes):
+            scene = opened(source, self.scene_options(), tracer_of)
             first = files.setdefault(scene.name, source)
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
@@ -196,28 +196,6 @@ class Study(SceneFields):
             cameras = _chosen(self.views, scene.cameras, scene.cameras[:1], f"views of {scene.name}")
             for camera, light in itertools.product(cameras, self.lights_of(scene)):
                 yield self.block(view_of(scene, camera, light, self.view_size))
-
-    def _opened(self) -> Iterator[tuple[str | Scene, Scene]]:
-        """The scenes; time and clip are of those that have them, and a note says which do not.
-
-        Raises InputError, also if none has them.
-        """
-        sources, options = list(dict.fromkeys(self.scenes)), self.scene_options()
-        plain = replace(options, time=None, clip=None)
-        if plain == options or len(sources) < 2:
-            yield from ((source, opened(source, options, tracer_of)) for source in sources)
-            return
-        scenes, lacking = [], []
-        for source in sources:
-            try:
-                scenes.append(opened(source, options, tracer_of))
-            except NotInFile as error:
-                scene = opened(source, plain, tracer_of)
-                scenes.append(replace(scene, notes=(*scene.notes, f"{error}; {scene.name} is taken without")))
-                lacking.append(error)
-        if len(lacking) == len(sources):
-            raise lacking[0]
-        yield from zip(sources, scenes, strict=True)
 
     def block(self, view: View) -> Block:
         """The block of a view, with all cells."""
@@ -227,31 +205,31 @@ class Study(SceneFields):
 
     def lights_of(self, scene: Scene) -> list[Light]:
         """Lights of the study in a scene; "file" stands for all of the scene's."""
-        found = _chosen(self.lights, scene.lights, scene.lights, f"lights of {scene.name}")
-        return [sunlit(light) for light in found] if self.sun else found
+        lights = _chosen(self.lights, scene.lights, scene.lights, f"lights of {scene.name}")
+        return [sunlit(light) for light in lights] if self.sun else lights
 
 
 def _takes_a_size(spec: Spec) -> bool:
     """Whether map sizes of a study apply to a spec: it has a map, and names no size."""
-    return spec.has_size and "size" not in spec.explicit
+    return has_size(spec.technique) and "size" not in spec.explicit
 
 
 def _chosen(
     entries: Sequence[str | Named], known: Sequence[Named], of_file: Sequence[Named], where: str
 ) -> list[Named]:
     """The cameras or lights that entries name, without duplicates; "file" stands for `of_file`."""
-    found: list[Named] = []
+    chosen: list[Named] = []
     for entry in entries:
         if not isinstance(entry, str):
-            found.append(entry)
+            chosen.append(entry)
         else:
-            found.extend(of_file if entry == "file" else [named(known, entry, where)])
-    found = list(dict.fromkeys(found))
-    names = [thing.name for thing in found]
+            chosen.extend(of_file if entry == "file" else [named(known, entry, where)])
+    chosen = list(dict.fromkeys(chosen))
+    names = [thing.name for thing in chosen]
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"{where}: two are called {name!r}; names must differ")
-    return found
+    return chosen
 
 
 def scenes_of(blocks: Sequence[Block]) -> list[Scene]:
@@ -270,14 +248,7 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
         raise InputError(f"{file}: found a scene file; allowed: a study file, or `shadowbench run` with it as a scene")
     notes: list[str] = []
     convert(table, str(file), folder or file.parent, techniques, notes)
-    return _valid(table, str(file)).with_(notes=tuple(notes))
-
-
-def _valid(values: dict[str, Any], where: str | None = None) -> Study:
-    try:
-        return Study.model_validate(values, context=where)
-    except ValidationError as error:
-        raise explain(where or "study", error) from None
+    return validated(Study, table, str(file)).with_(notes=tuple(notes))
 
 
 def study_from_options(
@@ -295,7 +266,7 @@ def study_from_options(
     known: techniques that the file may name; view: options without a value keep the study's. Specs without a study and
     map sizes are measured at their own map sizes, in one phase. Raises InputError.
     """
-    found = read_study(find_study(study or "default"), known)
+    base = read_study(find_study(study or "default"), known)
     changes: dict[str, Any] = {"scenes": scenes, "map_size": map_size, **asdict(measuring), **asdict(view)}
     for one, several in (("view", "views"), ("light", "lights")):
         changes[several] = tuple(filter(None, [changes.pop(one)]))
@@ -305,22 +276,12 @@ def study_from_options(
     if view.lamp or view.sun_at:
         changes |= {"lamp": view.lamp, "sun_at": view.sun_at}
     if specs:
-        changes["technique"] = (CrossedSpecs(tuple(specs), sweeps=found.sweeps),)
+        changes["technique"] = (CrossedSpecs(tuple(specs), sweeps=base.sweeps),)
         if study is None and map_size is None:
             changes = {"map_size": None, "phases": 1, **changes}
     elif measuring.phases:
-        changes["technique"] = tuple(replace(crossed, phases=None) for crossed in found.technique)
-    changed = found.with_(**changes)
-    return changed.with_(notes=(*found.notes, *_size_notes(map_size, specs, changed))) if map_size else changed
-
-
-def _size_notes(map_size: Sequence[int], specs: Sequence[Spec], study: Study) -> Iterator[str]:
-    """What is noted about specs that --map-size leaves as they are."""
-    sizes = f"--map-size {','.join(map(str, map_size))} leaves"
-    yield from (f"{spec.text} names its size, which {sizes} as it is" for spec in specs if "size" in spec.explicit)
-    for spec in study.specs:
-        if not spec.has_size and any(map(has_size, spec.techniques[1:])):
-            yield f"{spec.text}: {sizes} the map inside as it is; its size is written in the spec"
+        changes["technique"] = tuple(replace(crossed, phases=None) for crossed in base.technique)
+    return base.with_(**changes)
 
 
 def find_study(name: str) -> Path:
@@ -333,3 +294,18 @@ def find_study(name: str) -> Path:
 def study_names() -> list[str]:
     """Names of the built-in studies."""
     return sorted(path.stem for path in data_folder("benchmarks").glob("*.toml"))
+
+
+def copy_study(about: Mapping[str, Any], folder: Path, baseline: Path) -> Path | None:
+    """Copy the study file that a run folder's command names to `study.toml` in a baseline; the copied file.
+
+    None if the command, in `about`, the contents of `run.json`, names none, and if the file was changed since.
+    """
+    words = shlex.split(about.get("command", "").replace("--study=", "--study "))
+    named = [value for option, value in itertools.pairwise(words) if option in ("-s", "--study")]
+    file, kept = find_study(named[-1]) if named else baseline, baseline / "study.toml"
+    if not file.is_file() or file.stat().st_mtime > (folder / "run.json").stat().st_mtime or file == kept:
+        return None
+    with replace_file(kept) as temporary:
+        temporary.write_bytes(file.read_bytes())
+    return file

@@ -47,9 +47,7 @@ class Cascades(Technique):
     # Engines end their cascades at distances; those of Godot and Unity are here shares of the camera's far plane.
     # Godot: light_3d.cpp, PARAM_SHADOW_SPLIT_*_OFFSET of 100 m; four share directional_shadow/size, 4096. Bevy:
     # CascadeShadowConfigBuilder, overlap_proportion 0.2 (of the end, here of the length), DirectionalLightShadowMap
-    # 2048. In six scenes of 256² pixels its IoU is within 0.008 and its acne within 0.001 of those of Bevy 0.18; most
-    # in `street`, as Bevy has no shadows beyond 150 m, and here the last map shows some. Unity:
-    # UniversalRenderPipelineAsset.cs, m_Cascade4Split of 50 m, selected by spheres; four share 2048.
+    # 2048. Unity: UniversalRenderPipelineAsset.cs, m_Cascade4Split of 50 m, selected by spheres; four share 2048.
     presets = {
         "godot": f"{_SPHERES},split=shares(0.1,0.2,0.5),select=depth,size=2048,{GODOT}",
         "bevy": f"{_SPHERES},split=ends(10,28,78,150),select=depth,blend=0.2,size=2048,{BEVY}",
@@ -141,37 +139,29 @@ class Cascades(Technique):
     def _light_view(self, space: LightSpace, part: Slice, frame: Frame) -> LightView:
         params, padding, shift = self.params, self.params.filter.reach(self.params.size) + 1, frame.phase.shift
         light_radius = self.map.light_radius(frame.light)
+        # With depth clamping a longer range would only cost depth precision and enlarge biases in units of depth.
+        depth_factor = 1.0 if params.depth_clamp else params.z_mult
+        center, radius = part.sphere
         if params.stable:  # the window's size must not depend on the camera's pose
-            center, radius = part.sphere
             scene = space.box(self.hull.points)
             reach = light_radius * float(scene.high[2] - scene.low[2])
-            half = np.array([radius + reach, radius + reach, radius * self._depth_factor])
+            half = np.array([radius + reach, radius + reach, radius * depth_factor])
             placed = snapped(space, center, half, params.size, padding, shift)
             added = np.full(4, reach)
         else:
-            box = self._box(space, part)
+            if params.box == "sphere":
+                half = np.array([radius, radius, radius * depth_factor])
+                middle = space.box(center[None]).low
+                box = Box(middle - half, middle + half)
+            else:
+                bounds, extent = self.hull.bounds, self.hull.extent
+                points = part.corners if params.box == "tight" else part.corners_within(bounds, extent)
+                box = stretched(space.box(points), depth_factor)
             wide = widened(box, space, self.hull, frame.light, light_radius)
             placed = window(wide, space, params.size, padding, shift)
             added = np.concatenate([(box.low - wide.low)[:2], (wide.high - box.high)[:2]])
         self.margins.append(added / np.tile((placed.high - placed.low)[:2], 2))
         return LightView(space, placed, params.size)
-
-    def _box(self, space: LightSpace, part: Slice) -> Box:
-        """The receivers' box of a slice."""
-        params = self.params
-        if params.box != "sphere":
-            hull = self.hull
-            points = part.corners if params.box == "tight" else part.corners_within(hull.bounds, hull.extent)
-            return stretched(space.box(points), self._depth_factor)
-        center, radius = part.sphere
-        half = np.array([radius, radius, radius * self._depth_factor])
-        middle = space.box(center[None]).low
-        return Box(middle - half, middle + half)
-
-    @property
-    def _depth_factor(self) -> float:
-        # With depth clamping a longer range would only cost depth precision and enlarge biases in units of depth.
-        return 1.0 if self.params.depth_clamp else self.params.z_mult
 
     def _uniforms(self, frame: Frame) -> dict[str, Value]:
         values = map_uniforms(self.light_views)
@@ -187,9 +177,6 @@ class Cascades(Technique):
 
     def tint(self) -> moderngl.Texture:
         return self.map.debug("cascades/tint.frag")
-
-    def texels(self) -> moderngl.Texture:
-        return self.map.debug("cascades/texels.frag")
 
     def map_image(self) -> NDArray[np.float32]:
         return np.hstack(list(self.map.texture.read()[:, ::-1]))

@@ -23,7 +23,6 @@ _NEAREST = 2.0**-24  # near plane as a share of far: closer to the light than fl
 _AXES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 # (6, 4, 3) normals of the planes between a face's pyramid and its neighbours, through the light.
 _SIDES = np.array([[axis + side for side in np.vstack([np.eye(3), -np.eye(3)]) if side @ axis == 0] for axis in _AXES])
-_CROSS = ((None, 2, None, None), (1, 4, 0, 5), (None, 3, None, None))  # faces of the unfolded cube, +Z in front
 
 
 class CubeMap(Technique):
@@ -93,26 +92,16 @@ class CubeMap(Technique):
             reach = np.linalg.norm(self.hull.points - frame.light.position, axis=1)
             self.far = float(reach.max()) * _MARGIN
             self.map.program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)
-            self.map.draw_layers(frame, self._draws(frame))
+            planes = [np.column_stack([sides, -sides @ frame.light.position]) for sides in _SIDES]
+            faces: list[tuple[dict[str, Value], list[Floats]]]  # uniforms of each draw, and the region of its casters
+            faces = [({"face": face}, [pyramid]) for face, pyramid in enumerate(planes)]
+            self.map.draw_layers(frame, [({}, [])] if self.params.layers == "geometry" else faces)
         self.map.prepare(frame, "light")
         return self.map.inputs(frame.light, {"map_far": self.far})
 
-    def _draws(self, frame: Frame) -> list[tuple[dict[str, Value], list[Floats]]]:
-        """Uniforms and cull regions of each draw: one for all faces, or one per face with its pyramid's planes."""
-        if self.params.layers == "geometry":
-            return [({}, [])]
-        planes = [np.column_stack([sides, -sides @ frame.light.position]) for sides in _SIDES]
-        return [({"face": face}, [pyramid]) for face, pyramid in enumerate(planes)]
-
-    def texels(self) -> moderngl.Texture:
-        return self.map.debug("shadow-map/texels.frag")
-
     def map_image(self) -> NDArray[np.float32]:
-        """The faces as an unfolded cross, (3·size, 4·size), seen from the light: +Z in front, +X to its left."""
-        faces = self.map.texture.read()  # row 0 is the top of a cube's faces, the bottom of other maps
-        empty = np.ones_like(faces[0])
-        cross = np.block([[empty if face is None else faces[face] for face in row] for row in _CROSS])
-        return np.fliplr(cross)
+        """The faces side by side, (size, 6·size): +X, −X, +Y, −Y, +Z, −Z."""
+        return np.hstack(list(self.map.texture.read()))  # row 0 is the top of a cube's faces, the bottom of other maps
 
     def facts(self) -> dict[str, float]:
         far = self.far / self.stage.placement.scale

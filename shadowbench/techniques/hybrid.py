@@ -1,7 +1,7 @@
 """A small shadow map decides where it is certain; only the other pixels are traced (Hertel et al. 2009)."""
 
 import math
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 from pydantic import model_validator
@@ -19,7 +19,6 @@ from shadowbench.techniques.ray_traced import EXTRA_WORK, RayTraced, TracePass, 
 from shadowbench.techniques.shadow_map import ShadowMap
 
 _CORNERS = 6  # vertices of an edge in silhouette.vert
-UNSURE = 0.5  # visibility of pixels that the map does not answer
 
 
 class Conservative(Filter):
@@ -64,7 +63,6 @@ class Hybrid(Technique):
 
     class Params(FittedParams):
         fit: Fit = param(ViewFit(), "part of the scene that the map covers")
-        rest: Literal["trace", "embree"] = param("trace", "traces the other pixels: in a shader, or on the CPU")
         offset: float = param(1e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
         terminator: bool = param(False, "shadows are received on the smooth surface, as with the bias of that name")
 
@@ -86,7 +84,7 @@ class Hybrid(Technique):
 
     @classmethod
     def extra_work(cls, params: Params) -> str | None:
-        return EXTRA_WORK if params.rest == "trace" else None
+        return EXTRA_WORK
 
     @classmethod
     def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
@@ -94,41 +92,33 @@ class Hybrid(Technique):
         return inner.declines(inner.params, view, device) or too_large(view.scene, device)
 
     def build(self, stage: Stage) -> None:
-        if self.params.rest == "embree":
-            self.embree = RayTraced(RayTraced.Params(offset=self.params.offset))
-            self.embree.build(stage)
-            self.visibility = self.embree.visibility
-        else:
-            self.trace = TracePass(stage, ray_offset(stage.scene, self.params.offset))
-            self.visibility = stage.texture()
+        self.trace = TracePass(stage, ray_offset(stage.scene, self.params.offset))
+        self.visibility = stage.texture()
         self.target = stage.stencil_target(self.visibility).target
-        kinds = {light.hard_kind for light in stage.scene.lights}
-        self.classifications = {kind: Classification(stage, _map_of(self.params, kind)) for kind in kinds}
         self.stage = stage
+        self.classifications: dict[LightKind, Classification] = {}
+        for light in stage.scene.lights:
+            self._classification(light.hard_kind)
+
+    def _classification(self, kind: LightKind) -> "Classification":
+        if kind not in self.classifications:
+            self.classifications[kind] = Classification(self.stage, _map_of(self.params, kind))
+        return self.classifications[kind]
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        kind = frame.light.hard_kind
-        if kind not in self.classifications:  # a light that is not the scene's
-            self.classifications[kind] = Classification(self.stage, _map_of(self.params, kind))
-        self.classifications[kind](frame, self.target)
-        if self.params.rest == "embree":
-            self.embree.trace_pixels(frame, only=UNSURE)
-        else:
-            with frame.timed("trace", changes="view"):
-                self.trace(frame, self.target, State(depth_test="<", depth_write=False))
+        self._classification(frame.light.hard_kind)(frame, self.target)
+        with frame.timed("trace", changes="view"):
+            self.trace(frame, self.target, State(depth_test="<", depth_write=False))
         return self.visibility
 
     def facts(self) -> dict[str, float]:
-        reads = {"reads": float(Conservative().reads * math.prod(self.stage.size))}
-        return reads | (self.embree.facts() if self.params.rest == "embree" else {})
+        return {"reads": float(Conservative().reads * math.prod(self.stage.size))}
 
 
 class Classification:
     """Draws a map and the silhouette edges and cut-outs in it, and what they say of each pixel.
 
-    The edges are those between a triangle that faces the light and one that does not, and those of one triangle only.
-    All of a cut-out triangle are among them: of a texel without one, the triangle covers all or nothing, and may be
-    opaque throughout, or clear, by its texture.
+    Edges of a cut-out triangle are always among them: of a texel without one, the triangle covers all or nothing.
     """
 
     def __init__(self, stage: Stage, map: ShadowMap | CubeMap) -> None:
@@ -177,10 +167,7 @@ class Classification:
             self._triangle.draw(target, inputs, State(depth_test="<="))
 
     def _draw_silhouettes(self, frame: Frame, depths: tuple[Texture, Sampling]) -> None:
-        """Draw the linear depth of the nearest edge or cut-out in each texel, 1 for none.
-
-        depths: of the map, which hide others.
-        """
+        """Draw the linear depth of the nearest edge or cut-out in each texel that `depths` do not hide, 1 for none."""
         light = np.array(frame.light_uniform)
         seen = self._edges[self._weights(self._exact, self._edges, light, 0, self._closed) != 0]
         chosen = np.concatenate([seen[:, 1:3], self._edges_of_cutouts])

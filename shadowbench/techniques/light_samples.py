@@ -28,13 +28,13 @@ def _inner_spec(value: Any) -> Any:
     """The spec of a technique's name or call in a spec. Raises ValueError with the allowed names."""
     if isinstance(value, Spec):
         return value
-    call = value if isinstance(value, Call) else Call(f"{value!s:.60}", ())
+    call = value if isinstance(value, Call) else Call(f"{value!s:.60}")
     known = {one.name: one for one in own_techniques() if one is not LightSamples}
-    if call.name not in known:
-        raise ValueError(f"unknown technique {call.name!r}{alternatives(call.name, sorted(known))}")
-    if any(key is None for key, _ in call.arguments):
-        raise ValueError(f"{call.name}: found a value without a name; allowed: {call.name}(key=value,…)")
     try:
+        if call.name not in known:
+            raise InputError(f"unknown technique {call.name!r}{alternatives(call.name, sorted(known))}")
+        if any(key is None for key, _ in call.arguments):
+            raise InputError(f"{call.name}: found a value without a name; allowed: {call.name}(key=value,…)")
         return spec_of(known[call.name], call.arguments, call.name)
     except InputError as error:
         raise ValueError(str(error)) from None

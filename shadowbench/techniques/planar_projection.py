@@ -1,19 +1,17 @@
 """Projected shadows on planar receivers (Blinn 1988, "Me and my (fake) shadow", IEEE CG&A 8(1), 82–86)."""
 
 from collections.abc import Iterator
-from typing import Literal
 
 import numpy as np
 
 from shadowbench.geometry.convex import box_planes, corners, is_outside, view_planes
-from shadowbench.geometry.planes import LEAST_SHARE, MOST_PLANES, TOLERANCE, Plane, find_planes
+from shadowbench.geometry.planes import LEAST_SHARE, MOST_PLANES, TOLERANCE, find_planes
 from shadowbench.gl.device import Device, moderngl
-from shadowbench.gl.gbuffer import view_projection
-from shadowbench.gl.geometry import triangle_texels
+from shadowbench.gl.gbuffer import triangle_texels, view_projection
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
-from shadowbench.scenes.triangles import Geometry, bounds_of, used_by
+from shadowbench.scenes.triangles import bounds_of, used_by
 from shadowbench.scenes.vectors import Floats, vec3
 
 _ROUNDING = 1e-6  # of the diagonal: exceeds the float32 distance of a plane's own corners from it near the origin
@@ -42,7 +40,6 @@ class PlanarProjection(Technique):
     )
 
     class Params(TechniqueParams):
-        receives: Literal["found", "flagged"] = param("found", "planes of all meshes, or of meshes flagged as planar")
         share: float = param(LEAST_SHARE, "smallest area of a plane, as a share of all receivers' area", ge=0, le=1)
         count: int = param(MOST_PLANES, "largest number of planes; the largest planes are kept", ge=1, le=1024)
         tolerance: float = param(
@@ -56,15 +53,17 @@ class PlanarProjection(Technique):
 
     @classmethod
     def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
-        if _planes(view.scene.geometry, params, most=1):
-            return None
-        return "no receiver is a plane" if params.receives == "found" else "no mesh flagged as planar is a plane"
+        geometry = view.scene.geometry
+        planes = find_planes(geometry, geometry.receives, params.share, 1, params.tolerance)
+        return None if planes else "no receiver is a plane"
 
     def build(self, stage: Stage) -> None:
         self.stage, geometry = stage, stage.scene.geometry
-        self.planes = _planes(geometry, self.params, self.params.count)
+        params = self.params
+        self.planes = find_planes(geometry, geometry.receives, params.share, params.count, params.tolerance)
         self.drawn = 0
-        self.corners = [_corners(geometry, plane) for plane in self.planes]
+        bounds = [bounds_of(used_by(geometry.faces[plane.triangles], geometry.vertices)) for plane in self.planes]
+        self.corners = [corners(box_planes(box), float(np.abs(box).max())) for box in bounds]
         low, high = geometry.bounds
         far = float(np.abs(geometry.bounds).max())
         self.rounding = _ROUNDING * float(np.linalg.norm(high - low)) + _FLOAT_STEP * far
@@ -126,14 +125,3 @@ def flattening(plane: Floats, light: Floats) -> Floats:
     """
     result: Floats = (plane @ light) * np.eye(4) - np.outer(light, plane)
     return result
-
-
-def _planes(geometry: Geometry, params: PlanarProjection.Params, most: int) -> tuple[Plane, ...]:
-    searched = geometry.receives & geometry.planar if params.receives == "flagged" else geometry.receives
-    return find_planes(geometry, searched, params.share, most, params.tolerance)
-
-
-def _corners(geometry: Geometry, plane: Plane) -> Floats:
-    """(N, 3) corners of the bounding box of a plane's triangles."""
-    bounds = bounds_of(used_by(geometry.faces[plane.triangles], geometry.vertices))
-    return corners(box_planes(bounds), float(np.abs(bounds).max()))

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from shadowbench.gl.device import Device, moderngl
-from shadowbench.gl.gbuffer import download
-from shadowbench.gl.geometry import CUTOUTS, TRIANGLE_ROW, triangle_texels
+from shadowbench.gl.gbuffer import CUTOUTS, TRIANGLE_ROW, download, triangle_texels
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import Light, Scene, View
@@ -141,27 +140,18 @@ class RayTraced(Technique):
             with frame.timed("trace", changes="view"):
                 self.trace(frame, self.target)
             return self.visibility
-        self.trace_pixels(frame)
-        return self.visibility
-
-    def trace_pixels(self, frame: Frame, only: float | None = None) -> None:
-        """Write the visibility of all pixels by Embree, or of those only whose visibility so far is `only`."""
         with frame.timed("download", changes="view"):
-            before = None if only is None else download(self.visibility).ravel()
-            chosen = slice(None) if before is None else np.flatnonzero(before == only)
             position, normal = (
-                download(texture).reshape(-1, 4)[chosen] for texture in (frame.surface.position, frame.surface.normal)
+                download(texture).reshape(-1, 4) for texture in (frame.surface.position, frame.surface.normal)
             )
         with frame.timed("trace", changes="view"):
             size = max(1, RAYS_A_SLICE // self.params.samples)
             parts = list(over_slices(lambda part: self._trace(frame, part, position, normal), len(position), size))
             self.rays = sum(rays for _, rays in parts)
-            visibility = np.concatenate([np.zeros(0, dtype=np.float32), *(part for part, _ in parts)])
-            if before is not None:
-                before[chosen] = visibility
-                visibility = before
+            visibility = np.concatenate([part for part, _ in parts])
         with frame.timed("upload", changes="view"):
             self.visibility.write(np.flipud(visibility.reshape(self.visibility.size)).tobytes())
+        return self.visibility
 
     def facts(self) -> dict[str, float]:
         return {"rays": float(self.rays)} if self.params.where == "cpu" else {}

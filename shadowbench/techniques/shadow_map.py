@@ -27,7 +27,7 @@ from shadowbench.maps.caster_map import (
 from shadowbench.maps.filters import Filter, Hardware
 from shadowbench.maps.fits import Fit, FittedParams, FittedView
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, param
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import Light, View
 
 # mrdoob/three.js. LightShadow.js: bias 0, normalBias 0, radius 1, mapSize 512. WebGLShadowMap.js, shadowSide: the back
 # faces of materials that show their front; here of all, as by `three:cast=back`. shadowmap_pars_fragment.glsl.js,
@@ -36,8 +36,7 @@ THREE = "bias=front-cull,filter=pcf-disc(width=1,taps=5,plane=false)"
 
 # BabylonJS/Babylon.js, its documentation of shadows: usePercentageCloserFiltering and a bias of 0.01, which
 # shadowMapVertexMetric.fx adds to clip space, which is 2 deep. shadowsFragmentFunctions.fx, computeShadowWithPCF5: the
-# default, QUALITY_HIGH. What ships before a filter is chosen, FILTER_NONE with 5e-5, has depths of 16-bit floats, which
-# no format here has.
+# default, QUALITY_HIGH.
 BABYLON = "bias=constant(0.005),filter=castano(5)"
 
 # godotengine/godot. light_3d.cpp: PARAM_SHADOW_BIAS 0.1, _NORMAL_BIAS 2 texels, _BLUR 1, _PANCAKE_SIZE 20.
@@ -140,27 +139,26 @@ class ShadowMap(Technique):
 
     def build(self, stage: Stage) -> None:
         self.build_map(stage)
-        parallel = {light.kind == "directional" for light in stage.scene.lights}
-        self.resolves = {one: self._resolve_pass(one) for one in parallel}
+        self.resolves: dict[bool, ResolvePass] = {}  # for light rays that are parallel, or not
+        for light in stage.scene.lights:
+            self._resolve_pass(light)
 
-    def _resolve_pass(self, parallel: bool) -> ResolvePass:
-        """For light rays that are parallel, or not."""
-        return self.map.resolve_pass("shadow-map/resolve.frag", PARALLEL=int(parallel))
+    def _resolve_pass(self, light: Light) -> ResolvePass:
+        parallel = light.kind == "directional"
+        if parallel not in self.resolves:
+            self.resolves[parallel] = self.map.resolve_pass("shadow-map/resolve.frag", PARALLEL=int(parallel))
+        return self.resolves[parallel]
 
     def build_map(self, stage: Stage) -> None:
         """What `draw_map` needs."""
-        params = self.params
-        self.stage = stage
+        self.stage, params = stage, self.params
         self.fitted = FittedView(stage, params.fit, params.size, params.filter.reach(params.size))
         self.map = FilteredMap(stage, params, params.layout, self.fitted.hull)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         inputs = self.draw_map(frame)
         with frame.timed("resolve", changes="view"):
-            parallel = frame.light.kind == "directional"
-            if parallel not in self.resolves:  # a light that is not the scene's
-                self.resolves[parallel] = self._resolve_pass(parallel)
-            return self.map.look_up(self.resolves[parallel], frame, inputs)
+            return self.map.look_up(self._resolve_pass(frame.light), frame, inputs)
 
     def draw_map(self, frame: Frame) -> MapInputs:
         """Fit and draw the map; the textures and uniforms of shadow_map.glsl."""
@@ -171,9 +169,6 @@ class ShadowMap(Technique):
             self.map.draw(frame, [self.light_view])
         self.map.prepare(frame, moves)
         return self.map.inputs(frame.light, map_uniforms([self.light_view], params.reversed))
-
-    def texels(self) -> moderngl.Texture:
-        return self.map.debug("shadow-map/texels.frag")
 
     def map_image(self) -> NDArray[np.float32] | None:
         depths = self.map.texture.read()[0, ::-1].astype(np.float64)

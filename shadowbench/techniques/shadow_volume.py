@@ -12,7 +12,7 @@ from shadowbench.geometry.lights import LightSpace, LightView
 from shadowbench.geometry.topology import Casters, Indices, Singles, casters_of
 from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.gbuffer import view_projection
-from shadowbench.gl.program import Comparison, Drawable, Sampling, State, Stencil, Textures
+from shadowbench.gl.program import Comparison, Drawable, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
 from shadowbench.maps.culling import box_corners, kept_ranges, may_shadow, visible_region
 from shadowbench.maps.fits import MinMaxReduction
@@ -24,9 +24,8 @@ from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 Count = Literal["z-pass", "z-fail"]
 Extrusion = Literal["triangle", "silhouette"]
 VolumePart = Literal["wall", "cap"]
-Sign = Literal[1, -1]
 
-_SIGNS: tuple[Sign, Sign] = (1, -1)
+_SIGNS = 1, -1
 _WALL_CORNERS = 6  # vertices of a wall in wall.vert
 _AT_EYE = 1e-6  # near plane as a share of far, for a frustum that begins at the eye
 _MARGIN = 1e-3  # of the extent of eye and visible region: walls end this far outside
@@ -35,18 +34,9 @@ _ON_EDGE = 1e-6  # distance of a lamp from an edge, as a share of the coordinate
 _CLOSE = 1e-3  # distance of a lamp from a triangle's plane, as a share of the triangle's size
 
 
-class VolumeParams(TechniqueParams):
-    """Parameters of every technique that extrudes volumes."""
-
-    cutouts: Literal["unsupported", "opaque"] = param(
-        "unsupported", "declines casters cut out by alpha, or draws them whole"
-    )
-
-    def unsupported_casters(self, view: View) -> str | None:
-        """Why casters of a view cannot be extruded; None if all can."""
-        if self.cutouts == "opaque" or view.scene.geometry.caster_cutouts is None:
-            return None
-        return "casters cut out by alpha, which volumes do not test; cutouts=opaque draws them whole"
+def cut_out_casters(view: View) -> str | None:
+    """Why casters of a view cannot be extruded; None if all can."""
+    return None if view.scene.geometry.caster_cutouts is None else "casters cut out by alpha, which volumes do not test"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,23 +53,22 @@ class Batch:
     others: NDArray[np.bool_]
 
 
-def batches_of(view: View, boxes: Floats, cut_out: NDArray[np.bool_], count: Count, cull: bool) -> list[Batch]:
+def batches_of(view: View, boxes: Floats, count: Count, cull: bool) -> list[Batch]:
     """The parts that may shadow a visible receiver, in batches.
 
     Counting in front of the receivers needs no caps, and no walls beyond the receivers. It is wrong for a volume that
     the eye is in, or whose cap is between the eye and the near plane: with z-fail, parts that may have such a volume
-    are counted behind the receivers. So are those with holes that receivers are seen through, behind their caps.
-    boxes: (P, 2, 3) bounds of the parts; cut_out: (P,); cull: False keeps all parts.
+    are counted behind the receivers. boxes: (P, 2, 3) bounds of the parts; cull: False keeps all parts.
     """
     xyz, w = view.light.homogeneous
     light, far = (*xyz, w), view.near_far[1]
     region = visible_region(replace(view, camera=replace(view.camera, near=_AT_EYE * far)))
     kept = may_shadow(boxes, light, region) if cull else np.ones(len(boxes), dtype=bool)
-    behind = kept & cut_out
-    if count == "z-fail":
-        behind |= kept & may_shadow(boxes, light, _before_near(view))
+    behind = kept & may_shadow(boxes, light, _before_near(view)) if count == "z-fail" else np.zeros_like(kept)
     extent = float(np.abs([*view.scene.geometry.bounds, view.camera.position]).max())
-    planes = _surrounding(np.vstack([corners(region, extent), view.camera.position]))
+    low, high = bounds_of(np.vstack([corners(region, extent), view.camera.position]))
+    margin = _MARGIN * float((high - low).max())
+    planes = box_planes(np.array([low - margin, high + margin]))
     first = _first_passed(planes, boxes, light)
     infinity = np.zeros(4)
     batches = [Batch(True, infinity, behind, ~behind)]
@@ -90,29 +79,18 @@ def batches_of(view: View, boxes: Floats, cut_out: NDArray[np.bool_], count: Cou
 
 
 def _before_near(view: View) -> Floats:
-    """(P, 4) planes of the region between the eye and the near plane, and of its shaft towards the light."""
+    """(P, 4) planes of the region between the eye and the near plane, and of its light rays if they can be bounded."""
     near, far = view.near_far
     planes = view_planes(replace(view, camera=replace(view.camera, near=_AT_EYE * far, far=near)))
     points = corners(planes, float(np.abs(view.camera.position).max()) + far)
-    return np.vstack([planes, box_planes(bounds_of(points)), _shaft(view.light, points)])
-
-
-def _shaft(light: Light, points: Floats) -> Floats:
-    """(P, 4) planes of a region that has all light rays to the points; P = 0 if it cannot be bounded."""
-    xyz, w = light.homogeneous
+    planes = np.vstack([planes, box_planes(bounds_of(points))])
+    xyz, w = view.light.homogeneous
     toward = np.array(xyz) - w * points.mean(axis=0)
     if w and ((points - xyz) @ toward >= 0).any():
-        return np.empty((0, 4))
+        return planes
     basis = perpendicular_basis(unit(toward), (0.0, 1.0, 0.0))
     space = LightSpace(basis, w * np.array(xyz), bool(w), float("inf"))
-    return LightView(space, space.box(points), 1).planes
-
-
-def _surrounding(points: Floats) -> Floats:
-    """(6, 4) planes of the bounding box of (N, 3) points, enlarged by a margin."""
-    low, high = bounds_of(points)
-    margin = _MARGIN * float((high - low).max())
-    return box_planes(np.array([low - margin, high + margin]))
+    return np.vstack([planes, LightView(space, space.box(points), 1).planes])
 
 
 def _first_passed(planes: Floats, boxes: Floats, light: tuple[float, ...]) -> NDArray[np.intp]:
@@ -130,36 +108,28 @@ def _first_passed(planes: Floats, boxes: Floats, light: tuple[float, ...]) -> ND
 
 
 class Volumes:
-    """Draws the walls or caps of all shadow volumes.
+    """The walls and caps of all shadow volumes, by the sign of their weight.
 
     Each has an integer weight, and is stored that often. Walls are wound a, b, infinity, and caps as their triangles:
     seen from the light, a cap of positive weight is counter-clockwise. Parts are numbered closed ones first. boxes:
-    (P, 2, 3) their bounds; cut_out: (P,) whether they have holes, by alpha, although drawn whole; faces: (F, 3) their
-    triangles; walls: by sign, (N, 6) float32 edges a → b of the walls with a weight of that sign.
+    (P, 2, 3) their bounds; faces: (F, 3) their triangles; walls: (N, 6) float32 edges a → b; wall_ends: (P,) index
+    after the last vertex of each part's walls.
     """
 
     def __init__(self, stage: Stage, casters: Casters, faces: Extrusion, params: TechniqueParams) -> None:
         from shadowbench.geometry.facing import cap_weights, wall_weights  # Numba takes 0.4 s to import
 
         parts: tuple[VolumePart, ...] = ("wall", "cap")
-        meshes = stage.scene.meshes
-        is_cut_out = np.repeat([mesh.cutout is not None for mesh in meshes], [len(mesh.vertices) for mesh in meshes])
-        self.cut_out = is_cut_out[casters.all.faces[casters.all.face_ends - 1, 0]]
-        holes = {"HOLES": 1} if self.cut_out.any() else {}
-        self._programs = {
-            part: stage.program(
-                f"shadow-volume/{part}.vert",
-                "shadow-volume/count.frag",
-                params=params,
-                defines={part.upper(): 1, **holes},
-            )
+        count = "shadow-volume/count.frag"
+        self.programs = {
+            part: stage.program(f"shadow-volume/{part}.vert", count, params=params, defines={part.upper(): 1})
             for part in parts
         }
         attributes = {"wall": {"a": 3, "b": 3}, "cap": {"point": 4}}
         self._uploads = {
-            (part, sign): stage.stream(self._programs[part], attributes[part]) for part in parts for sign in _SIGNS
+            (part, sign): stage.stream(self.programs[part], attributes[part]) for part in parts for sign in _SIGNS
         }
-        self._drawn: dict[tuple[VolumePart, Sign], Drawable] = {}
+        self.drawn: dict[tuple[VolumePart, int], Drawable] = {}
         self._single, self._cap_weights, self._wall_weights = faces == "triangle", cap_weights, wall_weights
         self._exact = stage.scene.geometry.vertices
         self._vertices = self._exact.astype(np.float32)
@@ -168,13 +138,10 @@ class Volumes:
         self._closed_faces, self._closed_edges = len(casters.closed.faces), len(casters.closed.edges)
 
     def extrude(self, frame: Frame, count_both_facings: bool) -> None:
-        """Extrude for the frame's light.
-
-        count_both_facings: extrude all triangles of closed parts too, not only those that face the light.
-        """
+        """Extrude for the frame's light; count_both_facings: closed parts extrude all triangles too."""
         self._light = np.array(frame.light_uniform)
         self._both_from = 0 if count_both_facings else self._closed_faces
-        for program in self._programs.values():
+        for program in self.programs.values():
             program.set(light=frame.light_uniform)
         if self._single:
             start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
@@ -185,22 +152,20 @@ class Volumes:
             _, a, b, _ = self._edges.T
             ends, both_from = self._edge_ends, 0 if count_both_facings else self._closed_edges
             weights = self._wall_weights(self._exact, self._edges, self._light, both_from, self._closed_edges)
-        self.walls, self._wall_ends = {}, {}
+        self.walls, self.wall_ends = {}, {}
         for sign in _SIGNS:
-            drawn, self._wall_ends[sign] = _repeated(weights, sign, ends, _WALL_CORNERS)
+            rows = np.flatnonzero(sign * weights > 0)
+            drawn = np.repeat(rows, np.abs(weights[rows]))
+            self.wall_ends[sign] = _WALL_CORNERS * np.searchsorted(drawn, ends)
             self.walls[sign] = np.concatenate([self._vertices[a[drawn]], self._vertices[b[drawn]]], axis=1)
-            self._drawn["wall", sign] = self._uploads["wall", sign](np.repeat(self.walls[sign], _WALL_CORNERS, axis=0))
-
-    def silhouette(self) -> Singles:
-        """(N, 6) edges a → b of the walls, with the casters to their left as seen from the light."""
-        return np.concatenate([self.walls[1], np.roll(self.walls[-1], 3, axis=1)])
+            self.drawn["wall", sign] = self._uploads["wall", sign](np.repeat(self.walls[sign], _WALL_CORNERS, axis=0))
 
     def set_camera(self, frame: Frame, world_to_clip: Floats, batches: Sequence[Batch]) -> None:
         """Set the frame's camera, and extrude the caps of the batches that have any."""
-        for program in self._programs.values():
+        for program in self.programs.values():
             program.set(world_to_clip=world_to_clip)
-        if self._programs["wall"].has("eye"):
-            self._programs["wall"].set(eye=frame.camera.position)
+        if self.programs["wall"].has("eye"):
+            self.programs["wall"].set(eye=frame.camera.position)
         capped = next((batch.parts for batch in batches if batch.behind), np.zeros(len(self.boxes), dtype=bool))
         chosen = np.repeat(capped, np.diff(self._face_ends, prepend=0))
         faces = self.faces[chosen]
@@ -209,37 +174,10 @@ class Volumes:
         parts = np.searchsorted(self._face_ends, np.flatnonzero(chosen), side="right")
         for sign in _SIGNS:
             drawn = sign * weights > 0
-            self._drawn["cap", sign] = self._uploads["cap", sign](self._caps(faces[drawn], parts[drawn], sign))
+            self.drawn["cap", sign] = self._uploads["cap", sign](self._caps(faces[drawn], parts[drawn], sign))
 
-    def draw(
-        self,
-        part: VolumePart,
-        batch: Batch,
-        sign: Sign,
-        front_adds: int,
-        target: moderngl.Framebuffer,
-        textures: Textures,
-        state: State,
-    ) -> None:
-        """Draw a batch's walls or caps with a weight of this sign, as many times as their weight.
-
-        front_adds: in a colour target, counter-clockwise faces add front_adds, others subtract it.
-        """
-        program, drawn = self._programs[part], self._drawn[part, sign]
-        program.set(front_adds=float(front_adds))
-        ranges = None  # all caps are of the one batch that is counted behind the receivers
-        if part == "wall":
-            program.set(far_plane=tuple(batch.far_plane.tolist()))
-            if program.has("counted_behind"):
-                program.set(counted_behind=batch.behind)
-            ranges = kept_ranges(batch.parts, self._wall_ends[sign], batch.others)
-        drawn.draw(target, textures, state, ranges)
-
-    def _caps(self, faces: Indices, parts: Indices, sign: Sign) -> Singles:
-        """(N, 4) corners of the near caps and, if the light has a position, of the far caps at infinity.
-
-        parts: (F,) of which the triangles are; sign: of the triangles' weights, 1 if they face the light.
-        """
+    def _caps(self, faces: Indices, parts: Indices, sign: int) -> Singles:
+        """(N, 4) corners of the near caps and, if the light has a position, of the far caps at infinity."""
         near = self._vertices[faces.ravel()]
         points = np.column_stack([near, np.ones(len(near), dtype=np.float32)])
         if self._light[3] == 0:
@@ -267,16 +205,6 @@ class Volumes:
         fan[through, 1] = middle
         far = np.concatenate([away[~close].reshape(-1, 3), fan.reshape(-1, 3), second.reshape(-1, 3)])
         return np.concatenate([points, np.column_stack([far, np.zeros(len(far), dtype=np.float32)])])
-
-
-def _repeated(weights: NDArray[np.integer], sign: Sign, ends: Indices, corners: int) -> tuple[Indices, Indices]:
-    """Rows with a weight of this sign, as often as the weight, and each part's end in vertices.
-
-    ends: (P,) index after each part's last row; corners: number of vertices of a row.
-    """
-    rows = np.flatnonzero(weights > 0 if sign > 0 else weights < 0)
-    drawn = np.repeat(rows, np.abs(weights[rows]))
-    return drawn, corners * np.searchsorted(drawn, ends)
 
 
 # The stencil stores the number of caster layers between receiver and light modulo 256: increments and decrements wrap,
@@ -308,7 +236,7 @@ class ShadowVolume(Technique):
         exact=True,
     )
 
-    class Params(VolumeParams):
+    class Params(TechniqueParams):
         count: Count = param("z-fail", "counts in front of the receiver, or behind it where the eye may be in a volume")
         faces: Extrusion = param("silhouette", "extrudes every triangle that faces the light, or silhouette edges only")
         counter: Literal["stencil", "color"] = param("stencil", "8-bit wrapping stencil, or a blended float target")
@@ -322,7 +250,7 @@ class ShadowVolume(Technique):
 
     @classmethod
     def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
-        return params.unsupported_casters(view)
+        return cut_out_casters(view)
 
     @classmethod
     def extra_work(cls, params: Params) -> str | None:
@@ -337,10 +265,10 @@ class ShadowVolume(Technique):
         params = self.params
         self.casters = casters_of(stage.scene)
         self.volumes = Volumes(stage, self.casters, params.faces, params)
-        # No ray crosses more layers than there are triangles.
-        many = len(self.volumes.faces) > MOST_LAYERS
-        stencil = params.counter == "stencil"
-        self.bound = LayerBound(stage.scene.geometry.vertices[self.volumes.faces]) if stencil and many else None
+        self.bounds: tuple[Floats, Floats] | None = None  # of the triangles; no ray crosses more layers than there are
+        if params.counter == "stencil" and len(self.volumes.faces) > MOST_LAYERS:
+            triangles = stage.scene.geometry.vertices[self.volumes.faces]
+            self.bounds = triangles.min(axis=1).T, triangles.max(axis=1).T
         if params.compare == "depth":
             self.distances = MinMaxReduction(stage, stage.size, "values")
             self.depth_program = stage.program("casters.vert", "depth.frag")
@@ -350,11 +278,10 @@ class ShadowVolume(Technique):
         self.resolve_program = stage.program("fullscreen.vert", "shadow-volume/resolve.frag")
         self.fullscreen = stage.fullscreen(self.resolve_program)
         self.stage = stage
-        if not stencil:
+        if params.counter == "color":
             self._build_counter()
 
     def _build_counter(self) -> None:
-        """Build what counts in a colour target."""
         stage = self.stage
         self.counts = stage.texture()
         self.counting = stage.target(self.counts, depth=self.stenciled.depth)
@@ -368,9 +295,11 @@ class ShadowVolume(Technique):
             count_both_facings = bool(w) and self.casters.may_contain(frame.light.position)
             self.volumes.extrude(frame, count_both_facings)
         self.layers = None
-        if self.bound is not None:
+        if self.bounds is not None:
             with frame.timed("layers", changes="light"):
-                self.layers = self.bound(frame.light, self.volumes.silhouette())
+                walls = self.volumes.walls
+                silhouette = np.concatenate([walls[1], np.roll(walls[-1], 3, axis=1)])
+                self.layers = layers_at_most(frame.light, silhouette, *self.bounds)
         self.in_color = self.params.counter == "color" or (self.layers or 0) > MOST_LAYERS
         with frame.timed("clear", changes="view"):
             self.stenciled.target.clear(1.0, depth=1.0)
@@ -388,8 +317,7 @@ class ShadowVolume(Technique):
                 self.depth_program.set(world_to_clip=view_projection(view))
                 self.surfaces.draw(self.stenciled.target, state=State(depth_test="<", color_write=False))
         with frame.timed("volumes", changes="view"):
-            boxes, cut_out = self.volumes.boxes, self.volumes.cut_out
-            self.batches = batches_of(frame.view, boxes, cut_out, self.params.count, self.params.cull)
+            self.batches = batches_of(frame.view, self.volumes.boxes, self.params.count, self.params.cull)
             self.volumes.set_camera(frame, view_projection(view), self.batches)
             for batch in self.batches:
                 self._count("wall", batch, frame)
@@ -400,10 +328,7 @@ class ShadowVolume(Technique):
         return self.visibility
 
     def _with_tight_near(self, frame: Frame) -> View:
-        """The view with its near plane just in front of the nearest visible surface.
-
-        Depth steps grow with far² / near; with near at far/10⁴, 24 bits are too coarse.
-        """
+        """The view with its near plane just in front of the nearest surface: depth steps grow with 1 / near."""
         lowest, _ = self.distances({"values": (frame.surface.depth, Sampling())})
         near, far = frame.view.near_far
         return replace(frame.view, camera=replace(frame.camera, near=max(near, 0.999 * far * float(lowest[0]))))
@@ -413,19 +338,26 @@ class ShadowVolume(Technique):
         # The camera's ray enters a volume through a counter-clockwise cap, and leaves it through a counter-clockwise
         # wall a → b → infinity.
         front_adds = 1 if batch.behind and part == "wall" else -1
-        # The receiver is the nearest surface, so that every cap is at or behind it and needs no depth test, but those
-        # with holes, for which count.frag has one. Caps in front of the near plane are clipped.
+        volumes, program = self.volumes, self.volumes.programs[part]
+        if part == "wall":
+            program.set(far_plane=tuple(batch.far_plane.tolist()))
+            if program.has("counted_behind"):
+                program.set(counted_behind=batch.behind)
+        # The receiver is the nearest surface, so that every cap is at or behind it and needs no depth test. Caps in
+        # front of the near plane are clipped.
         by_depth = part == "wall" and self.params.compare == "depth"
         compare: Comparison = "" if not by_depth else ">=" if batch.behind else "<"
         state = State(compare, depth_write=False, depth_clamp=True, clip_distances=1 if part == "cap" else 0)
-        for sign in (1, -1):
+        for sign in _SIGNS:
             adds = sign * front_adds
             if self.in_color:
                 target, counted = self.counting, replace(state, blend="add")
             else:
                 stencil = _ADDING if adds > 0 else _SUBTRACTING
                 target, counted = self.stenciled.target, replace(state, color_write=False, stencil=stencil)
-            self.volumes.draw(part, batch, sign, adds, target, frame.surface.inputs, counted)
+            program.set(front_adds=float(adds))  # of counter-clockwise faces, in colour
+            ranges = kept_ranges(batch.parts, volumes.wall_ends[sign], batch.others) if part == "wall" else None
+            volumes.drawn[part, sign].draw(target, frame.surface.inputs, counted, ranges)
 
     def _resolve(self, frame: Frame) -> None:
         if self.in_color:
@@ -447,60 +379,41 @@ class ShadowVolume(Technique):
         return facts if self.layers is None else facts | {"layers_at_most": self.layers}
 
 
-class LayerBound:
-    """Bounds the layers by the silhouette edges that a half-plane through the light crosses.
+def layers_at_most(light: Light, edges: Singles, low: Floats, high: Floats) -> int:
+    """Upper bound on the layers along any ray of the light: the silhouette edges that a half-plane of rays crosses.
 
     On a curve between two light rays, the number of layers changes only at silhouette edges, at each by its weight. The
     curves are half-planes of parallel rays, which come from where there are no casters, or for a light with a position
     half-planes bounded by a line through it, on which they come from the ray that meets the fewest triangles' boxes.
+    edges: (N, 6) a → b with the casters to their left as seen from the light, each as often as its weight; low, high:
+    (3, F) bounds of the casters' triangles.
     """
-
-    def __init__(self, triangles: Floats) -> None:
-        """Triangles: (F, 3, 3) corners of the casters."""
-        low, high = (triangles.min(axis=1), triangles.max(axis=1)) if len(triangles) else np.zeros((2, 0, 3))
-        self._low: Floats = low.T
-        self._high: Floats = high.T
-
-    def __call__(self, light: Light, edges: Singles) -> float:
-        """Upper bound on the layers along any ray of the light.
-
-        edges: (N, 6) edges a → b of the silhouette with the casters to their left as seen from the light, each as often
-        as its weight.
-        """
-        a, b = edges[:, :3].astype(np.float64), edges[:, 3:].astype(np.float64)
-        rounding = _ROUNDING * float(max(np.abs(edges).max(initial=0.0), np.abs(light.position).max()))
-        if light.kind == "directional":
-            basis = perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
-            start, end = a @ basis[0], b @ basis[0]
-            rising = end >= start - rounding
-            return float(_most_at_once(start[rising] - rounding, end[rising] + rounding))
-        axis, sign, crossed = self._emptiest(np.array(light.position), rounding)
-        return crossed + _most_around(a - light.position, b - light.position, axis, sign, rounding)
-
-    def _emptiest(self, point: Floats, rounding: float) -> tuple[int, int, int]:
-        """Of the six rays from a point along the axes, the one that meets the fewest boxes: axis, sign and number."""
-        above, below = self._low <= point[:, None] + rounding, self._high >= point[:, None] - rounding
-        met = {}
-        for axis in range(3):
-            i, j = (axis + 1) % 3, (axis + 2) % 3
-            beside = above[i] & below[i] & above[j] & below[j]
-            met[axis, 1], met[axis, -1] = int((beside & below[axis]).sum()), int((beside & above[axis]).sum())
-        (axis, sign), fewest = min(met.items(), key=lambda item: item[1])
-        return axis, sign, fewest
+    a, b = edges[:, :3].astype(np.float64), edges[:, 3:].astype(np.float64)
+    rounding = _ROUNDING * float(max(np.abs(edges).max(initial=0.0), np.abs(light.position).max()))
+    if light.kind == "directional":
+        basis = perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
+        start, end = a @ basis[0], b @ basis[0]
+        rising = end >= start - rounding
+        return _most_at_once(start[rising] - rounding, end[rising] + rounding)
+    lamp = np.array(light.position)
+    above, below = low <= lamp[:, None] + rounding, high >= lamp[:, None] - rounding
+    boxes_met = {}
+    for axis in range(3):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        beside = above[i] & below[i] & above[j] & below[j]
+        boxes_met[axis, 1], boxes_met[axis, -1] = int((beside & below[axis]).sum()), int((beside & above[axis]).sum())
+    axis, sign = min(boxes_met, key=lambda ray: boxes_met[ray])
+    return boxes_met[axis, sign] + _most_around(a - lamp, b - lamp, axis, sign, rounding)
 
 
 def _most_around(a: Floats, b: Floats, axis: int, sign: int, rounding: float) -> int:
-    """Number of edges a → b, counter-clockwise about an axis through the origin, that a half-plane crosses at most.
-
-    An edge within `rounding` of the axis counts for every half-plane, and so does one of either direction that is as
-    narrow, where it is.
-    """
+    """Number of edges a → b, counter-clockwise about an axis through the origin, that a half-plane crosses at most."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     p, q = a[:, [i, j]], b[:, [i, j]]
     along = q - p
     steps = np.clip(-(p * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), np.finfo(float).tiny), 0.0, 1.0)
     distance = np.hypot(*(p + steps[:, None] * along).T)
-    near = distance <= 4 * rounding
+    near = distance <= 4 * rounding  # of the axis: they count for every half-plane
     p, q, distance = p[~near], q[~near], distance[~near]
     start = np.arctan2(p[:, 1], p[:, 0])
     turn = (np.arctan2(q[:, 1], q[:, 0]) - start + np.pi) % (2 * np.pi) - np.pi

@@ -10,10 +10,10 @@ from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.program import Sampling, State
 from shadowbench.maps.caster_map import ResolvePass
-from shadowbench.plugin.base import Entry, Frame, Stage, Technique, param
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import Light, View
 from shadowbench.techniques.light_samples import LightSamples, hard_light, light_points
-from shadowbench.techniques.shadow_volume import ShadowVolume, VolumeParams
+from shadowbench.techniques.shadow_volume import ShadowVolume, cut_out_casters
 
 POINTS = 16  # of the light in a pass: a target of four floats holds as many counters
 
@@ -36,14 +36,14 @@ class SoftVolume(Technique):
         builds_on=(ShadowVolume, LightSamples),
     )
 
-    class Params(VolumeParams):
+    class Params(TechniqueParams):
         n: int = param(32, "points of the light", ge=1, le=4096)
 
     params: Params
 
     @classmethod
     def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
-        return params.unsupported_casters(view)
+        return cut_out_casters(view)
 
     @classmethod
     def draws_on_cpu(cls, params: Params) -> bool:

@@ -173,11 +173,7 @@ def _contiguous(origins: Vectors, directions: Vectors, reach: Vectors | float) -
 
 @cache
 def answers_digest() -> str:
-    """Hex digest of the distances of fixed rays, whose last bits depend on the processor.
-
-    Embree rounds once where it multiplies and adds in one instruction, and begins divisions by the processor's own
-    estimates. Few rays of a truth are decided by such a bit: some samples of soft shadows, and `blocker`.
-    """
+    """Hex digest of the distances of fixed rays: their last bits depend on the processor, as few rays of a truth do."""
     point: Floats = np.outer(np.arange(1, 1 << 13), np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0])) % 1
     first, along, across = point[:1800, :3].reshape(3, -1, 3)
     corners = np.stack([first, first + along / 5, first + across / 5], axis=1).reshape(-1, 3)

@@ -144,10 +144,9 @@ class NearCasters:
         return tree, cutout_arrays(self._geometry.cutouts, self._geometry.count)
 
     def nearest_blockers(self, receivers: Receivers, height: float, eye: Floats) -> tuple[Floats, Mask]:
-        """(N,) distance along L to the nearest caster within `height` above each receiver, inf if none; (N,) covered.
+        """(N,) distance along L to the nearest caster up to `height` above each receiver's plane, inf if none; covered.
 
-        Nothing in a receiver's own plane blocks it. Covered are those whose only blocker lies on them so closely that,
-        from `eye` (3, 1), float32 may show the blocker instead.
+        Covered are receivers on which a blocker lies so closely that from `eye`, (3, 1), float32 may show it instead.
         """
         count, geometry = len(receivers.triangle), self._geometry
         distance, covered = np.full(count, np.inf), np.zeros(count, dtype=bool)
@@ -190,32 +189,20 @@ def _find_nearest(  # type: ignore[no-untyped-def]
                 t = hit(vertices, face, point, way, corners, through, sides)
                 if not AT_SURFACE < t < length[i] or not is_opaque_at(cut, caster, sides):
                     continue
-                if _rises(vertices, face, own_normals[i], way, own_corners[i]):
-                    cross(vertices[face[1]] - vertices[face[0]], vertices[face[2]] - vertices[face[0]], normal)
-                    size = np.sqrt(dot(normal, normal))
-                    if _covers(through, point - eye, normal / size if size > 0.0 else normal, corners[0]):
-                        covered[i] = True
-                    else:
-                        distance[i] = min(distance[i], t)
-
-
-@compiled()
-def _covers(through, seen, normal, corner):  # type: ignore[no-untyped-def]
-    """Whether a triangle also meets the camera's ray to the point, `seen` from the eye, and lies on the point."""
-    sides = np.empty(3)
-    for j in range(3):
-        sides[j] = dot(through[j], seen)
-    return same_sign(sides) and abs(dot(normal, corner)) < COVERING
-
-
-@compiled()
-def _rises(vertices, face, normal, way, base):  # type: ignore[no-untyped-def]
-    """Whether a triangle rises above the plane through `base`, on the side that L points to."""
-    up = np.sign(dot(normal, way))
-    height = -np.inf
-    for j in range(3):
-        height = max(height, up * dot(normal, vertices[face[j]] - base))
-    return height > FLAT
+                up, height = np.sign(dot(own_normals[i], way)), -np.inf
+                for j in range(3):
+                    height = max(height, up * dot(own_normals[i], vertices[face[j]] - own_corners[i]))
+                if height <= FLAT:
+                    continue
+                cross(vertices[face[1]] - vertices[face[0]], vertices[face[2]] - vertices[face[0]], normal)
+                size, seen = np.sqrt(dot(normal, normal)), point - eye
+                for j in range(3):
+                    sides[j] = dot(through[j], seen)
+                # It covers the point if it also meets the camera's ray to the point, and lies on the point.
+                if same_sign(sides) and abs(dot(normal / size if size > 0.0 else normal, corners[0])) < COVERING:
+                    covered[i] = True
+                else:
+                    distance[i] = min(distance[i], t)
 
 
 @compiled()
@@ -228,7 +215,7 @@ def inverse_of(part):  # type: ignore[no-untyped-def]
 def hit(vertices, face, point, way, corners, through, sides):  # type: ignore[no-untyped-def]
     """How far along a line from a point a triangle is met, −1 if it is not.
 
-    Fills its corners as seen from the point, the planes through the point and its edges, and the line's side of them.
+    Fills in, seen from the point, its corners, the planes through its edges, and the line's side of these.
     """
     for j in range(3):
         for k in range(3):
@@ -254,10 +241,7 @@ def reaches(word, low, step, point, inverse, length):  # type: ignore[no-untyped
 
 @compiled()
 def next_leaf(words, node, low, step, point, inverse, length):  # type: ignore[no-untyped-def]
-    """Walks a tree's nodes from one on to the next leaf whose box a segment meets.
-
-    Returns the node after that leaf, the first of its triangles in the tree's order, and their number, 0 at the end.
-    """
+    """The node after the next leaf whose box a segment meets, and that leaf's first triangle and their number, or 0."""
     while node < len(words):
         link = np.int64(words[node, 3])
         reached = reaches(words[node], low, step, point, inverse, length)

@@ -57,8 +57,7 @@ class LightSampler:
 
         points, normals: (3, R); scrambles: (3, R, replications). Rays start at the height `delta` above the receiver,
         along the ray or `along_normal`, and end as far before a disc or rectangle. Returns origins and directions
-        (3, M), reach (M,), weight (M,), 0 for points below the receiver's plane, and N·ω (M,), M = R · replications ·
-        samples in this order.
+        (3, M), reach, weight, 0 for points below the receiver's plane, and N·ω, each (M,), by receiver first.
         """
         count = scrambles.shape[1] * scrambles.shape[2] * samples
         origins, directions = np.empty((3, count), np.float32), np.empty((3, count), np.float32)
@@ -87,10 +86,7 @@ def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 @cache
 def _tables() -> NDArray[np.uint32]:
-    """(TABLES, 2, MOST_SAMPLES) Sobol points as 32-bit fractions, scrambled by random lower triangular matrices.
-
-    The first 2^m points of each table are a (0, m, 2)-net.
-    """
+    """(TABLES, 2, MOST_SAMPLES) Sobol points as 32-bit fractions, scrambled by random lower triangular matrices."""
     from scipy.stats import qmc  # the import takes 0.6 s, and hard truths do not need it
 
     points = qmc.Sobol(2, scramble=False, bits=32).random(MOST_SAMPLES)
@@ -137,10 +133,8 @@ def _tangents(x, y, z):  # type: ignore[no-untyped-def]
 
 @numba.njit(error_model="numpy", fastmath=_fast)
 def _cone(ax, ay, az, versine, us, vs, shift_u, shift_v, x, y, z):  # type: ignore[no-untyped-def]
-    """Directions uniform in a cone around (ax, ay, az) whose half angle has the cosine 1 − `versine`.
-
-    The square is mapped to the disc (Shirley, Chiu 1997), and the disc's area to the cone's solid angle.
-    """
+    """Directions uniform in a cone around (ax, ay, az) whose half angle has the cosine 1 − `versine`."""
+    # The square is mapped to the disc (Shirley, Chiu 1997), and the disc's area to the cone's solid angle.
     sx, sy, sz, tx, ty, tz = _tangents(ax, ay, az)
     for i in range(len(x)):
         a = 2.0 * _fraction(us[i], shift_u) - 1.0

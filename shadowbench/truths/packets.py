@@ -110,11 +110,10 @@ def intersect(  # type: ignore[no-untyped-def]
 
 
 class CutoutArrays(NamedTuple):
-    """The cut-out triangles of a list of faces, for compiled code.
+    """The K cut-out triangles of a list of F faces, for compiled code.
 
-    of: (F,) int32 index of a face among the cut-out ones, −1 for others; places: (K, 2, 3) float32 column of a
-    triangle's first corner in its cut-out, and its change to the second and the third, then the row's; number: (K,)
-    int32 of the cut-out; table, words: see `PackedCutouts`.
+    of: index of a face among them, −1 for others; places: (K, 2, 3) column and row of the first corner in its cut-out,
+    and their changes to the second and the third; number: (K,) of the cut-out; table, words: see `PackedCutouts`.
     """
 
     of: NDArray[np.int32]
@@ -183,10 +182,9 @@ _pointer: Any = intrinsic(_make_pointer)
 
 
 def _filter(arguments):  # type: ignore[no-untyped-def]
-    """An RTCFilterFunctionN: clears `valid` of hits that are passed through.
+    """Clears `valid` of hits that are passed through; `arguments`: valid, user data, context, rays, hits, N.
 
-    arguments: an RTCFilterFunctionNArguments: valid, user data, context, rays, hits, N. N is that of Embree's kernel,
-    not of the query; lanes whose `valid` is not −1 belong to others.
+    N is that of Embree's kernel, not of the query; lanes whose `valid` is not −1 belong to others.
     """
     count = arguments[5] & 0xFFFFFFFF
     valid, data = _pointer(arguments[0], types.int32), _pointer(arguments[1], types.intp)

@@ -204,11 +204,7 @@ class ViewRays:
 
 
 def _of_unsure_side(vertices: Floats, faces: NDArray[np.int32]) -> Floats:
-    """(K, 3) normals of planes at the origin within float32's error, each divided by that error.
-
-    Of a sum of products, float32 rounds away up to its epsilon times the sum of their magnitudes; 4 allows for the
-    rounding of the corners and of the normal.
-    """
+    """(K, 3) normals of planes at the origin within float32's error, each divided by that error."""
     near = np.ones(len(faces), dtype=bool)
     for along in vertices.T:
         near &= (along[faces].min(axis=1) <= BESIDE_LAMP) & (along[faces].max(axis=1) >= -BESIDE_LAMP)
@@ -216,6 +212,7 @@ def _of_unsure_side(vertices: Floats, faces: NDArray[np.int32]) -> Floats:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     products = corners * normals[:, None]
+    # Float32 rounds away up to its epsilon times the products' magnitudes; 4 allows for the corners and the normal.
     error = 4 * np.finfo(np.float32).eps * np.abs(products).sum(axis=2).max(axis=1)
     unsure = np.abs(products[:, 0].sum(axis=1)) <= error
     return np.unique(normals[unsure] / np.maximum(error[unsure, None], np.finfo(float).tiny), axis=0)

@@ -2,8 +2,6 @@
 
 import math
 import shlex
-import shutil
-import sys
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -11,7 +9,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
-from imgui_bundle import imgui, portable_file_dialogs
+from imgui_bundle import imgui
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
@@ -23,7 +21,6 @@ from shadowbench.plugin.registry import own_techniques
 from shadowbench.plugin.spec import Spec, format_value, parse_spec, spec_of
 from shadowbench.scenes.assumed import sun_direction
 from shadowbench.scenes.library import builtin_names
-from shadowbench.scenes.meshes import MESH_SUFFIXES
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
 from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import Vec3, vec3
@@ -37,7 +34,7 @@ from shadowbench.viewer.state import Layout, Origin, Overlay, Source, holds_stat
 
 WIDTH = 100.0  # of a list above the pictures, in pixels
 SIZES = (128, 256, 512, 768, 1024, 2048)
-HINTS = "drag: orbit;  Shift + drag: pan;  right drag: look;  wheel: zoom;  WASD, QE: walk;  yellow dot: light"
+HINTS = "drag: orbit;  Shift + drag: pan;  right drag: look;  Shift + right drag: light;  wheel: zoom"
 KIND_HELP: Mapping[LightShape, str] = {
     "directional": "a sun: its shadow map is orthographic",
     "spot": "a lamp with a cone: its shadow map is a perspective",
@@ -47,8 +44,7 @@ KIND_HELP: Mapping[LightShape, str] = {
 }
 OVERLAY_HELP: Mapping[Overlay, str] = {
     "picture": "the shaded picture alone",
-    "error": "false shadow is orange, false light blue; of soft shadows the root of the error; dark facets of smooth "
-    "surfaces, which the truth has too, purple",
+    "error": "false shadow is orange, false light blue, dark facets of smooth surfaces purple; the root of soft errors",
     "mask": "the visibility that is scored: lit is white, shadow black",
 }
 HARD = ("iou", "acne", "leak", "contact", "terminator", "edge_px", "ssim")
@@ -59,9 +55,6 @@ DIGITS = 6  # that a slider keeps: its numbers are float32
 INT32 = 2**30  # numbers of this magnitude or more are texts: sliders take 32 bits, and no limits near them
 SUM = "+"  # the name of the sum of two biases
 DEFAULT, CUSTOM = "default", "custom"  # beside the names of presets
-_ON_LINUX = ("zenity", "kdialog", "matedialog", "qarma")
-"""Programs of desktops of which one shows a file dialog; Windows and macOS have their own."""
-_FILES = ["scenes", " ".join(f"*{suffix}" for suffix in (".toml", *MESH_SUFFIXES)), "all files", "*"]
 Model = TypeVar("Model", bound=Strict)
 
 
@@ -81,10 +74,7 @@ def choice(label: str, value: Any, names: Collection[Any], help: str = "") -> An
 
 
 def slider(label: str, value: float, low: float | None, high: float | None, form: str = "%.6g", log: int = 0) -> float:
-    """A slider, or without limits a number that is dragged; the value itself unless it was edited.
-
-    log: flag of a logarithmic slider.
-    """
+    """A slider, or without limits a number that is dragged; the value itself unless it was edited."""
     flags = imgui.SliderFlags_.always_clamp | log
     least, most = -LARGEST if low is None else low, min(LARGEST if high is None else high, LARGEST)
     if low is not None and high is not None:
@@ -96,47 +86,24 @@ def slider(label: str, value: float, low: float | None, high: float | None, form
 
 def tooltip(text: str) -> None:
     """What the last item says when the pointer rests on it."""
-    if text and imgui.is_item_hovered(imgui.HoveredFlags_.delay_short):
-        imgui.begin_tooltip()
+    if text and imgui.begin_item_tooltip():
         imgui.push_text_wrap_pos(360)
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
 
 
-class FilePanel:
-    """Buttons that open and save files; an open dialog, until its file is chosen."""
-
-    def __init__(self, viewer: Viewer) -> None:
-        self._viewer = viewer
-        self._dialog: Any = None
-        self._name = "view.toml"
-
-    def draw(self) -> None:
-        """The buttons, and what was chosen in the dialog."""
-        if imgui.button("open…") and self._dialog is None:
-            self._viewer.attempt(self._ask)
-        tooltip("a scene, a mesh file or a saved state; or drop one onto the window")
-        imgui.same_line()
-        if imgui.button("save"):
-            self._viewer.attempt(lambda: save(self._viewer, Path(self._name)))
-        tooltip("scene, camera, light, techniques and layout, as a scene file for every command")
-        imgui.same_line()
-        self._name = imgui.input_text("##name", self._name)[1]
-        if self._dialog is not None and self._dialog.ready(0):
-            files, self._dialog = self._dialog.result(), None
-            self.dropped(files)
-
-    def dropped(self, files: Sequence[str]) -> None:
-        """Open the first of some files, if there is one."""
-        if files:
-            self._viewer.attempt(lambda: open_file(self._viewer, Path(files[0])))
-
-    def _ask(self) -> str | None:
-        if sys.platform == "linux" and not any(map(shutil.which, _ON_LINUX)):
-            return f"no file dialog is installed ({', '.join(_ON_LINUX)}); drop the file onto the window"
-        self._dialog = portable_file_dialogs.open_file("Open a scene", "", _FILES)
-        return None
+def files_panel(viewer: Viewer, name: str) -> str:
+    """Buttons that open and save a file; its name after this frame's edits."""
+    if imgui.button("open"):
+        viewer.attempt(lambda: open_file(viewer, Path(name)))
+    tooltip("a scene, a mesh file or a saved state; or drop one onto the window")
+    imgui.same_line()
+    if imgui.button("save"):
+        viewer.attempt(lambda: save(viewer, Path(name)))
+    tooltip("scene, camera, light, techniques and layout, as a scene file for every command")
+    imgui.same_line()
+    return str(imgui.input_text("##name", name)[1])
 
 
 def open_file(viewer: Viewer, file: Path) -> str:
@@ -159,7 +126,7 @@ def scene_panel(viewer: Viewer) -> None:
     state = viewer.state
     source = "" if state.origin is None else state.origin.source
     shown = Path(source).name or state.scene.name
-    name = choice("scene", shown, builtin_names(), f"{source}\na built-in scene; others by `open…`".strip())
+    name = choice("scene", shown, builtin_names(), f"{source}\na built-in scene; others by `open`".strip())
     if name != shown:
         viewer.attempt(lambda: viewer.open_scene(Origin(name)))
         return

@@ -103,10 +103,9 @@ class Drawing:
         return Drawn(loaded, frame, tuple(masks), (time.perf_counter() - start) * 1e3)
 
     def picture(self, drawn: Drawn, state: ViewerState, source: Source, traced: Traced | None) -> moderngl.Texture:
-        """A texture that the caller frees: the picture of the truth, which must be traced, or of a mask.
+        """A texture that the caller frees: the picture of the truth, which must be traced, or of a mask, lit if none.
 
-        state: says what is laid over it; traced: the truth of the drawn view, None if it is not traced yet. A mask that
-        was not drawn is lit.
+        state: says what is laid over it; traced: the truth of the drawn view, None if it is not traced yet.
         """
         size, context = drawn.size, self.device.context
         mask = None if source == "truth" else drawn.masks["AB".index(source)]
@@ -266,10 +265,7 @@ class Viewer:
             self.message = reason_of(error)
 
     def open_scene(self, origin: Origin, specs: tuple[Spec, ...] = ()) -> None:
-        """Show another scene from its first camera, under its first light; specs: in place of A and B.
-
-        Raises InputError.
-        """
+        """Show another scene from its first camera, under its first light, with specs in place of A and B."""
         scene, specs = origin.load(), specs or self.state.specs
         camera, light = scene.cameras[0], scene.lights[0]
         shown = replace(self.state, scene=scene, camera=camera, light=light, origin=origin, specs=specs)

@@ -54,9 +54,8 @@ class Origin:
 class ViewerState:
     """What the window shows.
 
-    size: of the image, in pixels along a side; origin: of the scene, None for a sweep's, which no file has;
-    coordinates: in which it is drawn; phase: see `Phase`; left, right: of the wipe; wipe: the share of the picture that
-    `left` takes.
+    size: of the image, in pixels along a side; origin: of the scene, None for a sweep's, which no file has; left,
+    right: of the wipe; wipe: the share of the picture that `left` takes.
     """
 
     scene: Scene
@@ -74,7 +73,7 @@ class ViewerState:
     overlay: Overlay = "picture"
 
     def view(self, size: int | None = None) -> View:
-        """The view, by default of `size`. Raises InputError, as `view_of` does."""
+        """The view, by default of `size`. Raises InputError."""
         return view_of(self.scene, self.camera, self.light, size or self.size)
 
     @property
@@ -124,8 +123,7 @@ def read_state(file: Path, techniques: Techniques, assets: Path | None = None) -
 def save_state(state: ViewerState, file: Path) -> ViewerState:
     """Write a state; returns it with camera and light as the file has them: its degrees are not radians to the bit.
 
-    Raises InputError if the file cannot be written, if the meshes of the scene's file would not be found from there,
-    and for what no file can say: the scene of a sweep, and raw coordinates.
+    Raises InputError if the file cannot be written or would not find the scene's meshes, and for a sweep's scene.
     """
     import tomli_w  # of the extra `viewer`, which states are read without
 

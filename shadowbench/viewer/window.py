@@ -12,16 +12,14 @@ from typing import Any, Literal, get_args
 import glfw
 import imgui_bundle
 import moderngl
-import numpy as np
 from imgui_bundle import imgui
 from moderngl_window.context.glfw.window import Window as GlfwWindow
 from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
 
 from shadowbench.errors import InputError
-from shadowbench.gl.device import before_context, device_of
+from shadowbench.gl.device import device_of
 from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer import camera, controls
-from shadowbench.viewer.camera import Handle
 from shadowbench.viewer.drawing import Viewer
 from shadowbench.viewer.judge import Judge
 from shadowbench.viewer.state import Source, ViewerState
@@ -32,15 +30,13 @@ LABELS = 104.0  # pixels at the right of widgets
 FONT = 15.0
 AFTER_EVENT_S = 0.4  # frames are drawn for so long after an event
 POLL_S = 0.01  # between looks for an answer
-STEP = 0.25  # of the distance to the target that walking covers in a second
-REACH = 12.0  # pixels, from a handle or the wipe's line, that count as on it
+REACH = 12.0  # pixels, from the wipe's line, that count as on it
 GAP = 6.0  # pixels between panes
 TURN = math.pi  # by which a drag over a whole pane turns
 ZOOM = 1.12  # by a step of the wheel
 NUMBERS = {name: 1_000_001 + number for number, name in enumerate(get_args(Source))}
 """By which the interface names the pictures, whose textures are drawn after it was laid out."""
-_YELLOW, _DARK, _WHITE, _DIMMED = 0xFF33DDFF, 0xFF202020, 0xFFFFFFFF, 0xFF737373  # ABGR
-_CORNERS = 48  # of the horizon's circle
+_WHITE, _DIMMED = 0xFFFFFFFF, 0xFF737373  # ABGR
 _BUTTONS = (
     imgui.ButtonFlags_.mouse_button_left
     | imgui.ButtonFlags_.mouse_button_right
@@ -52,7 +48,7 @@ _NO_DISPLAY = (
     "xvfb-run -s '-screen 0 1400x860x24' shadowbench view … opens one on a virtual display"
 )
 
-Gesture = Literal["", "orbit", "pan", "look", "wipe", "light", "aim"]
+Gesture = Literal["orbit", "pan", "look", "wipe", "light"]
 
 
 @dataclass
@@ -63,27 +59,11 @@ class Pane:
     y: float
     side: float
 
-    def place(self, x: float, y: float) -> tuple[float, float]:
-        """Place in the window as one in the picture."""
-        return 2 * (x - self.x) / self.side - 1, 1 - 2 * (y - self.y) / self.side
-
-    def point(self, place: tuple[float, float]) -> tuple[float, float]:
-        """Place in the picture as one in the window, moved to the pane's border if outside."""
-        x, y = (min(max(value, -0.98), 0.98) for value in place)
-        return self.x + (x + 1) / 2 * self.side, self.y + (1 - y) / 2 * self.side
-
 
 def squares(x: float, y: float, width: float, height: float, count: int) -> list[Pane]:
-    """The largest equal squares, in rows of equal length, that fit into a rectangle."""
-
-    def side(columns: int) -> float:
-        rows = -(-count // columns)
-        return min((width - GAP * (columns - 1)) / columns, (height - GAP * (rows - 1)) / rows)
-
-    columns = max(range(1, count + 1), key=side)
-    pane = max(side(columns), 16.0)
-    step = pane + GAP
-    return [Pane(x + index % columns * step, y + index // columns * step, pane) for index in range(count)]
+    """The largest equal squares that fit side by side into a rectangle."""
+    side = max(min((width - GAP * (count - 1)) / count, height), 16.0)
+    return [Pane(x + index * (side + GAP), y, side) for index in range(count)]
 
 
 class Canvas:
@@ -91,9 +71,8 @@ class Canvas:
 
     def __init__(self, viewer: Viewer) -> None:
         self.viewer = viewer
-        self.gesture: Gesture = ""
+        self.gesture: Gesture = "orbit"
         self.panes: list[Pane] = []
-        self._far = False
         self._last = (0.0, 0.0)
 
     def draw(self) -> None:
@@ -105,23 +84,22 @@ class Canvas:
             imgui.set_cursor_screen_pos((pane.x, pane.y))
             imgui.invisible_button(f"pane {index}", (pane.side, pane.side), _BUTTONS)
             if imgui.is_item_hovered():
-                self._wheel()
+                wheel = imgui.get_io().mouse_wheel
+                zoomed = replace(state, camera=camera.zoomed(state.camera, ZOOM**-wheel))
+                self.viewer.change(zoomed if wheel else state)
             if imgui.is_item_activated():
                 self._begin(pane)
             if imgui.is_item_active():
                 self._drag(pane)
-            if imgui.is_item_deactivated():
-                self.gesture = ""
         if is_wipe:
             (pane,), share = self.panes, self.viewer.state.wipe
             self._show(pane, sources[0], 0.0, share)
             self._show(pane, sources[1], share, 1.0)
             x = pane.x + share * pane.side
             imgui.get_window_draw_list().add_line((x, pane.y), (x, pane.y + pane.side), _WHITE, 2.0)
-        for pane, source in zip(self.panes, sources, strict=False):
-            if not is_wipe:
-                self._show(pane, source, 0.0, 1.0)
-            self._show_handles(pane)
+            return
+        for pane, source in zip(self.panes, sources, strict=True):
+            self._show(pane, source, 0.0, 1.0)
 
     def _show(self, pane: Pane, source: Source, start: float, end: float) -> None:
         """Show a part of a source's picture, between two shares of its width."""
@@ -146,47 +124,14 @@ class Canvas:
         draw_list.add_rect_filled((x + 4, y + 4), (x + 10 + size.x, y + 8 + size.y), 0xC0000000)
         draw_list.add_text(imgui.get_font(), imgui.get_font_size(), (x + 7, y + 6), _WHITE, text, None, width - 12)
 
-    def _show_handles(self, pane: Pane) -> None:
-        """The light's handles; of a sun also its dome's horizon."""
-        state, draw_list = self.viewer.state, imgui.get_window_draw_list()
-        places = {handle: pane.point(place) for handle, place in self.places().items()}
-        if state.light.kind == "directional":
-            angles = np.linspace(0, 2 * math.pi, _CORNERS, endpoint=False)
-            around = np.column_stack([np.cos(angles), np.zeros(_CORNERS), np.sin(angles)])
-            corners = state.camera.target + camera.dome_radius(state.camera) * around
-            circle = [imgui.ImVec2(*pane.point(camera.projected(state.camera, corner)[:2])) for corner in corners]
-            draw_list.add_polyline(circle, 0x50FFFFFF, imgui.ImDrawFlags_.closed, 1.0)
-        if "aim" in places:
-            draw_list.add_line(places["light"], places["aim"], _YELLOW, 1.5)
-            draw_list.add_circle(places["aim"], 6, _YELLOW, 0, 2.0)
-        draw_list.add_circle_filled(places["light"], 7, _YELLOW)
-        draw_list.add_circle(places["light"], 7, _DARK, 0, 1.5)
-
-    def places(self) -> dict[Handle, tuple[float, float]]:
-        """The places of the light's handles in the picture; of one behind the camera, at its border."""
-        state, places = self.viewer.state, {}
-        for handle, point in camera.handles(state.light, state.camera).items():
-            x, y, depth = camera.projected(state.camera, point)
-            places[handle] = (x, y) if depth > 0 else (math.copysign(2.0, -x), math.copysign(2.0, -y))
-        return places
-
-    def handle_at(self, pane: Pane, mouse: tuple[float, float]) -> Handle | None:
-        """The nearest handle of the light within reach; of several in one place, such as a corner, the light's own."""
-        away = {handle: math.dist(pane.point(place), mouse) for handle, place in self.places().items()}
-        nearest = min(away, key=lambda handle: away[handle])
-        return nearest if away[nearest] <= REACH else None
-
     def _begin(self, pane: Pane) -> None:
         """What a press begins, by what lies under it and by the button."""
         mouse, state = imgui.get_mouse_pos(), self.viewer.state
         self._last = (mouse.x, mouse.y)
-        handle = self.handle_at(pane, self._last)
         if imgui.is_mouse_down(imgui.MouseButton_.right):
-            self.gesture = "look"
+            self.gesture = "light" if imgui.get_io().key_shift else "look"
         elif imgui.is_mouse_down(imgui.MouseButton_.middle) or imgui.get_io().key_shift:
             self.gesture = "pan"
-        elif handle is not None:
-            self.gesture, self._far = handle, camera.is_far(state.light, state.camera)
         elif state.layout == "wipe" and abs(mouse.x - pane.x - state.wipe * pane.side) <= REACH:
             self.gesture = "wipe"
         else:
@@ -207,14 +152,9 @@ class Canvas:
                 state = replace(state, camera=camera.panned(state.camera, 2 * x, -2 * y))
             case "wipe":
                 state = replace(state, wipe=min(max((mouse.x - pane.x) / pane.side, 0.0), 1.0))
-            case "light" | "aim":
-                place = pane.place(mouse.x, mouse.y)
-                state = replace(state, light=camera.dragged(state.light, state.camera, self.gesture, place, self._far))
+            case "light":
+                state = replace(state, light=camera.dragged(state.light, state.camera, 2 * x, -2 * y))
         self.viewer.change(state)
-
-    def _wheel(self) -> None:
-        wheel, state = imgui.get_io().mouse_wheel, self.viewer.state
-        self.viewer.change(replace(state, camera=camera.zoomed(state.camera, ZOOM**-wheel)) if wheel else state)
 
 
 def label(viewer: Viewer, source: Source) -> str:
@@ -284,7 +224,7 @@ class ViewerWindow:
         _load_font(io)
         self.renderer = Renderer(self.window, self._heard)
         self.window.key_event_func = self._key
-        self.files = controls.FilePanel(self.viewer)
+        self._file = "view.toml"
         glfw.set_drop_callback(self.window._window, self._dropped)
         self.canvas = Canvas(self.viewer)
         self.frame_ms, self._started = 0.0, time.perf_counter()
@@ -313,7 +253,6 @@ class ViewerWindow:
         # Not the modifiers of key events, which on X11 are those from before the event.
         io.add_key_event(imgui.Key.mod_shift, self._held(glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT))
         io.add_key_event(imgui.Key.mod_ctrl, self._held(glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL))
-        self._walk()
         imgui.new_frame()
         self._layout()
         imgui.render()
@@ -342,7 +281,7 @@ class ViewerWindow:
             imgui.end()
 
     def _left(self) -> None:
-        self.files.draw()
+        self._file = controls.files_panel(self.viewer, self._file)
         for title, panel in (("Scene", controls.scene_panel), ("Light", controls.light_panel)):
             if imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open):
                 panel(self.viewer)
@@ -366,7 +305,7 @@ class ViewerWindow:
 
     def _dropped(self, _window: Any, files: Any, *_: Any) -> None:
         self._heard()
-        self.files.dropped(files)
+        self.viewer.attempt(lambda: controls.open_file(self.viewer, Path(files[0])))
 
     def _held(self, *keys: int) -> bool:
         return any(glfw.get_key(self.window._window, key) == glfw.PRESS for key in keys)
@@ -375,22 +314,9 @@ class ViewerWindow:
         self._heard()
         self.renderer.key_event(key, action, modifiers)  # type: ignore[no-untyped-call]
 
-    def _walk(self) -> None:
-        """Move the camera by the keys that are held."""
-        if imgui.get_io().want_text_input or imgui.get_io().key_ctrl:
-            return
-        ways = ((glfw.KEY_D, glfw.KEY_A), (glfw.KEY_E, glfw.KEY_Q), (glfw.KEY_W, glfw.KEY_S))
-        right, up, forward = (self._held(plus) - self._held(minus) for plus, minus in ways)
-        if right or up or forward:
-            state = self.viewer.state
-            step = STEP * camera.distance(state.camera) * min(self.frame_ms / 1e3, 0.2)
-            moved = camera.walked(state.camera, right * step, up * step, forward * step)
-            self.viewer.change(replace(state, camera=moved))
-
 
 def _open(title: str) -> GlfwWindow:
     """A window with an OpenGL 4.1 context. Raises InputError without a display."""
-    before_context()
     with warnings.catch_warnings(record=True) as heard:  # GLFW's errors are warnings
         warnings.simplefilter("always")
         try:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -13,11 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
-from rich.console import Console
-from scipy.ndimage import binary_dilation
 
 from shadowbench import __version__
-from shadowbench.commands import console
 from shadowbench.errors import number
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import value_label
@@ -42,8 +38,7 @@ def test_run_prints_a_table_and_writes_a_folder(shadowbench: Shadowbench, tmp_pa
     assert lines[0].startswith("cube-on-plane, best first")
     assert lines[1].split()[:3] == ["spec", "map", "1"]
     assert [line.split()[:2] for line in lines[2:4]] == [["shadow-map", "128"], ["shadow-map", "64"]]
-    assert lines[4].startswith("  slope of log(1 − IoU) over log(size), 64 to 128: -")
-    assert "medians of up to 8 cells" in lines[5] and "one phase" not in answer.out
+    assert "medians of up to 8 cells" in lines[4] and "one phase" not in answer.out
     assert "16 cells" in answer.out and "note" not in answer.err
     assert [line for line in answer.out.splitlines() if line != line.rstrip()] == []
     assert {file.name for file in tmp_path.iterdir()} == {
@@ -61,22 +56,7 @@ def test_a_table_says_what_its_numbers_are(shadowbench: Shadowbench, tmp_path: P
     assert "  scored in one phase" in out and "2 cells; masks/" in out
     assert out.startswith("cube-on-plane, best first; ms predicted for NVIDIA H100 80GB HBM3\n")
     assert "predicted ms" in out.splitlines()[1] and "× ref" not in out, "one kind of cost in a table"
-    (note,) = [line for line in out.splitlines() if "bias of" in line]
-    assert " at 1024: 0.0200 m (" in note
-    assert " texels) along the light and " in note and "(0.707 texels) along the normal at grazing light" in note
-
-
-def test_a_command_that_drew_nothing_says_so_in_its_last_line(shadowbench: Shadowbench, tmp_path: Path) -> None:
-    lamp = ["run", "room-with-lamp", "-t", "shadow-map", *SMALL]
-    why = "unsupported: a point light shines all round, one 2-D map sees less than half of it"
-    nothing = "note: nothing was drawn and nothing failed:"
-    alone = shadowbench(*lamp, "-o", tmp_path / "one")
-    assert (alone.code, alone.err) == (0, f"{nothing} the only cell is {why}\n")
-    assert "masks/" not in alone.out
-    two = shadowbench(*lamp, "-t", "shadow-map:wrap=edge", "-o", tmp_path / "two")
-    assert two.err == f"{nothing} all 2 cells are {why}\n"
-    some = shadowbench(*lamp, "-t", "unshadowed", "-o", tmp_path / "some")
-    assert "nothing was drawn" not in some.err and "masks/" in some.out
+    assert " at 1024: 0.0200 m (" in out and "(0.707 texels) along the normal at grazing light" in out
 
 
 SOFT = """
@@ -115,9 +95,7 @@ mesh = [{ file = "flat.obj" }]
 """
 
 
-def test_run_takes_each_light_a_picture_the_first_or_those_named_and_assumptions_are_said(
-    shadowbench: Shadowbench, tmp_path: Path
-) -> None:
+def test_run_takes_each_light_or_that_named_and_assumptions_are_said(shadowbench: Shadowbench, tmp_path: Path) -> None:
     (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 1 2\n")
     (tmp_path / "pair.toml").write_text(PAIR)
     words = (tmp_path / "pair.toml", "-t", "unshadowed", "--view-size", "16", "-o")
@@ -138,9 +116,6 @@ def test_run_takes_each_light_a_picture_the_first_or_those_named_and_assumptions
         assert (cameras.format("--view or a study") in said) == ("--view" not in named)
         rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
         assert all(row["assumptions"] == [flat] for row in rows if row["kind"] == "score")
-    picture = shadowbench("render", *words, tmp_path / "p.png")
-    light = "pair: 2 lights: east, west; the first is used, --light names another"
-    assert picture.err.splitlines() == [f"note: {line}" for line in (flat, cameras.format("--view"), light)]
 
 
 def test_json_is_alone_on_stdout(shadowbench: Shadowbench, tmp_path: Path) -> None:
@@ -158,28 +133,11 @@ def test_json_is_alone_on_stdout(shadowbench: Shadowbench, tmp_path: Path) -> No
 def test_quiet_prints_the_table_alone(shadowbench: Shadowbench, tmp_path: Path) -> None:
     mesh = tmp_path / "box.obj"
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
-    loud = shadowbench("run", mesh, *CUBE[2:], "-o", tmp_path / "loud")
-    quiet = shadowbench("run", mesh, *CUBE[2:], "--quiet", "-o", tmp_path / "quiet")
+    loud, quiet = (shadowbench("run", mesh, *CUBE[2:], "-o", tmp_path / "out", *more) for more in ([], ["--quiet"]))
     assert (loud.code, quiet.code) == (0, 0)
-    assert re.findall("^note: ", loud.err, re.MULTILINE) != []
-    assert "table.csv" in loud.out
-    assert quiet.err == ""
-    assert quiet.out.splitlines()[0].startswith("box, best first")
-    assert "table.csv" not in quiet.out
-    assert json.loads((tmp_path / "quiet" / "run.json").read_text())["assumptions"] != []
-
-
-def test_masks_of_one_value_are_noted(shadowbench: Shadowbench, half: Path, tmp_path: Path) -> None:
-    specs = ("-t", "half:level=1", "-t", "half:level=0", "-t", "unshadowed", "-t", "shadow-map:size=64")
-    run = ("run", "cube-on-plane", *specs, "--plugin", half, "--view-size", "32", "--rounds", "0")
-    said = [
-        f"cube-on-plane.camera.light.32: half:level={level} draws every scored pixel {side}"
-        for level, side in (("1.0", "lit"), ("0.0", "in shadow"))
-    ]
-    answer = shadowbench(*run, "-o", tmp_path)
-    assert answer.err.splitlines() == [f"note: {line}" for line in said]
-    assert json.loads((tmp_path / "run.json").read_text())["assumptions"] == said
-    assert shadowbench(*run, "-o", tmp_path).err == answer.err, "rows that were found say it too"
+    assert "note: " in loud.err and "table.csv" in loud.out
+    assert quiet.err == "" and quiet.out.startswith("box, best first") and "table.csv" not in quiet.out
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["assumptions"] != []
 
 
 def test_cells_that_fail_are_exit_3_and_named(shadowbench: Shadowbench, wild: Path, tmp_path: Path) -> None:
@@ -250,23 +208,6 @@ def test_truth_writes_the_promised_arrays(shadowbench: Shadowbench, tmp_path: Pa
     assert shadowbench("truth", "cube-on-plane", "-o", file, "--view-size", "48", "-q").out == ""
 
 
-def test_truth_says_how_sure_it_is_of_the_penumbra(shadowbench: Shadowbench, tmp_path: Path) -> None:
-    file = tmp_path / "truth.npz"
-    answer = shadowbench("truth", "post", "-o", file, "--view-size", "48", "--pixel-samples", "1")
-    said = r" undecided, (\d+) \((\d+)%\) in penumbra, where the standard error is (\S+) \(median\), (\S+) \(95%\)$"
-    found = re.search(said, answer.out)
-    assert found is not None, answer.out
-    with np.load(file) as arrays:
-        decided = arrays["receivers"] & ~arrays["undecided"]
-        inside = decided & (arrays["visibility"] > 0.02) & (arrays["visibility"] < 0.98)
-        penumbra = decided & binary_dilation(inside, np.ones((5, 5)))
-        assert int(found[1]) == penumbra.sum() > 100
-        assert float(found[2]) == pytest.approx(100 * penumbra.sum() / arrays["receivers"].sum(), abs=0.5)
-        seen_in_part = penumbra & (arrays["visibility"] > 0) & (arrays["visibility"] < 1)  # elsewhere it is a bound
-        errors = np.percentile(arrays["standard_error"][seen_in_part], [50, 95])
-        assert [float(found[3]), float(found[4])] == pytest.approx(list(errors), rel=0.05)
-
-
 KEYS = {
     "techniques": {"name", "help", "lights", "parameters", "presets"},
     "scenes": {"name", "light", "about"},
@@ -276,18 +217,9 @@ KEYS = {
 }
 
 
-@pytest.mark.parametrize("what", KEYS)
-def test_list_names_each_kind(shadowbench: Shadowbench, what: str) -> None:
-    listed = json.loads(shadowbench("list", what, "--json").out)
-    assert all(set(row) == KEYS[what] and row["name"] for row in listed)
-    assert json.loads(shadowbench("list", "--json").out)[what] == listed
-    loud, quiet = (shadowbench("list", what, *flags).out.splitlines() for flags in ([], ["-q"]))
-    assert [row["name"] for row in listed if row["name"] not in "\n".join(quiet)] == []
-    assert quiet == [line for line in loud if line.strip() != what]
-
-
-def test_list_tells_parameters_presets_values_and_plug_ins(shadowbench: Shadowbench, half: Path) -> None:
+def test_list_names_each_kind_with_parameters_presets_values_and_plug_ins(shadowbench: Shadowbench, half: Path) -> None:
     everything = json.loads(shadowbench("list", "--json", "--plugin", half).out)
+    assert {what: set(everything[what][0]) for what in KEYS} == KEYS
     listed = {row["name"]: row for row in everything["techniques"]}
     level = {"name": "level", "default": "0.5", "allowed": "≥ 0, ≤ 1", "help": "visibility of every pixel"}
     assert listed["half"]["parameters"] == [level]
@@ -295,8 +227,8 @@ def test_list_tells_parameters_presets_values_and_plug_ins(shadowbench: Shadowbe
     assert {"none", "constant", "slope", "texel"} <= {row["name"] for row in biases}
     assert "course" in listed["shadow-map"]["presets"]
     assert [row["name"] for row in everything["scenes"]] == builtin_names()
-    axes = {row["name"]: row["values"] for row in everything["axes"]}
-    assert axes == {axis.name: [value_label(value) for value in axis.values] for axis in AXES.values()}
+    printed = shadowbench("list", "axes", "-q").out
+    assert all(axis.name in printed and value_label(axis.default) in printed for axis in AXES.values())
 
 
 def test_doctor_names_the_device_and_the_clock(
@@ -336,22 +268,6 @@ def test_without_gl_drawing_is_exit_3_with_what_to_install_and_the_rest_works(
 def test_version_and_without_a_command_the_help(shadowbench: Shadowbench) -> None:
     assert shadowbench("--version").out == f"{__version__}\n"
     assert shadowbench() == shadowbench("--help")
-
-
-@pytest.mark.parametrize(("total", "told"), [(7, "2 of 7, about 1 s left"), (None, "2")])
-def test_progress_is_a_line_now_and_then_where_it_is_piped(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], total: int | None, told: str
-) -> None:
-    monkeypatch.setattr(console, "err", lambda: Console(stderr=True, width=80))
-    for quiet, seconds in ((False, 1e9), (True, 0.0), (False, 0.0)):
-        monkeypatch.setattr(console, "_EVERY", seconds)
-        with console.Reporter(quiet) as reporter:
-            reporter.stage("truth", 3)
-            reporter.stage("measuring", total)
-            reporter.step("one")
-            reporter.step("another")
-        last = f"measuring: {told}, another"
-        assert (capsys.readouterr().err.splitlines()[-1:] == [last]) == (not quiet and not seconds)
 
 
 @pytest.mark.parametrize(("value", "shown"), [(0.99975, "0.9998"), (0.99998749, "0.99999"), (1.0, "1"), (1.0002, "1")])

@@ -20,20 +20,14 @@ PYDANTIC = re.compile(
 )
 
 FILES = {
-    "broken.toml": "[camera\n",
     "unknown.toml": CAMERA + SCENE + "colour = 3\n",
     "away.toml": CAMERA.replace("target = [0, 0, 0]", "target = [0, 1, 9]") + SCENE,
     "range.toml": CAMERA + "fov_y = 180\n" + SCENE,
     "good.toml": CAMERA + SCENE,
     "sky.toml": CAMERA + SCENE.replace("[[mesh]]", "angular_radius = 90\n[[mesh]]"),
-    "nan.obj": "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n",
     "broken.py": "def technique(:\n",
     "nameless.py": "from shadowbench.plugin.base import Technique\n\nclass Nameless(Technique):\n    pass\n",
     "text.toml": 'scenes = ["cube-on-plane"]\nrounds = "many"\n',
-    "polar.toml": 'scenes = ["cube-on-plane"]\ncoordinates = "polar"\n',
-    "none.toml": "rounds = 3\n",
-    "raises.py": "raise RuntimeError('no')\n",
-    "views.toml": 'scenes = ["cube-on-plane"]\nviews = [3]\n',
     "sizes.toml": 'scenes = ["cube-on-plane"]\nmap_size = [512, 70000]\n',
 }
 
@@ -49,27 +43,18 @@ OF_A_SCENE = [
 RUN = OF_A_SCENE[0]
 CASES: dict[str, tuple[list[str], list[str]]] = {
     "a part of none": (["run", "stairs", "--part", "0/0", "-o", "{out}"], ["--part", "'0/0'", "K/N"]),
-    "a part beyond the last": (["run", "stairs", "--part", "3/2", "-o", "{out}"], ["--part", "'3/2'", "K/N"]),
     "a folder to merge that is no run": (["merge", "{in}", "-o", "{out}"], ["no rows.jsonl", "shadowbench run"]),
     "a missing scene file": (["run", "{in}/gone.toml", "-o", "{out}"], ["gone.toml", "no such file"]),
-    "broken TOML": (["run", "{in}/broken.toml", "-o", "{out}"], ["broken.toml", "not TOML", "line 1"]),
     "a value out of range": (["run", "{in}/range.toml", "-o", "{out}"], ["range.toml", "fov_y", "180"]),
-    "a NaN vertex": (["run", "{in}/nan.obj", "-o", "{out}"], ["nan.obj", "NaN"]),
     "a camera that shows nothing": (
         ["run", "{in}/away.toml", "-t", "unshadowed", "--view-size", "16", "-o", "{out}"],
         ["camera 'camera'", "away", "shows nothing"],
     ),
     "a view's size as its name": (["needs", "post", "--view", "384x384"], ["'384x384'", "square", "--view-size 384"]),
-    "map sizes with a blank between": (
-        [*RUN, "--map-size", "512", "1024"],
-        ["--map-size: found '512' and '1024' as separate arguments; allowed: 512,1024"],
-    ),
     "map size 0": ([*RUN, "--map-size", "0"], ["--map-size", "'0'", "from 1"]),
     "a map beyond the driver": ([*RUN, "-t", "shadow-map", "--map-size", "65536"], ["map size 65536", "allows 1 to"]),
-    "view size 0": ([*RUN, "--view-size", "0"], ["--view-size", "1"]),
     "an option before the command": (["-q", "run"], ["-q", "--help lists what is allowed"]),
     "an unknown option": ([*RUN, "--fast"], ["--fast"]),
-    "an unknown command": (["rum"], ["rum"]),
     "no scene": (["truth", "-o", "{out}.npz"], ["SCENE"]),
     "an unknown view": ([*RUN, "--view", "low"], ["'low'", "camera"]),
     "a step of neither camera nor light": ([*RUN, "--step", "box"], ["step", "'box'", "'camera' or 'light'"]),
@@ -77,25 +62,11 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["run", "-s", "{in}/text.toml", "-o", "{out}"],
         ["text.toml: rounds: found 'many'; allowed: a whole number"],
     ),
-    "a number for a view in a study": (
-        ["run", "-s", "{in}/views.toml", "-o", "{out}"],
-        ["views.toml: views 1: found 3; allowed: a table or text"],
-    ),
     "the second of two sizes in a study": (
         ["run", "-s", "{in}/sizes.toml", "-o", "{out}"],
         ["sizes.toml: map_size 2: found 70000; allowed: less than or equal to 65536"],
     ),
-    "one of two words in a study": (
-        ["run", "-s", "{in}/polar.toml", "-o", "{out}"],
-        ["polar.toml: coordinates: found 'polar'; allowed: 'relative' or 'absolute'"],
-    ),
-    "a study without scenes": (
-        ["run", "-s", "{in}/none.toml", "-o", "{out}"],
-        ["none.toml: scenes: found none; it must be given"],
-    ),
-    "a missing plug-in": ([*RUN, "--plugin", "{in}/none.py"], ["--plugin", "none.py", "no such file"]),
     "a broken plug-in": ([*RUN, "--plugin", "{in}/broken.py"], ["--plugin", "broken.py", "SyntaxError"]),
-    "a plug-in that raises": ([*RUN, "--plugin", "{in}/raises.py"], ["--plugin", "raises.py", "RuntimeError: no"]),
     "a plug-in without a name": ([*RUN, "--plugin", "{in}/nameless.py"], ["--plugin", "Nameless", "name"]),
     "an output that is a file": (
         ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-o", "{in}/good.toml"],
@@ -114,40 +85,18 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["render", "cube-on-plane", "-t", "shadow-map", "--tint", "-o", "{out}.png"],
         ["--tint", "shadow-map", "cascades"],
     ),
-    "a picture by two techniques": (
-        ["render", "cube-on-plane", "-t", "unshadowed", "-t", "shadow-map", "-o", "{out}.png"],
-        ["--technique", "unshadowed and shadow-map", "allowed: one"],
-    ),
-    "a map of what has none": (
-        ["render", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-o", "{out}.png", "--map", "{out}.m.png"],
-        ["--map", "unshadowed has no map"],
-    ),
     "a picture that is unsupported": (
         ["render", "room-with-lamp", "-t", "shadow-map", "--view-size", "16", "-o", "{out}.png"],
         ["shadow-map", "room-with-lamp", "point light"],
     ),
     "a run into somebody's folder": ([*RUN[:-1], "{in}"], ["/in: found other files, such as away.toml", "rows.jsonl"]),
-    "an export into somebody's folder": (
-        ["export", "cube-on-plane", "{in}"],
-        ["/in: found other files, such as away.toml; allowed: a new folder, an empty one, or one with view.json"],
-    ),
     "a near miss of a technique": ([*RUN, "-t", "shadow-mop"], ["did you mean 'shadow-map'? allowed: cascades"]),
     "a near miss of an axis": (["stress", "--axis", "elevaton", "-o", "{out}"], ["did you mean 'elevation'? allowed"]),
     "a near miss of a metric": (
         ["check", "{in}", "--baseline", "{in}", "--tolerance", "ancne=3"],
         ["--tolerance: found 'ancne=3'; did you mean 'acne'? allowed: METRIC=X"],
     ),
-    "a near miss of a scene's field": (
-        ["run", "{in}/unknown.toml", "-o", "{out}"],
-        ["unknown field 'colour'; did you mean 'color'? allowed"],
-    ),
-    "a near miss of nothing": ([*RUN, "-t", "shadow-map:zzz=3"], ["unknown field 'zzz'; allowed: fit, size"]),
-    **{
-        f"a sun as wide as the sky, for {arguments[0]}": (
-            [text.replace("cube-on-plane", "{in}/sky.toml") for text in arguments], ["sky.toml", "90", "less than 90"]
-        )
-        for arguments in OF_A_SCENE[::3]
-    },
+    "a sun as wide as the sky": (["needs", "{in}/sky.toml"], ["sky.toml", "90", "less than 90"]),
     **{
         f"an up axis for {arguments[0]} of a scene that has one": (
             [*arguments, "--up", "z"], ["--up z", "cube-on-plane specifies its up axis", ".stl"]

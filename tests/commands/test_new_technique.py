@@ -28,8 +28,8 @@ def test_a_new_technique_runs_unmodified(shadowbench: Shadowbench, tmp_path: Pat
 def test_a_bad_name_is_one_line(shadowbench: Shadowbench, tmp_path: Path) -> None:
     allowed = "allowed: letters, digits, _ and -"
     said = dict.fromkeys(("", "a/b", "True-", "é"), allowed) | {
-        "shadow-map": "there is a technique 'shadow-map' already",
-        "numpy": "would hide the module numpy",
+        "shadow-map": "there is a technique called 'shadow-map'",
+        "numpy": "there is a Python module (which the file would hide) called 'numpy'",
         "class": "and not a Python keyword",
     }
     for name, words in said.items():

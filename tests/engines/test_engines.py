@@ -108,8 +108,6 @@ def test_what_an_engine_cannot_draw_is_unsupported(engine: type[Engine], view: V
     inside = replace(view, camera=replace(view.camera, position=tuple(cube.vertices.mean(axis=0))))
     with pytest.raises(Unsupported, match=f"the camera is inside {cube.name}, .*; sides=double draws both"):
         drawn(engine, inside)
-    cell = Cell(Spec(engine, EngineParams(sides="double")))
-    assert EngineDrawer(Mock()).unsupported(Block(inside, (cell,)), cell) is None
 
 
 def test_two_programs_stay_open_and_one_that_ended_is_started_again(engine: type[Engine], view: View) -> None:

@@ -39,23 +39,20 @@ def row(axis: Axis, value: float | str, status: str = "ok", **metrics: float | N
     return {**about, "status": status, "metrics": perfect | metrics} if status == "ok" else {**about, "status": status}
 
 
-@pytest.mark.parametrize(
-    ("status", "kind"),
-    [
-        ("failed: crashed: SIGSEGV", "crash"),
-        ("failed: hung: no answer within 120 s", "hang"),
-        ("failed: ate memory: 4.20 GiB, allowed are 4", "memory"),
-        ("failed: ValueError: t drew visibility is NaN or infinite in 3 of 9 pixels (worker.py:1)", "nan"),
-        ("failed: ValueError: t: fact 'texel_m' is nan; allowed: finite numbers (session.py:1)", "nan"),
-        ("failed: ValueError: t: fact 'texel_m' is -inf; allowed: finite numbers (session.py:1)", "nan"),
-        ("failed: RuntimeError: OpenGL error GL_INVALID_VALUE in drawing t (device.py:1)", "gl-error"),
-        ("failed: ZeroDivisionError: no direction in [0 0 0] (model.py:1)", "error"),
-    ],
-)
-def test_worker_messages_map_to_kinds_of_failure(status: str, kind: str) -> None:
-    found = failure(row(ELEVATION, 1.0, status))
-    assert found is not None and found.kind == kind
-    assert found.text == status.removeprefix("failed: ")
+KINDS = {
+    "crashed: SIGSEGV": "crash",
+    "hung: no answer within 120 s": "hang",
+    "ate memory: 4.20 GiB, allowed are 4": "memory",
+    "ValueError: t drew visibility is NaN or infinite in 3 of 9 pixels (worker.py:1)": "nan",
+    "ValueError: t: fact 'texel_m' is -inf; allowed: finite numbers (session.py:1)": "nan",
+    "RuntimeError: OpenGL error GL_INVALID_VALUE in drawing t (device.py:1)": "gl-error",
+    "ZeroDivisionError: no direction in [0 0 0] (model.py:1)": "error",
+}
+
+
+def test_worker_messages_map_to_kinds_of_failure() -> None:
+    for reason, kind in KINDS.items():
+        assert failure(row(ELEVATION, 1.0, f"failed: {reason}")) == Failure(kind, text=reason)
 
 
 @pytest.mark.parametrize(
@@ -63,13 +60,11 @@ def test_worker_messages_map_to_kinds_of_failure(status: str, kind: str) -> None
     [
         ({}, None),
         ({"iou": 0.95, "acne": 0.01, "leak": 0.01}, None),
-        ({"acne": None, "leak": None}, None),
         ({"iou": None}, Failure("unjudged", text="neither the truth nor the mask has a shadow that is decided")),
         ({"iou": 0.9499}, Failure("iou", 0.9499)),
         ({"acne": 0.02, "leak": 0.5}, Failure("leak", 0.5)),
         ({"iou": 0.2, "acne": 0.02}, Failure("acne", 0.02)),
         ({"iou": 0.2, "acne": 0.5, "rmse": 0.05, "rmse_pen": 0.2, "bleed": 0.01}, None),
-        ({"rmse": 0.06, "rmse_pen": 0.2}, Failure("rmse", 0.06)),
         ({"rmse": 0.06, "rmse_pen": 0.2, "false_dark": 0.02, "bleed": 0.03}, Failure("bleed", 0.03)),
     ],
 )
@@ -89,13 +84,6 @@ def test_a_range_ends_at_the_first_value_out_of_tolerance_on_either_side_of_the_
     found = operating_range(ELEVATION, rows)
     assert found.in_tolerance[0] == 75.0 and found.in_tolerance[-1] == 3.0
     assert found.text == "breaks at 85°: leak 40.00%; breaks at 2°: acne 4.10%"
-    assert found.worst == ("leak", "acne", "hang")
-
-
-def test_a_range_whose_default_value_fails_is_empty() -> None:
-    rows = [row(ELEVATION, value, iou=0.0 if value == ELEVATION.default else 1.0) for value in ELEVATION.values]
-    found = operating_range(ELEVATION, rows)
-    assert found.in_tolerance == () and found.text == "breaks at 50°: IoU 0.000"
 
 
 def test_unsupported_values_end_a_range_without_a_break() -> None:
@@ -169,14 +157,6 @@ def test_a_crash_costs_only_its_own_cells(swept: Swept) -> None:
     assert len(swept.steps) == swept.total == 15
 
 
-@pytest.mark.slow
-def test_a_hang_is_recorded_as_a_row(bench: Any, tmp_path: Path) -> None:
-    bench.worker.limits = Limits(seconds=5)
-    swept = Swept(bench, tmp_path, ["does:what=hang", "half"], short(ELEVATION))
-    assert [getattr(failure(one), "kind", None) for one in swept.rows] == ["hang", "leak"]
-    assert swept.rows[0]["status"] == "failed: hung: no answer within 5 s"
-
-
 def test_a_row_is_a_score_record_with_its_place_on_the_axis(swept: Swept, folder: Path, records: Records) -> None:
     written = records(folder, "score")
     assert [one["key"] for one in written] == [one["key"] for one in swept.rows]
@@ -200,8 +180,7 @@ def test_masks_and_truth_are_kept_of_what_is_out_of_tolerance(swept: Swept, fold
     assert (folder / "truth" / "elevation-5.camera.sun.256.undecided.png").exists()
 
 
-@pytest.mark.parametrize("axis", [ELEVATION, AXES["light-step"]], ids=lambda axis: axis.name)
-def test_the_picture_of_a_break_is_drawn_with_the_mask_beside_it(bench: Any, tmp_path: Path, axis: Axis) -> None:
+def test_the_picture_of_a_break_is_drawn_with_the_mask_beside_it(bench: Any, tmp_path: Path) -> None:
     """Lit pixels look as they do without any shadows, and those in shadow are darker.
 
     Where surfaces meet the picture is anti-aliased, so that a lit pixel may take from a shadow up to 5 px away.
@@ -210,7 +189,7 @@ def test_the_picture_of_a_break_is_drawn_with_the_mask_beside_it(bench: Any, tmp
     specs = ["unshadowed", "shadow-map:bias=none,filter=hard,size=128", "shadow-map:filter=hard,size=16"]
     (_, lit), *others = (
         [np.asarray(Image.open(tmp_path / kind / f"{one['key']}.png"), float) for kind in ("masks", "pictures")]
-        for one in Swept(bench, tmp_path, specs, short(axis)).rows
+        for one in Swept(bench, tmp_path, specs, short(AXES["light-step"])).rows
     )
     for mask, picture in others:
         dark, bright, shown = mask == 0, lit.mean(axis=-1), picture.mean(axis=-1)
@@ -243,8 +222,6 @@ def run(shadowbench: Any, plugins: tuple[Path, Path], folder: Path, what: str, *
     ("what", "code", "said"),
     [
         ("nan", 1, "NaN, infinity or an OpenGL error in 6 of 12 cells; the first: does:what=nan at through-up 5"),
-        ("gl-error", 1, "NaN, infinity or an OpenGL error in 6 of 12 cells"),
-        ("odd-facts", 1, "fact 'odd' is nan"),
         ("raise", 3, "a crash, hang or error in 6 of 12 cells"),
     ],
 )
@@ -271,7 +248,4 @@ def test_breaking_points_are_what_was_asked_for(shadowbench: Any, wild: Path, ha
     assert len(cells) == 12
     assert {one["axis_value"] for one in cells} == {"5.0", "1e-05", "0.0"}
     assert all(one["failure"].startswith("leak") for one in cells)
-    plain = run(shadowbench, (wild, half), tmp_path, "nothing")
-    out = "out of tolerance already at the default value of every axis that it supports"
-    assert plain.out.splitlines()[:2] == [f"does: {out}", f"half: {out}"]
     assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256

@@ -26,13 +26,6 @@ def along(
     return np.column_stack([points, np.ones(len(points))])
 
 
-def test_a_box_holds_angles_at_unit_distance_or_lengths_and_distances() -> None:
-    for kind in KINDS:
-        points = np.vstack([along(kind, np.array([2.0]), -0.3, 0.1), along(kind, np.array([4.0]), 0.2, -0.5)])[:, :3]
-        box = space_of(kind).box(points)
-        assert box.low == pytest.approx((-0.3, -0.5, 2)) and box.high == pytest.approx((0.2, 0.1, 4))
-
-
 def test_depth_scale_is_the_slope_of_depth_over_distance() -> None:
     for kind in KINDS:
         seen, distance, step = view_of(kind), np.linspace(1, 5, 9), 1e-6

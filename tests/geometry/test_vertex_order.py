@@ -24,14 +24,11 @@ def misses(faces: np.ndarray) -> int:
 
 
 @given(st.integers(0, 99), st.integers(0, 60), st.integers(1, 80))
-def test_it_has_each_triangle_once_in_any_soup(seed, count, vertices) -> None:
+def test_it_has_each_triangle_once_and_vertices_numbered_by_first_use_are_the_same_corners(
+    seed, count, vertices
+) -> None:
     faces = random_faces(seed, count, vertices)
     assert sorted(in_reuse_order(faces).tolist()) == list(range(count))
-
-
-@given(st.integers(0, 99), st.integers(0, 60), st.integers(1, 80))
-def test_vertices_numbered_by_first_use_are_the_same_corners(seed, count, vertices) -> None:
-    faces = random_faces(seed, count, vertices)
     renumbered, former = by_first_use(faces)
     assert (former[renumbered] == faces).all()
     _, first = np.unique(renumbered, return_index=True)

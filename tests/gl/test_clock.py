@@ -46,13 +46,12 @@ def test_frames_and_passes_have_times_above_zero_and_those_of_a_pass_add_up(devi
     assert passes.changes == {"map": "light", "resolve": "view"}
     ticks = iter([0.0, 1.0, 5.0, 7.0])
     clock = Clock(SimpleNamespace(software=True, context=SimpleNamespace(finish=lambda: None)), ticks.__next__)
-    with clock.timed("map"):
-        pass  # is timed only when asked for
 
     def face() -> None:
         with clock.timed("face", "light"):
             pass
 
+    face()  # is timed only when asked for
     assert clock.passes(lambda: (face(), face())).ms == {"face": 3000.0}
 
 
@@ -105,10 +104,8 @@ def test_work_of_a_fullscreen_triangle(device, busy) -> None:
         assert SIDE**2 <= work["fragments"] <= 1.1 * SIDE**2
 
 
-def test_work_adds_up_and_repeats_exactly(device, busy, monkeypatch) -> None:
+def test_work_adds_up_and_repeats_exactly(device, busy) -> None:
     once = work_of(device, busy)
     assert work_of(device, busy) == once
     twice = work_of(device, lambda: (busy(), busy()))
     assert twice == {name: 2 * count for name, count in once.items()}
-    monkeypatch.setattr(Device, "pipeline_statistics", False)
-    assert work_of(device, busy) == {"draws": 1}

@@ -7,7 +7,7 @@ import pytest
 
 from shadowbench.gl.gbuffer import download, view_projection
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.model import Camera, View, view_of
 
 SCENES = ["sphere-and-torus", "room-with-lamp", "terrain"]
 SIZE = 384
@@ -71,26 +71,6 @@ def test_normals_are_the_triangles_own_turned_to_the_camera_and_a_miss_has_none(
     assert (shot.triangle[~hit] == -1).all()
     assert ((shot.position[..., 3] == 1) == hit).all()
     assert (shot.normal[..., 3][~hit] == 0).all()
-
-
-def two_quads(**second: bool) -> Scene:
-    """A quad of two triangles beside another, in the plane z = 0, lit from the camera's side."""
-    corners = np.array([[0.0, -1, 0], [1, -1, 0], [1, 1, 0], [0, 1, 0]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    meshes = (Mesh("right", corners, faces), Mesh("left", corners - [1.0, 0, 0], faces, **second))
-    return Scene("quads", meshes, (), ())
-
-
-def seen(scene: Scene, size: int = 64) -> View:
-    camera = Camera("camera", (0.0, 0.0, 3.0), (0.0, 0.0, 0.0), math.radians(60))
-    return view_of(scene, camera, Light("sun", "directional", (0.3, -0.2, -1.0)), size)
-
-
-def test_indices_run_over_meshes_in_file_order(studio) -> None:
-    for quads in (two_quads(), two_quads(casts=False)):  # what casts no shadow is visible too
-        triangle = studio.shot(seen(quads)).triangle
-        assert set(np.unique(triangle[:, 32:])) == {-1, 0, 1}
-        assert set(np.unique(triangle[:, :32])) == {-1, 2, 3}
 
 
 def test_depth_is_linear_in_the_distance_along_the_axis(studio, builtin) -> None:

@@ -20,24 +20,12 @@ def test_version_comes_first_then_the_defines_that_are_used_then_text(tmp_path) 
     assert text.splitlines() == [VERSION, "#define SIZE 1024", "#define REVERSED 0", code]
 
 
-def test_includes_nest_and_a_file_is_included_once_at_its_first_include(tmp_path) -> None:
-    write(tmp_path, a='#include "c.glsl"\nfrom a', b='#include "c.glsl"\n#include "b.glsl"\nfrom b', c="from c")
-    lines = compose('#include "a.glsl"\n#include "b.glsl"\n#include "c.glsl"\n', [tmp_path]).splitlines()
-    assert [line for line in lines if line] == [VERSION, "from c", "from a", "from b"]
-
-
 def test_a_slot_in_a_path_takes_a_name(tmp_path) -> None:
     """Also one that an include renames."""
     write(tmp_path, wide="wide", narrow="narrow", bias='#include "<bias_of>.glsl"\nbias_max')
     slots = {"bias_of": "wide", "bias_a_of": "narrow"}
     text = '#include "bias.glsl"\n#include "bias.glsl" with bias = bias_a\n'
     assert compose(text, [tmp_path], slots=slots).split("\n")[1:] == ["wide", "bias_max", "narrow", "bias_a_max", ""]
-
-
-def test_a_file_without_the_name_that_an_include_renames_is_included_once(tmp_path) -> None:
-    write(tmp_path, units="uniform float metre;", bias='#include "units.glsl"\nfloat bias_max;')
-    text = compose('#include "bias.glsl" with bias = a\n#include "bias.glsl" with bias = b\n', [tmp_path])
-    assert text.split("\n")[1:] == ["uniform float metre;", "float a_max;", "", "float b_max;", ""]
 
 
 def test_a_file_may_be_included_with_renamed_identifiers(tmp_path) -> None:
@@ -94,8 +82,8 @@ def test_each_line_of_a_composed_text_knows_its_file_and_line(tmp_path) -> None:
     (tmp_path / "mine.py").write_text(f'# a comment\nTEXT = """{inline}"""\n')
     (tmp_path / "bias.glsl").write_text("bias1\n")
     text = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"})
-    found = dict(zip(text.splitlines(), text.places, strict=False))
+    places = dict(zip(text.splitlines(), text.places, strict=False))
     expected = {"a1": ("a.glsl", 1), "a3": ("a.glsl", 3), "a5": ("a.glsl", 5), "b1": ("b.glsl", 1), "b2": ("b.glsl", 2)}
     expected |= {"i2 SIZE": ("mine.py", 3), "i4": ("mine.py", 5), "i6": ("mine.py", 7), "bias1": ("bias.glsl", 1)}
-    assert {line: found[line] for line in expected} == expected
+    assert {line: places[line] for line in expected} == expected
     assert len(text.places) == text.count("\n") + 1

@@ -9,18 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from shadowbench.maps.fits import FixedFit
 from shadowbench.scenes.model import Mesh, Scene, View
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit, vec3
 
 from .scenes import CONVEX, GRID, SHAPES, Caster, on_grid
 
-SIZE = 96  # texels along a side of the maps
-SHEETS = 8.0, 40.0  # least and largest distance from the origin towards the sun, in metres
 Random = np.random.Generator
 Change = Callable[[View, Random], View]
-
-
 LAWS: dict[str, Change] = {}
 
 
@@ -34,27 +29,19 @@ def law(name: str) -> Callable[[Change], Change]:
 
 def mapped(view: View, matrix: Floats, move: Floats | float = 0.0) -> View:
     """The view transformed by x → M x + move, where M is a rotation times a scale."""
-    scale = float(np.linalg.norm(matrix[0]))
-
-    def points(places: Floats) -> Floats:
-        return places @ matrix.T + move
-
-    def turned(direction: Floats) -> Floats:
-        return direction @ matrix.T
-
-    near, far = view.near_far
+    near, far = np.multiply(view.near_far, np.linalg.norm(matrix[0])).tolist()
     camera = replace(
         view.camera,
-        position=vec3(points(np.array(view.camera.position))),
-        target=vec3(points(np.array(view.camera.target))),
-        up=vec3(turned(np.array(view.camera.up))),
-        near=near * scale,
-        far=far * scale,
+        position=vec3(matrix @ view.camera.position + move),
+        target=vec3(matrix @ view.camera.target + move),
+        up=vec3(matrix @ view.camera.up),
+        near=near,
+        far=far,
     )
-    light = replace(view.light, direction=vec3(turned(np.array(view.light.direction))))
+    light = replace(view.light, direction=vec3(matrix @ view.light.direction))
     if light.kind != "directional":
-        light = replace(light, position=vec3(points(np.array(light.position))))
-    meshes = [replace(mesh, vertices=points(mesh.vertices)) for mesh in view.scene.meshes]
+        light = replace(light, position=vec3(matrix @ light.position + move))
+    meshes = [replace(mesh, vertices=mesh.vertices @ matrix.T + move) for mesh in view.scene.meshes]
     return replace(with_meshes(view, meshes), camera=camera, light=light)
 
 
@@ -63,17 +50,8 @@ def with_meshes(view: View, meshes: list[Mesh]) -> View:
     return replace(view, scene=Scene(scene.name, tuple(meshes), scene.cameras, scene.lights))
 
 
-def with_faces(mesh: Mesh, faces: np.ndarray, vertices: Floats | None = None) -> Mesh:
-    vertices = mesh.vertices if vertices is None else vertices
-    return replace(mesh, vertices=vertices, faces=np.ascontiguousarray(faces, dtype=np.int32))
-
-
-def about_y(degrees: float) -> Floats:
-    """(3, 3) rotation about y; exact for multiples of 90°."""
-    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    if degrees % 90 == 0:
-        cosine, sine = np.round(cosine), np.round(sine)
-    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+def with_faces(mesh: Mesh, faces: np.ndarray) -> Mesh:
+    return replace(mesh, faces=np.ascontiguousarray(faces, dtype=np.int32))
 
 
 @law("translation")
@@ -101,7 +79,9 @@ def turned_about_y(view: View, random: Random) -> View:
     A rotation preserves intersections. A light-space basis built from the y axis rotates with the scene; an
     axis-aligned bounding box does not.
     """
-    return mapped(view, about_y(random.uniform(1, 359)))
+    turn = np.radians(random.uniform(1, 359))
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return mapped(view, np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]))
 
 
 @law("any rotation")
@@ -127,7 +107,8 @@ def split(view: View, random: Random) -> View:
         corners = np.concatenate(
             [np.stack(four, axis=1) for four in [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]]
         )
-        return with_faces(mesh, np.arange(3 * len(corners)).reshape(-1, 3), corners.reshape(-1, 3))
+        separate = replace(mesh, vertices=corners.reshape(-1, 3))
+        return with_faces(separate, np.arange(3 * len(corners)).reshape(-1, 3))
 
     return with_meshes(view, [quartered(mesh) for mesh in view.scene.meshes])
 
@@ -207,15 +188,6 @@ def added(view: View, random: Random) -> View:
     return with_meshes(view, [*view.scene.meshes, replace(more, receives=False)])
 
 
-@law("more PCF taps")
-def more_taps(view: View, random: Random) -> View:
-    """The view is unchanged; the filter grows from 1 texel to 3², 5² and 7².
-
-    If all comparisons of a kernel agree, so do those of any smaller kernel, which are among them.
-    """
-    return view
-
-
 @law("a vanishing light")
 def nearly_hard(view: View, random: Random) -> View:
     """The light, which has no size, gets a radius of a millionth of its distance.
@@ -225,30 +197,3 @@ def nearly_hard(view: View, random: Random) -> View:
     light = view.light
     distance = 1.0 if light.kind == "directional" else float(np.linalg.norm(light.position))
     return replace(view, light=replace(light, radius=1e-6 * distance))
-
-
-@law("translation by texels of the map")
-def moved_by_texels(view: View, random: Random) -> View:
-    """The scene is translated by up to 5 texels of a fixed map along its rows and columns.
-
-    The map holds the same texels elsewhere.
-    """
-    basis = perpendicular_basis(-unit(view.light.direction), (0.0, 1.0, 0.0))
-    texels = random.integers(-5, 6, 2) * (2 * FixedFit().half / SIZE)
-    return mapped(view, np.eye(3), texels @ basis[:2])
-
-
-@law("a caster over another")
-def sheeted(view: View, random: Random) -> View:
-    """Two sheets that face the sun are added over the scene, of which the upper one covers half of it.
-
-    The lower one shadows all that the upper one would light.
-    """
-    right, up, toward = perpendicular_basis(-unit(view.light.direction), random.normal(size=3))
-    lower, upper = SHEETS[0], random.uniform(1.5 * SHEETS[0], SHEETS[1])
-    meshes = []
-    for height, edge in ((lower, -30.0), (upper, 0.0)):
-        corners = [30 * x * right + 30 * y * up for x, y in ((edge / 30, -1), (1, -1), (1, 1), (edge / 30, 1))]
-        faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-        meshes.append(Mesh("sheet", np.array(corners) + height * toward, faces, receives=False))
-    return with_meshes(view, [*view.scene.meshes, *meshes])

@@ -10,7 +10,6 @@ import math
 import numpy as np
 import pytest
 
-from shadowbench.maps.biases import Bias
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.vectors import unit
 from tests.samples import by_turns, pairs
@@ -105,12 +104,6 @@ def test_screen_derivatives_agree_with_the_plane_where_there_is_one(incline, mas
         assert (inner == 1).mean() > 0.999
 
 
-@pytest.mark.parametrize(("tilt", "filter_"), by_turns(TILTS, ["hard", "hardware"]))
-def test_the_published_polygon_offset_is_enough_for_four_texels(incline, mask, tilt: float, filter_: str) -> None:
-    spec = f"shadow-map:fit=scene,bias=polygon-offset(2,4),filter={filter_},size=256"
-    assert (mask(spec, incline("directional", tilt)) == 1).all()
-
-
 def test_with_front_faces_culled_back_faces_cast(shape, looking, sun, mask) -> None:
     """No surface shadows itself; an open plane that shows the light its face casts nothing at all."""
     sheet = shape("plane", 1.0, (0.0, 1.0, 0.0))
@@ -122,17 +115,6 @@ def test_with_front_faces_culled_back_faces_cast(shape, looking, sun, mask) -> N
     assert (mask(spec, view) < 0.5).sum() > 200
     assert (mask(spec, lit) == 1).all()
     assert (mask("shadow-map:fit=scene,filter=hard,size=512", lit) < 0.5).sum() > 200
-
-
-@pytest.mark.parametrize(
-    ("bias", "filter_"),
-    by_turns(sorted(name for name, row in Bias.table.items() if "2d" in row.maps), ["hard", "hardware"]),
-)
-def test_a_bias_and_none_is_that_bias(builtin, mask, bias: str, filter_: str) -> None:
-    view, spec = builtin("spot-lamp", SIZE), f"shadow-map:fit=scene,filter={filter_},size=256,bias="
-    alone = mask(f"{spec}{bias}", view)
-    assert np.array_equal(alone, mask(f"{spec}{bias}+none", view))
-    assert np.array_equal(alone, mask(f"{spec}none+{bias}", view))
 
 
 @pytest.mark.parametrize(
@@ -170,23 +152,6 @@ def test_at_grazing_light_texel_is_an_offset_along_the_normal_alone(builtin, mas
     assert not np.array_equal(mask(f"{spec}texel(scale=1,ulps=4)", view), offset)
 
 
-def test_fixed_biases_are_reported_in_metres_and_texels(builtin, build, studio) -> None:
-    shot = studio.shot(builtin("cube-on-plane", 32))
-    bias = "normal-offset(0.5)+receiver-plane(slack=2)+constant(world=0.1)+before-divide(0.01)"
-    one = build(f"shadow-map:fit=scene,size=64,filter=pcf(5),bias={bias}", shot)
-    many = build(f"cascades:count=2,size=64,filter=pcf(5),bias={bias}", shot)
-    one.draw(shot), many.draw(shot)
-    facts = one.technique.facts()
-    texel, offset = facts["texel_m"], 0.5 * 2.5 * math.sqrt(2)
-    along = 2 * texel + 0.1 + 0.01 * facts["depth_range_m"]
-    assert (facts["bias_m"], facts["bias_texels"]) == pytest.approx((along, along / texel))
-    assert facts["normal_offset_m"] == pytest.approx(offset * texel)
-    assert facts["normal_offset_texels"] == pytest.approx(offset)
-    facts = many.technique.facts()
-    assert facts["bias_2_texels"] == pytest.approx(facts["bias_2_m"] / facts["texel_2_m"])
-    assert facts["normal_offset_1_texels"] == pytest.approx(offset)
-
-
 def test_the_biases_of_engines_are_as_long_as_in_their_sources(builtin, build, studio) -> None:
     """Along the light in metres, from the depth range and the texel's width, and along the normal in texels."""
     shot = studio.shot(builtin("cube-on-plane", 32))
@@ -205,16 +170,3 @@ def test_the_biases_of_engines_are_as_long_as_in_their_sources(builtin, build, s
         assert facts["bias_m"] == pytest.approx(along), preset
         assert facts.get("normal_offset_texels") == (normal and pytest.approx(normal, rel=2e-3)), preset
         one.stage.release()
-
-
-def test_a_large_constant_bias_leaks_at_contact(builtin, truth_of, mask, scored) -> None:
-    """A twentieth of the depth range is more than a pebble is thick, so what it shadows lies too near behind it.
-
-    (A thick caster hides the fault: a map stores its lit side, a metre before the contact.)
-    """
-    view, truth = builtin("pebbles", 256), truth_of("pebbles", 256)
-    large = scored(mask("shadow-map:fit=scene,bias=constant(0.05),filter=hard,size=2048", view), truth)
-    small = scored(mask("shadow-map:fit=scene,bias=constant(0.002),filter=hard,size=2048", view), truth)
-    assert large["contact"] > 0.9 and large["leak"] > 0.7
-    assert small["contact"] < 0.05 and small["leak"] < 0.01
-    assert large["iou"] < 0.2 < 0.9 < small["iou"]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shadowbench.maps.culling import kept_ranges, may_shadow
+from shadowbench.maps.culling import may_shadow
 from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
@@ -82,16 +82,6 @@ def test_casters_between_a_receiver_and_the_light_are_kept(box, inside, along, s
     normals = np.vstack([np.eye(3), -np.eye(3), turn[None]])
     planes = np.column_stack([normals, -normals @ receiver])
     assert may_shadow(box[None], (*light, w), planes).all()
-
-
-def test_draw_ranges_cover_the_kept_chunks_and_small_gaps() -> None:
-    ends = np.array([3000, 6000, 6300, 9000, 12000])
-    assert kept_ranges(np.array([True, False, True, True, False]), ends) == ((0, 3000), (6000, 3000))
-    assert kept_ranges(np.array([False, True, False, True, False]), ends) == ((3000, 6000),)
-    assert kept_ranges(np.zeros(5, dtype=bool), ends) == ()
-    assert kept_ranges(np.ones(5, dtype=bool), ends) == ((0, 12000),)
-    chosen, other = np.array([True, False, True, False, True]), np.array([False, True, False, False, False])
-    assert kept_ranges(chosen, np.array([1, 2, 3, 4, 5]), other) == ((0, 1), (2, 3))
 
 
 def test_a_caster_that_a_lamp_lies_on_may_shadow_what_is_above_it() -> None:

@@ -1,13 +1,11 @@
 """Filters over wide kernels and discs, whose answers under a half-plane and a vertical sun are closed forms."""
 
 import math
-import re
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from shadowbench.files import data_folder
 from shadowbench.scenes.model import Light, Mesh
 from tests.samples import by_turns
 
@@ -41,26 +39,6 @@ def disc_share(across: np.ndarray, radius: float) -> np.ndarray:
     """Share of a disc on the lit side of a line at a distance from its centre."""
     x = np.clip(across / radius, -1, 1)
     return 0.5 + (x * np.sqrt(1 - x**2) + np.arcsin(x)) / math.pi
-
-
-def poisson_points() -> np.ndarray:
-    """The table of disc/poisson.glsl."""
-    text = (data_folder("shaders") / "filter" / "disc" / "poisson.glsl").read_text()
-    table = text[text.index("poisson_disc[32]") :].partition(");\n")[0]
-    return np.array([[float(x) for x in pair] for pair in re.findall(r"vec2\((\S+), (\S+?)\)", table)])
-
-
-@pytest.mark.parametrize("taps", [7, 45])
-def test_a_poisson_disc_takes_the_points_of_its_table(under_edge, taps: int) -> None:
-    across, visibility = under_edge(f"pcf-disc(pattern=poisson,rotate=false,width=32,taps={taps})")
-    points = poisson_points()
-    turn = 2.3999632 * (np.arange(taps) // 32)
-    x, y = np.resize(points, (taps, 2)).T
-    # The map's axes are the scene's, up to their signs and order.
-    ways = [sign * way for way in (np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y)
-            for sign in (-1, 1)]  # fmt: skip
-    expected = [np.clip(across[:, None] / TEXEL + 32 * way + 0.5, 0, 1).mean(axis=1) for way in ways]
-    assert min(np.abs(one - visibility).max() for one in expected) < 0.01
 
 
 @pytest.mark.parametrize(

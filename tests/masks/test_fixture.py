@@ -90,9 +90,3 @@ def test_bad_input_is_a_failure_of_one_line(printed: str) -> None:
     assert "flipped.png: is flipped vertically, against the truth of stairs" in printed
     assert "AttributeError: 'iuo' is not a metric; allowed: iou, iou_soft" in printed
     assert "score: found MASK and --lit; allowed: MASK; or --lit and --shadowed" in printed
-
-
-def test_without_a_folder_the_picture_goes_to_the_tests_own(folder: Path) -> None:
-    run(folder, f"--basetemp={folder / 'base'}", "-k", "TestOther")
-    (picture,) = (folder / "base").rglob("*.png")
-    assert re.fullmatch(r"test_suite\.test_bad-[0-9a-f]{8}\.diff\.png", picture.name)

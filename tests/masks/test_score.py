@@ -157,22 +157,6 @@ def test_a_row_is_kept_once_and_a_changed_mask_is_another(
     assert rows[-1]["metrics"] == row["metrics"] and len({row["key"] for row in rows}) == len(rows) == 4
 
 
-def test_the_difference_shows_false_shadow_orange_and_false_light_blue(
-    shadowbench: Callable, prepared: Callable, tmp_path: Path
-) -> None:
-    truth = prepared(SCENE)
-    wrong = truth.visibility.copy()
-    wrong[:, :128] = 1 - wrong[:, :128] * 0.5  # half a shadow where it is light, light where it is shadow
-    write_mask(tmp_path / "mask.png", wrong)
-    assert shadowbench("score", SCENE, tmp_path / "mask.png", "--diff", tmp_path / "diff.png").code == 0
-    picture = np.asarray(Image.open(tmp_path / "diff.png")).astype(int)
-    left = np.arange(256) < 128
-    assert (picture[truth.shadow & left] == (0, 114, 178)).all()
-    red, green, blue = picture[truth.lit & left].T
-    assert (red > green).all() and (green > blue).all()
-    assert np.ptp(picture[truth.valid & ~left], axis=-1).max() == 0
-
-
 def test_errors_are_said_in_words_the_leading_one_first(prepared: Callable) -> None:
     truth, view = prepared(SCENE), chosen_view(SCENE, 256)
     speckled = truth.lit_interior & (np.add.outer(np.arange(256), np.arange(256)) % 4 == 0)

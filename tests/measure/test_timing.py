@@ -1,8 +1,5 @@
 """The order and arithmetic of timing, on a worker that returns known times."""
 
-import json
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -130,7 +127,6 @@ def test_a_time_is_a_median_and_its_quartiles_above_the_floor_and_over_the_refer
     assert row["ratio"] == np.median([30 / 10, 20 / 40, 100 / 20]) == 3
     assert row["ratio_iqr"] == (3 + 5) / 2 - (0.5 + 3) / 2
     assert (row["reference"], row["reference_ms"], row["no_ratio"]) == (REFERENCE, 20, None)
-    assert row["ratio_quartiles"] == [(0.5 + 3) / 2, (3 + 5) / 2]
     itself, floor = (record(Scripted(), name) for name in (REFERENCE, FLOOR))
     assert (itself["ratio"], itself["ratio_iqr"], floor["added_ms"]) == (1, 0, 0)
 
@@ -178,13 +174,6 @@ def crash(wanted: str, of: str | None = None, error: Exception | None = None) ->
     return lambda method, name: error if method == wanted and of in (None, name) else None
 
 
-def test_a_view_that_cannot_be_opened_costs_the_times_of_its_cells() -> None:
-    worker = Scripted(fails=crash("open", error=MemoryExceeded("ate memory")))
-    found = timed(worker, SLOW, FAST, FLOOR, reference=FLOOR)
-    assert found == dict.fromkeys([SLOW, FAST, FLOOR], "opening the view: ate memory")
-    assert Counter(worker.calls)["open", None] == 1
-
-
 @pytest.mark.parametrize("method", ["prepare_timing", "time_passes"])
 def test_a_failing_floor_costs_all_times_and_a_failing_cell_its_own(method: str) -> None:
     found = timed(Scripted(fails=crash(method, FLOOR)), SLOW, FAST)
@@ -223,16 +212,15 @@ def test_cells_that_eat_memory_together_are_timed_apart() -> None:
     assert held == [*(FLOOR, REFERENCE, SLOW, FAST), *(FLOOR, REFERENCE, SLOW), *(FLOOR, REFERENCE, FAST)]
 
 
-@pytest.mark.parametrize(("times", "fails_at_last"), [(1, False), (2, True)])
-def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, fails_at_last: bool) -> None:
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_cell_alone_that_eats_memory_is_tried_once_more_in_a_fresh_worker(times: int) -> None:
     def fails(method: str, name: str | None) -> Exception | None:
         often = Counter(worker.calls)["prepare_timing", SLOW]
         return MemoryExceeded("ate memory") if (method, name) == ("prepare_timing", SLOW) and often <= times else None
 
     worker = Scripted(fails=fails)
     (found,) = timed(worker, SLOW).values()
-    assert isinstance(found, str) == fails_at_last
-    assert Counter(worker.calls)["prepare_timing", SLOW] == 2
+    assert isinstance(found, str) == (times == 2) and Counter(worker.calls)["prepare_timing", SLOW] == 2
 
 
 @pytest.mark.parametrize(
@@ -246,32 +234,3 @@ def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, fa
 def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(chosen: str, names: tuple[str, ...]) -> None:
     kinds: tuple[LightKind, ...] = ("directional", "spot", "point")
     assert tuple(reference_name(block_under(kind, chosen).reference_cell.spec) for kind in kinds) == names
-
-
-BUILDS = """
-import json, sys
-from types import SimpleNamespace
-from shadowbench.measure import session
-from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import view_of
-
-def loaded():
-    loops = sys.modules.get("shadowbench.compiled")
-    return {*sys.modules} | {f"{f.__name__}{f.signatures}" for f in (loops._own if loops else ())}
-
-at = []
-real = session.time.perf_counter
-session.time = SimpleNamespace(perf_counter=lambda: (at.append(loaded()), real())[1])
-one = session.Session()
-for scene, spec in json.loads(sys.argv[1]):
-    scene = load_scene(scene)
-    one.prepare_timing(view_of(scene, scene.cameras[0], scene.lights[0], 16), session.CellRequest(spec))
-print(json.dumps([sorted(after - before) for before, after in zip(at[::2], at[1::2])]))
-"""
-
-
-@pytest.mark.parametrize(("scene", "spec"), [("lamp-by-wall", "cube-map:size=16"), ("post", "ray-traced")])
-def test_a_processes_first_build_is_timed_without_imports_and_compilation(scene: str, spec: str) -> None:
-    command = [sys.executable, "-c", BUILDS, json.dumps([(scene, spec)])]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    assert json.loads(done.stdout) == [[]]

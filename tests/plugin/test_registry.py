@@ -42,9 +42,6 @@ class Share(Filter):
     shader = {shader!r}
     share: float = param(0.25, "visibility everywhere", ge=0, le=1)
     steps: int = param(1, "an int, which is a define", ge=1)
-    def radius(self, size): return 0.5
-    @property
-    def reads(self): return 1
 """
 FILTER_SHADER = """
 uniform float filter_share;
@@ -74,25 +71,27 @@ def entry_point(monkeypatch: pytest.MonkeyPatch):
 def test_a_file_brings_its_technique_and_the_shaders_beside_it(tmp_path: Path, studio, builtin, build) -> None:
     (tmp_path / "dusk.frag").write_text(SHADER, encoding="utf-8")
     file = plugin(tmp_path, PLUGIN.format(name="dusk"))
-    found = techniques([file, file])
-    assert shader_folder(found["dusk"]) == tmp_path and source_file(found["dusk"]) == file
-    assert set(found) == {*techniques(), "dusk"}, "and only for those who asked for it"
+    known = techniques([file, file])
+    assert shader_folder(known["dusk"]) == tmp_path and source_file(known["dusk"]) == file
+    assert set(known) == {*techniques(), "dusk"}, "and only for those who asked for it"
     shot = studio.shot(builtin("cube-on-plane", 64))
-    assert set(build("dusk:level=0.75", shot, found).draw(shot).ravel().tolist()) == {0.75, 1.0}
+    assert set(build("dusk:level=0.75", shot, known).draw(shot).ravel().tolist()) == {0.75, 1.0}
 
 
 def test_a_file_may_bring_only_a_filter_for_every_technique_that_has_one(tmp_path: Path) -> None:
-    known = techniques([plugin(tmp_path, SHARE)])
+    """Until the next command; a file that has changed is loaded anew."""
+    file = plugin(tmp_path, SHARE)
+    known = techniques([file])
     assert set(known) == {one.name for one in own_techniques()}
-    for name in ("shadow-map", "cascades"):
-        spec = parse_spec(f"{name}:filter=share(0.5,steps=2)", known)
-        assert (spec.params.filter.share, spec.params.filter.steps) == (0.5, 2)
-        assert spec.params.filter in spec.components
-        assert "filter=share(share=0.5,steps=2)" in spec.full_text
-        with pytest.raises(InputError, match="share: found 2"):
-            parse_spec(f"{name}:filter=share(2)", known)
+    spec = parse_spec("cascades:filter=share(steps=2)", known)
+    assert (spec.params.filter.share, spec.params.filter.steps) == (0.25, 2)
+    assert spec.params.filter in spec.components
+    with pytest.raises(InputError, match="share: found 2"):
+        parse_spec("shadow-map:filter=share(2)", known)
+    file.write_text(SHARE.replace("0.25", "0.75"))
+    assert parse_spec("cascades:filter=share(steps=2)", techniques([file])).params.filter.share == 0.75
     with pytest.raises(InputError, match=r"cube-map.*unknown filter 'share'"):
-        parse_spec("cube-map:filter=share", techniques())  # without the plug-in
+        parse_spec("cube-map:filter=share", techniques())
 
 
 @pytest.mark.parametrize("kind", ["text", "file", "file of a base"])
@@ -112,14 +111,6 @@ def test_the_shader_of_a_plugged_filter_is_text_or_a_file_beside_it(
     assert set(mask.ravel().tolist()) == {0.75, 1.0}
 
 
-def test_a_filter_that_changed_on_disk_is_loaded_anew(tmp_path: Path) -> None:
-    file = plugin(tmp_path, SHARE)
-    first = parse_spec("shadow-map:filter=share", techniques([file])).params.filter
-    file.write_text(file.read_text().replace("0.25", "0.75"))
-    again = parse_spec("shadow-map:filter=share", techniques([file])).params.filter
-    assert (first.share, again.share) == (0.25, 0.75)
-
-
 def test_a_name_that_is_taken_is_an_error_that_names_both_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"two techniques are called 'shadow-map': .*shadow_map\.py and .*dusk\.py"):
         techniques([plugin(tmp_path, PLUGIN.format(name="shadow-map"))])
@@ -136,14 +127,10 @@ BROKEN = {
     "only imports the base": ("from shadowbench.plugin.base import Technique", "defines no subclass"),
     "nameless": (PLUGIN.replace('name = "{name}"', "pass"), "Dusk has no name"),
     "a nameless filter": ("from shadowbench.maps.filters import VSM\nclass A(VSM):\n    pass", "A has no name"),
-    "an incomplete filter": (
-        "from shadowbench.maps.filters import Filter\nclass A(Filter):\n    name = 'a'\n",
-        r"A lacks radius\(self, size: int\) -> float; the property reads -> int; shader, a file or text",
-    ),
     "a misnamed filter": (FILTER.format(name="no such!", shader=FILTER_SHADER), "name 'no such!' is not a valid name"),
     "incomplete": (
         "from shadowbench.plugin.base import Technique\nclass A(Technique):\n    name = 'a'\n",
-        r"A lacks build\(self, stage: Stage\) -> None; draw\(self, frame: Frame\) -> ",
+        "A lacks build, draw; allowed",
     ),
 }
 

@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +80,6 @@ class Study:
     records: Callable[..., list[Record]]
     folder: Path
     plugins: tuple[Path, ...] = ()
-    options: list[str | Path] = field(default_factory=list)
 
     def run(self, text: str, *more: str | Path) -> Any:
         """The command's answer."""

@@ -136,22 +136,6 @@ def test_ctrl_c_leaves_no_process(start: Any, records: Records, study: list[str 
     assert psutil.wait_procs(family, timeout=5)[1] == []
 
 
-@pytest.mark.slow
-def test_when_the_scheduler_ends_what_was_measured_is_kept(
-    start: Any, records: Records, study: list[str | Path], tmp_path: Path
-) -> None:
-    workers = {0: {"cls": Nanny, "options": {"nthreads": 1}}}
-    scheduler = {"cls": Scheduler, "options": {"dashboard_address": ":0", "host": "127.0.0.1"}}
-    with SpecCluster(workers, scheduler, silence_logs=logging.CRITICAL) as cluster:
-        run = start(*study, "--dask", cluster.scheduler_address, "-q")
-        run.until(lambda: len(records(tmp_path / "out")) > 4)
-    code, _, err = run.end()
-    assert code == 3 and err.startswith("shadowbench: --dask: ") and err.count("\n") == 1
-    first = records(tmp_path / "out")
-    assert start(*study).end()[0] == 0
-    assert records(tmp_path / "out")[: len(first)] == first and len(by_key(records(tmp_path / "out"))) == 12 * 7
-
-
 REFUSED = {
     "--dask local:0": "--dask local:0: allowed: local:N with N from 1 to 999, or a scheduler's address",
     "--dask local:2 --rounds 3": "--rounds 3: nothing is timed with --dask; allowed: 0",

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.promises.conftest import Record, finished, table
+from tests.promises.conftest import finished, table
 
 Command = Callable[..., Any]
 AREA = Path(__file__).parents[2] / "examples" / "shadow_area.py"
@@ -30,19 +30,6 @@ def test_a_metric_of_a_plug_in_is_listed_printed_tabled_and_compared(shadowbench
     assert "not compared, since their plug-in is not loaded: shadow-area" in answer.stderr
     answer = finished(*check, "--plugin", AREA)
     assert answer.returncode == 1 and "shadow-area" in answer.stdout
-
-
-@pytest.mark.slow
-def test_rows_are_measured_again_for_a_metric_that_is_new_or_has_changed(
-    shadowbench: Command, records: Callable[..., list[Record]], tmp_path: Path
-) -> None:
-    plugin, counts = tmp_path / "area.py", []
-    for text in (None, AREA.read_text(), AREA.read_text(), AREA.read_text().replace("drawn / true if", "0.5 if")):
-        plugin.write_text(text or "")
-        added = ["--plugin", plugin] if text else []
-        assert shadowbench(*RUN, *added, "-o", tmp_path / "out").code == 0
-        counts.append(len(records(tmp_path / "out", "score")))
-    assert counts == [2, 4, 4, 6]
 
 
 @pytest.mark.parametrize(

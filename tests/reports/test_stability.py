@@ -1,4 +1,4 @@
-"""Stability in reports: heat map, charts, tables and pictures agree with the rows of a sweep."""
+"""Stability in reports: charts, tables and pictures agree with the rows of a sweep."""
 
 import re
 from dataclasses import replace
@@ -16,7 +16,6 @@ from shadowbench.reports.sweep_charts import (
     UNSUPPORTED_COLOR,
     axis_chart,
     axis_figure,
-    heat_map,
     metrics_along,
     share_color,
     share_colors,
@@ -55,25 +54,7 @@ def test_what_has_no_range_is_left_out_with_a_note(stability_of) -> None:
     assert stability_of(*floor).headline[0] == "No spec has an operating range."
 
 
-# The heat map
-
-
-def test_a_heat_map_cell_has_the_share_around_the_default_and_the_range_or_the_failure(stability_of) -> None:
-    chart = heat_map(stability_of())
-    found = {(one["row"], one["axis"]): (one["look"][0], " ".join(one["text"])) for one in chart["data"]["values"]}
-    assert found == {
-        ("shadow-map, sun", "elevation"): (share_color(19 / 21), "breaks at 0.2°: acne 25.00%"),  # 0.1° lies beyond
-        ("shadow-map, spot", "elevation"): (share_color(1), "0.1…89.9°"),
-        ("shadow-map, sun", "map-size"): (share_color(8 / 9), "breaks at 16 texels: leak 50.00%"),
-        ("shadow-map, sun", "camera-step"): (share_color(1), "0.05…0.75 texels of 5.9 mm"),
-        ("shadow-map, sun", "volume-wall"): (share_color(7 / 15), "breaks at 0 m: crash"),
-        ("cube-map, sun", "mesh"): (share_color(6 / 7), "breaks at open: leak 3.00%"),
-        ("cube-map, sun", "elevation"): (UNSUPPORTED_COLOR, "unsupported"),
-        ("planar-projection, sun", "elevation"): (share_color(0), "breaks at 50°: leak 100.00%"),
-    }
-    words = {word for text in texts(chart) for word in text.split()}
-    assert {"spot", "unsupported", "volume", "wall", "25.00%"} <= words
-    assert stability_of().specs == ["shadow-map", "cube-map", "planar-projection"], "best first"
+# Colours of the table
 
 
 def luminance(color: str) -> float:

@@ -132,17 +132,6 @@ def test_times_are_kept_by_machine_and_the_table_has_those_of_one(merge: Merge, 
     assert (tmp_path / "all" / "table.csv").read_text().count(",slow,") == 2
 
 
-def test_sweeps_are_merged_with_their_ranges(merge: Merge, shadowbench: Callable[..., Any], tmp_path: Path) -> None:
-    records = [point.record() for point in POINTS]
-    lines = [[row for row in records if (row["home_spec"] == "shadow-map") == ours] for ours in (True, False)]
-    parts = [rows(tmp_path / str(index), *line) for index, line in enumerate(lines)]
-    assert merge(*parts).code == 0
-    assert sorted(row["key"] for row in read(tmp_path / "all")) == sorted(row["key"] for row in records)
-    ranges = (tmp_path / "all" / "ranges.csv").read_text()
-    assert "breaks at 0.2°" in ranges and "cube-map,cube-map" in ranges
-    assert shadowbench("report", tmp_path / "all", "-o", tmp_path / "report.md", "--format", "md").code == 0
-
-
 @pytest.mark.parametrize(
     ("made", "words"),
     [

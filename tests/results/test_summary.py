@@ -1,4 +1,4 @@
-"""Summaries: medians, intervals, means over scenes and slopes of known values."""
+"""Summaries: medians, intervals and means over scenes of known values."""
 
 import math
 from typing import Any
@@ -9,7 +9,6 @@ import pytest
 from shadowbench.measure.rows import Result
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.results.curves import Slope, slopes
 from shadowbench.results.summary import Interval, Setting, Summary, interval, over_scenes
 from shadowbench.scores.metrics import METRICS
 from tests.results.cells import cell
@@ -106,28 +105,3 @@ def test_a_preset_is_called_by_its_name_and_other_specs_as_they_are() -> None:
         spec = parse_spec(f"{text},size=128", known).sizeless_text
         names = {row.spec: row.name for row in settings(result(spec=spec), result(spec=f"{spec},cull=false"))}
         assert names == {spec: text, f"{spec},cull=false": f"{spec},cull=false"}
-
-
-def slopes_of(*cells: Result) -> list[Slope]:
-    return slopes(summary(*cells))
-
-
-@pytest.mark.parametrize("apart", [{"view": "b"}, {"phase": 1}])
-def test_a_slope_is_fitted_separately_for_each_view_and_phase(apart: dict[str, Any]) -> None:
-    # Errors of c / size in one and c / size² in the other: slopes −1 and −2.
-    cells = [
-        result(1 - scale * (64 / size) ** power, size, **of)
-        for of, scale, power in [({}, 0.5, 1), (apart, 0.1, 2)]
-        for size in (64, 128, 256)
-    ]
-    (fit,) = slopes_of(*cells)
-    assert (fit.slope.low, fit.slope.median, fit.slope.high) == pytest.approx((-2, -1.5, -1))
-    assert (fit.sizes, fit.phases) == ((64, 128, 256), 2 if "phase" in apart else 1)
-
-
-def test_a_cell_without_an_error_has_no_logarithm_and_takes_no_part_in_a_slope() -> None:
-    fits = slopes_of(result(0.5, 128), result(0.75, 256), result(1.0, 512), result(1.0, 64), result(0.5, None))
-    assert [(fit.slope.median, fit.sizes) for fit in fits] == [(pytest.approx(-1), (128, 256))]
-    assert slopes_of(result(), result(size=None), result(0.9, view="b")) == [], "one size has none"
-    soft = [result(0.9, size, metrics={"rmse": rmse, "rmse_pen": 0.5}) for size, rmse in ((512, 0.1), (1024, 0.4))]
-    assert slopes_of(*soft)[0].slope.median == pytest.approx(2), "of RMSE"

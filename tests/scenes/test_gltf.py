@@ -115,30 +115,6 @@ def test_an_invalid_or_unsupported_gltf_is_one_line_that_names_the_place(gltf_fi
         refused(gltf_file(**parts), "model.gltf", *words)
 
 
-def test_simplified_drawing_is_a_note(gltf_file: Gltf) -> None:
-    path = gltf_file(
-        primitive={"material": 0},
-        materials=[
-            {
-                "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 1.0]},
-                "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.9}},
-            }
-        ],
-    )
-    contents = read_meshes(path)
-    assert contents.meshes[0].color == (0.1, 0.2, 0.3)
-    assert sum("opaque" in note for note in contents.notes) == 1
-
-
-def test_lines_are_left_out_and_triangles_beside_them_kept(gltf_file: Gltf) -> None:
-    line = {"attributes": {"POSITION": 0}, "mode": 1}
-    loop = {"attributes": {"POSITION": 0}, "mode": 2}
-    face = {"attributes": {"POSITION": 0}, "indices": 1}
-    contents = read_meshes(gltf_file(meshes=[{"primitives": [line, loop, face]}]))
-    assert sum(len(mesh.faces) for mesh in contents.meshes) == 1
-    assert any("2 primitive(s) of points or lines" in note for note in contents.notes)
-
-
 def test_a_hidden_node_hides_meshes_and_lights_below_it_and_no_camera(gltf_file: Gltf) -> None:
     hidden = {"KHR_node_visibility": {"visible": False}}
     light = {"KHR_lights_punctual": {"light": 0}}

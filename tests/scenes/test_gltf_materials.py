@@ -171,13 +171,6 @@ def test_an_image_that_cannot_be_read_is_one_line(card: Written) -> None:
         refused(card(masked({"index": 0}), **parts), "card.gltf", *words)
 
 
-def test_an_image_of_too_many_texels_is_refused_before_it_is_decoded(
-    card: Written, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("shadowbench.scenes.images.MOST_TEXELS", 31)
-    refused(card(masked({"index": 0})), "images 1", "8 × 4 texels", "31")
-
-
 def test_vertex_colours_are_those_of_triangles_in_the_mean(card: Written) -> None:
     colors = np.array([[0.0, 0.3, 0.6], [0.3, 0.3, 0.6], [0.6, 0.3, 0.6], [0.9, 0.9, 0.9]])
     path = card({"pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.5, 0.5, 1.0]}}, colors)

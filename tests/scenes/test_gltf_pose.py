@@ -10,12 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from shadowbench.errors import InputError
-from shadowbench.options import ViewOptions
 from shadowbench.scenes.file_contents import Chosen
 from shadowbench.scenes.gltf import read_gltf
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.triangles import Triangles, transformed
 from tests.scenes.conftest import refused
 from tests.scenes.pose_reference import Reference
@@ -147,16 +144,6 @@ def test_joints_outside_the_scene_move_a_skin(tmp_path: Path) -> None:
     assert mesh == pytest.approx(corners(bar(90).write(tmp_path / "b.glb"), Chosen())[0])
 
 
-def test_cameras_and_lights_move_with_their_nodes(tmp_path: Path) -> None:
-    rig = moving([0.0, 1.0], [[0, 0, 0], [0, 4, 0]], "LINEAR")
-    light = {"KHR_lights_punctual": {"light": 0}}
-    rig.json["nodes"][0] |= {"camera": 0, "extensions": light}
-    rig.json["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}]
-    rig.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
-    scene = read_meshes(rig.write(tmp_path / "a.glb"), chosen=Chosen(0.25))
-    assert scene.cameras[0].position == scene.lights[0].position == (0, 1, 0)
-
-
 def test_the_clip_and_its_time_are_a_note(tmp_path: Path) -> None:
     path = RIGS["sheared"]().write(tmp_path / "a.glb")
     posed = "from 0 to 2 s: posed at"
@@ -182,12 +169,6 @@ def test_a_scene_file_poses_each_of_its_meshes(tmp_path: Path) -> None:
         refused(tmp_path / "b.toml", "[[mesh]] 1", line.split()[0])
     (tmp_path / "c.toml").write_text('[[mesh]]\nshape = "box"\ntime = 1')
     refused(tmp_path / "c.toml", "time and clip are for a file")
-
-
-def test_a_time_is_a_number_of_seconds() -> None:
-    for time in (-0.5, math.nan, math.inf, 1e10, "soon"):
-        with pytest.raises(InputError, match="time: found"):
-            ViewOptions(time=time)
 
 
 def test_what_has_no_clips_says_so(tmp_path: Path) -> None:

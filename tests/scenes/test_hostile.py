@@ -28,12 +28,6 @@ def test_a_scene_file_beyond_its_limits_is_refused_before_the_work(scene_file: W
         refused(scene_file(text), *words)
 
 
-def test_repeated_files_count_all_their_meshes(scene_file: Write, mesh_file: Write) -> None:
-    bodies = "".join(f"o {k}\nf 1 2 3\n" for k in range(3))
-    mesh_file("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + bodies)
-    refused(scene_file('[[mesh]]\nfile = "a.obj"\nrepeat = { count = 20000, step = [1, 0, 0] }\n'), "60000 meshes")
-
-
 def test_a_pipe_is_not_waited_for(tmp_path: Path, scene_file: Write, gltf_file: Write) -> None:
     for name in ("pipe.obj", "pipe.toml", "pipe.bin"):
         os.mkfifo(tmp_path / name)
@@ -69,7 +63,7 @@ def test_the_buffer_of_a_gltf_lies_in_its_folder(gltf_file: Write, tmp_path: Pat
 
 def test_an_invalid_buffer_is_one_line(gltf_file: Write) -> None:
     for uri in ("data:,x", "data:;base64,*", "data:;base64,AAAA", "data:", "file:///etc/passwd", ""):
-        refused(gltf_file(buffers=[{"byteLength": 48, "uri": uri}]), "buffers 1")
+        refused(gltf_file(buffers=[{"byteLength": 48, "uri": uri}]), "model.gltf")
 
 
 def test_few_bytes_do_not_stand_for_more_triangles_than_a_scene_has(gltf_file: Write) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.library import builtin_about, builtin_names, hard_names, load_scene
+from shadowbench.scenes.library import builtin_about, builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from tests.scenes.conftest import refused
 
@@ -23,12 +23,6 @@ def test_a_built_in_scene_is_whole() -> None:
         for camera in scene.cameras:
             near, far = view_of(scene, camera, scene.lights[0], 64).near_far
             assert 0 < near < far
-
-
-def test_a_scene_is_hard_if_no_light_of_it_has_a_size() -> None:
-    soft = set(builtin_names()) - set(hard_names())
-    assert soft == {name for name in builtin_names() if any(light.soft for light in load_scene(name).lights)}
-    assert len(soft) >= 6
 
 
 def test_a_near_miss_is_named() -> None:

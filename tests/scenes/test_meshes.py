@@ -51,12 +51,6 @@ def test_a_torus_comes_back_closed_from_every_kind_of_file(tmp_path: Path) -> No
         assert trimesh.Trimesh(mesh.vertices, mesh.faces).volume == pytest.approx(torus.volume, rel=1e-4)
 
 
-def test_identical_positions_become_one_vertex(mesh_file: MeshFile) -> None:
-    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv -0 1 -0\nv 1 1 0\nf 1 2 3\nf 4 6 5\n"
-    (mesh,) = read_meshes(mesh_file("a.obj", text)).meshes
-    assert len(mesh.vertices) == 4
-
-
 def test_objects_of_an_obj_are_meshes_and_materials_do_not_split_them(mesh_file: MeshFile) -> None:
     text = "o one\n" + OBJ + "usemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\no two\nf 2 3 4\n"
     contents = read_meshes(mesh_file("a.obj", text))
@@ -163,16 +157,6 @@ def test_a_file_cut_short_is_one_line(tmp_path: Path) -> None:
             data = path.read_bytes()
             path.write_bytes(data[: int(len(data) * kept)])
             refused(path, f"ball.{suffix}")
-
-
-def test_a_node_below_a_camera_is_kept(gltf_file: Gltf) -> None:
-    lens = {"yfov": 1.0, "znear": 0.1}
-    path = gltf_file(
-        nodes=[{"camera": 0, "children": [1], "translation": [0, 0, 5]}, {"mesh": 0, "name": "child"}],
-        cameras=[{"type": "perspective", "perspective": lens}],
-    )
-    (mesh,) = read_meshes(path).meshes
-    assert mesh.vertices[:, 2] == pytest.approx(5.0)
 
 
 @pytest.fixture

@@ -5,16 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from shadowbench.scenes.file_contents import Chosen
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import placed, read_meshes
 from shadowbench.scenes.model import Mesh
-from shadowbench.scenes.shapes import SHAPES
-from shadowbench.scenes.triangles import mean_normals, normal_matrices, unit_normals
+from shadowbench.scenes.triangles import unit_normals
 from tests.scenes.conftest import refused
 from tests.scenes.rigs import Rig
 
@@ -55,11 +52,6 @@ def test_faces_of_an_obj_without_normals_are_flat_beside_others(mesh_file: MeshF
     assert mesh.normals[1].any(axis=1).all()
 
 
-def test_a_file_without_normals_is_flat(mesh_file: MeshFile) -> None:
-    for text in ("f 1 2 3", "f 1/1 2/2 3/3", "vn 0 0 0\nf 1//1 2//1 3//1"):
-        assert read_meshes(mesh_file("a.obj", CORNERS + text)).meshes[0].normals is None
-
-
 def test_a_sphere_of_a_file_is_smooth(tmp_path: Path) -> None:
     for kind in ("ply", "obj", "glb"):
         for encoding in ("ascii", "binary"):
@@ -83,15 +75,6 @@ def test_normals_stay_perpendicular_to_their_surface() -> None:
         assert np.allclose(moved.normals @ np.cross(b - a, c - a), np.linalg.norm(np.cross(b - a, c - a)), rtol=1e-6)
 
 
-@given(st.lists(st.floats(-1, 1), min_size=9, max_size=9))
-def test_the_matrix_of_normals_is_the_inverse_transpose(values: list[float]) -> None:
-    linear = np.array(values).reshape(3, 3)
-    if np.linalg.cond(linear) > 1e4:
-        return
-    scaled = normal_matrices(linear) / abs(np.linalg.det(linear))
-    assert np.allclose(scaled, np.linalg.inv(linear).T, rtol=1e-6, atol=1e-6 * np.abs(scaled).max())
-
-
 def test_normals_bend_with_joints_and_morph_targets(tmp_path: Path) -> None:
     """One joint turns a square by 90° about x; a morph target then adds to a normal."""
     rig = Rig()
@@ -103,18 +86,6 @@ def test_normals_bend_with_joints_and_morph_targets(tmp_path: Path) -> None:
     (posed,) = read_meshes(rig.write(tmp_path / "a.glb"), chosen=Chosen(0.0)).meshes
     assert posed.normals is not None
     assert np.allclose(posed.normals, [0, -1, 0], atol=1e-6)
-
-
-def test_mean_normals_of_a_round_shape_are_nearly_those_of_the_surface() -> None:
-    for name in ("sphere", "torus", "capsule"):
-        triangles = SHAPES[name]()
-        normals = mean_normals(triangles)
-        flat = np.cross(
-            *(triangles.vertices[triangles.faces[:, k]] - triangles.vertices[triangles.faces[:, 0]] for k in (1, 2))
-        )
-        assert (np.einsum("fki,fi->fk", normals, flat) > 0.9 * np.linalg.norm(flat, axis=1)[:, None]).all()
-        if name == "sphere":
-            assert np.allclose(normals, 2 * triangles.vertices[triangles.faces], atol=0.01)
 
 
 def test_a_shape_is_smooth_where_its_table_says_so(scene_file: Callable[..., Path]) -> None:

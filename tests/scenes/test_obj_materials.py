@@ -137,13 +137,6 @@ def test_names_may_have_blanks_and_backslashes(painted, tmp_path: Path) -> None:
     assert np.array_equal(cut(painted("newmtl c\nKd 1 0 0\n", obj)), cut_out(GREYS).words)
 
 
-def test_without_materials_that_need_them_coordinates_are_read_only_if_asked_for(painted) -> None:
-    assert only(painted("newmtl a\nKd 1 0 0\nmap_Kd leaf.png")).coordinates is None
-    assert only(painted("newmtl a\nKd 1 0 0", chosen=Chosen(coordinates=True))).coordinates is not None
-    broken = SQUARE + "usemtl a\nf 1/9 2/1 3/1\n"
-    assert len(only(painted("newmtl a\nKd 1 0 0", broken)).faces) == 1
-
-
 def test_a_coordinate_that_is_none_is_one_line(painted, tmp_path: Path) -> None:
     for obj, words in (
         (SQUARE + "usemtl a\nf 1/9 2/1 3/1\n", ["line 11", "texture coordinate 9", "has 4"]),

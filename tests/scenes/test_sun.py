@@ -7,12 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from shadowbench.plugin.registry import techniques
-from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.assumed import with_sun
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light
-from shadowbench.studies.study import Study
 
 NOTE = "no size of light in cube-on-plane: assumed the sun's angular radius, 0.2665°"
 
@@ -38,12 +35,3 @@ def test_a_truth_under_the_sun_has_penumbrae_and_a_note_says_why(shadowbench: Ca
     soft, said = visibility("--sun")
     assert set(np.unique(hard)) == {0.0, 1.0} and NOTE not in silent
     assert ((soft > 0.02) & (soft < 0.98)).any() and f"note: {NOTE}\n" in said
-
-
-def test_a_study_gives_it_to_the_lights_of_its_scenes_and_to_its_own() -> None:
-    lamp = Light("noon", "directional", (0.1, -1.0, 0.0))
-    study = Study.of(["cube-on-plane"], [parse_spec("unshadowed", techniques())], lights=("file", lamp), sun=True)
-    blocks = list(study.blocks())
-    assert [block.view.light.radius for block in blocks] == [math.radians(0.2665)] * 2
-    assert NOTE in blocks[0].view.scene.notes
-    assert not any(block.view.light.soft for block in study.with_(sun=False).blocks())

@@ -57,11 +57,11 @@ def test_a_width_is_measured_along_the_steepest_line_on_the_plane() -> None:
             assert found.pixel == pytest.approx(found.width / found.width_px, rel=1e-5)
 
 
-def drawn(*rows: list[float], first: int = 0, last: int | None = None) -> float:
-    """Width in pixels of a mask of a few pixels on a line along the middle of its rows, used from `first` to `last`."""
-    mask = np.array(rows, np.float32)
+def drawn(row: list[float], first: int = 0, last: int | None = None) -> float:
+    """Width in pixels of a mask of a few pixels on a line along its only row, used from `first` to `last`."""
+    mask = np.array([row], np.float32)
     column = np.arange(mask.shape[1])
-    line = np.stack([0 * column + (len(mask) - 1) / 2, column])[:, np.newaxis].astype(np.float32)
+    line = np.stack([0 * column, column])[:, np.newaxis].astype(np.float32)
     one = np.ones(1)
     end = np.array([column[-1] if last is None else last])
     along = column[np.newaxis].astype(np.float32)
@@ -70,26 +70,14 @@ def drawn(*rows: list[float], first: int = 0, last: int | None = None) -> float:
 
 
 def test_a_width_lies_between_the_first_points_at_a_tenth_and_at_nine_tenths() -> None:
-    assert drawn([0, 0.5, 1]) == pytest.approx(1.8 - 0.2)
+    """On the used part; one that falls is smoothed by its running extremes, and one shade is as narrow as a pixel."""
+    assert [drawn([0, 0.5, 1]), drawn([1, 0, 0.5, 1, 0], first=1, last=3)] == pytest.approx([1.6, 1.6])
     assert drawn([0, 0.9, 0.9, 0.9, 1]) == drawn([0, 0.9, 0.9, 0.9]) == pytest.approx(1 - 1 / 9)
-
-
-def test_only_the_used_part_of_a_line_counts() -> None:
-    assert drawn([1, 0, 0.5, 1, 0], first=1, last=3) == pytest.approx(1.6)
-
-
-def test_a_mask_that_stays_grey_is_as_wide_as_the_line_is_long() -> None:
-    assert drawn([0, 0.5, 0.5, 0.5]) == pytest.approx(3 - 0.2)
+    assert drawn([0, 0.5, 0.5, 0.5]) == pytest.approx(3 - 0.2), "as wide as the line is long"
     assert drawn([0, 0.4, 0.8]) == pytest.approx(2 - 0.25)
     assert drawn([0.5, 0.5, 0.5, 1]) == pytest.approx(2.8)
-
-
-def test_a_mask_of_one_shade_is_as_narrow_as_a_pixel() -> None:
-    assert drawn([0, 0, 0]) == drawn([1, 1, 1]) == drawn([0, 1, 1], first=1) == 1 / 8
-
-
-def test_a_mask_that_falls_is_smoothed_by_the_mean_of_its_running_extremes() -> None:
     assert drawn([0, 0.6, 0.4, 1]) == drawn([0, 0.5, 0.5, 1]) == pytest.approx(2.8 - 0.2)
+    assert drawn([0, 0, 0]) == drawn([1, 1, 1]) == drawn([0, 1, 1], first=1) == 1 / 8
 
 
 def hardening(true: np.ndarray, mask: np.ndarray, pixels: float = 10) -> tuple[float, float] | None:

@@ -7,8 +7,6 @@ from typing import Any
 
 import pytest
 
-from shadowbench.measure.campaign import Block, Campaign
-from shadowbench.measure.worker import CellFailed
 from tests.runs import CHANGING
 
 Shadowbench = Callable[..., Any]
@@ -44,26 +42,6 @@ def test_a_scene_that_cannot_be_read_and_a_truth_that_fails_are_left_out(
     assert lines[0].startswith(f"failed: 1 × scene: {scenes['broken']}: not TOML: ")
     assert lines[1] == f"failed: 1 × scene: {tmp_path / 'gone.obj'}: no such file"
     assert lines[2].startswith("failed: 1 × truth: ") and "shows nothing" in lines[2]
-
-
-def test_a_block_that_fails_is_left_out_and_measured_by_the_next_command(
-    shadowbench: Shadowbench, scenes: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    command = ("run", scenes["good"], "cube-on-plane", *SMALL, "--keep-going", "-o", tmp_path / "out")
-    score = Campaign._score
-
-    def fail(self: Campaign, block: Block) -> None:
-        if block.view.scene.name == "good":
-            raise CellFailed("crashed: SIGSEGV")
-        score(self, block)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Campaign, "_score", fail)
-        answer = shadowbench(*command)
-    assert answer.code == 3 and measured(tmp_path / "out") == ["cube-on-plane"]
-    assert answer.err.startswith("failed: 1 × cells: good") and answer.err.endswith(": crashed: SIGSEGV\n")
-    assert shadowbench(*command).code == 0
-    assert sorted(measured(tmp_path / "out")) == ["cube-on-plane", "good"]
 
 
 def test_nothing_left_is_an_error(shadowbench: Shadowbench, scenes: dict[str, Path], tmp_path: Path) -> None:

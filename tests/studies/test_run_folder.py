@@ -37,9 +37,6 @@ def test_a_second_command_leaves_the_cells_of_the_first_in_table_and_report(
     assert shadowbench("check", out, "--baseline", baseline, "--update").code == 0
 
     answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", *SMALL, "-o", out)
-    found = "the folder also holds 2 cells of earlier commands (1 scene, 2 specs)"
-    where = "they are in table.csv and in reports"
-    assert answer.err == f"note: {out}: {found}; {where}\n"
     assert "shadow-map" not in answer.out and f"{out / 'table.csv'}: 3 cells" in answer.out
     assert {row["key"]: row for row in table(out)}.items() >= first.items(), (
         "with the command, and the factor of its bias"
@@ -58,7 +55,6 @@ def test_a_second_command_leaves_the_cells_of_the_first_in_table_and_report(
     assert answer.code == 2 and "no cell in common" in answer.err, "the last command's cells are compared"
 
     answer = shadowbench("run", "-s", study, "-o", out)
-    assert "the folder also holds 1 cell of earlier commands (1 scene, 1 spec)" in answer.err
     assert sorted(keys(out)) == sorted(first) and len(table(out)) == 3
     assert {row["key"]: row for row in table(out)}.items() >= first.items(), "measured before: the command that made it"
     assert shadowbench("check", out, "--baseline", baseline).code == 0
@@ -76,22 +72,6 @@ def test_a_scene_that_was_changed_back_has_its_row_again(shadowbench: Shadowbenc
 
     first, other = run(CHANGING), run(CHANGING.replace("[0.0, 0.5, 0.0]", "[1.0, 1.5, 0.0]"))
     assert other != first == run(CHANGING), "that of the last command, though another is the last in the file"
-
-
-def test_a_sweep_of_another_spec_leaves_the_first_in_table_and_report(
-    shadowbench: Shadowbench, half: Path, tmp_path: Path
-) -> None:
-    out, report = tmp_path / "out", tmp_path / "report.csv"
-    for spec in ("unshadowed", "half"):
-        words = ["--quick", "--axis", "lamp-distance", "-t", spec, "--plugin", half, "-o", out, "-q"]
-        assert shadowbench("stress", *words).code == 0
-    lines = table(out)
-    assert {row["spec"] for row in lines} == {"unshadowed", "half"}
-    assert {row["key"] for row in lines if row["spec"] == "half"} == set(keys(out))
-    assert all(f"-t {row['spec']} " in row["command"] for row in lines)
-    assert shadowbench("report", out, "--format", "csv", "-o", report).code == 0
-    with report.open(newline="", encoding="utf-8") as stream:
-        assert [row["key"] for row in csv.DictReader(stream)] == [row["key"] for row in lines]
 
 
 def test_hard_shadows_of_a_view_do_not_stand_beside_its_soft_ones(shadowbench: Shadowbench, tmp_path: Path) -> None:

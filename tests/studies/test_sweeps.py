@@ -1,6 +1,5 @@
-"""Bias sweeps: the multiplied biases, and the printed curve of acne and contact."""
+"""Bias sweeps: the multiplied biases, and the curve of acne and contact."""
 
-import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,13 +9,9 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import Bias
-from shadowbench.measure.rows import Result
 from shadowbench.plugin.registry import techniques
-from shadowbench.results.curves import curves
-from shadowbench.results.frame import SweepPositions, add_factor_columns, read_sweep_positions
+from shadowbench.results.frame import add_factor_columns, read_sweep_positions
 from shadowbench.studies.study import Study, read_study
-from tests.results.cells import GOOD, cell
-from tests.runs import summaries_of
 
 KNOWN = techniques()
 BIASES = [bias for bias in Bias.table.values() if bias.__module__ == Bias.__module__]
@@ -28,24 +23,19 @@ def study(folder: Path, lines: str) -> Study:
     return read_study(file, KNOWN)
 
 
-@pytest.mark.parametrize("bias", BIASES, ids=lambda bias: bias.name)
-def test_every_bias_is_multiplied_or_says_that_it_cannot_be(bias: type[Bias], tmp_path: Path) -> None:
-    lines = f"spec = 'shadow-map:bias={bias.name}'\nbias_sweep = [2]"
-    if not bias.swept:
-        with pytest.raises(InputError, match=f"no bias here that can be multiplied, found bias={bias.name}"):
-            study(tmp_path, lines)
-        return
-    (spec,) = study(tmp_path, lines).specs
-    swept = spec.params.bias  # type: ignore[attr-defined]
-    for name in bias.model_fields:
-        assert getattr(swept, name) == getattr(bias(), name) * (2 if name in bias.swept else 1)
-    assert swept != bias()
-
-
-def test_all_parts_of_a_bias_are_multiplied(tmp_path: Path) -> None:
-    lines = "spec = 'shadow-map:bias=polygon-offset(2,4)+front-cull+constant(0.01)'\nbias_sweep = [2]"
-    (spec,) = study(tmp_path, lines).specs
-    assert "bias=polygon-offset(factor=4.0,units=8.0)+front-cull+constant(units=0.02)" in spec.text
+def test_every_bias_is_multiplied_or_says_that_it_cannot_be(tmp_path: Path) -> None:
+    for bias in BIASES:
+        lines = f"spec = 'shadow-map:bias={bias.name}'\nbias_sweep = [2]"
+        if not bias.swept:
+            with pytest.raises(InputError, match=f"no bias here that can be multiplied, found bias={bias.name}"):
+                study(tmp_path, lines)
+            continue
+        (spec,) = study(tmp_path, lines).specs
+        swept = spec.params.bias  # type: ignore[attr-defined]
+        for name in bias.model_fields:
+            assert getattr(swept, name) == getattr(bias(), name) * (2 if name in bias.swept else 1)
+    (spec,) = study(tmp_path, "spec = 'shadow-map:bias=polygon-offset(2,4)+constant(0.01)'\nbias_sweep = [2]").specs
+    assert "bias=polygon-offset(factor=4.0,units=8.0)+constant(units=0.02)" in spec.text
 
 
 def test_true_means_a_quarter_to_four_times_with_the_spec_itself_among_them(tmp_path: Path) -> None:
@@ -71,48 +61,16 @@ def test_a_factor_beyond_the_limits_of_the_bias_is_dropped_with_a_note(tmp_path:
     assert "dropped" in note and "bias_sweep 4" in note
 
 
-def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> None:
-    made = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = [4, 1, 2]")
-
-    def row(scale: float, size: int, iou: float, ssim: float | None) -> Result:
-        spec = "shadow-map" if scale == 1 else f"shadow-map:bias=texel(scale={scale})"
-        metrics = GOOD | {"iou": iou, "ssim": ssim, "rmse_pen": None}
-        return Result(cell(spec, size=size, metrics=metrics), None)
-
-    rows = [
-        row(2.0, 1024, 0.97, 0.99),
-        row(1.0, 1024, 0.98, 0.90),
-        row(4.0, 1024, 0.96, None),
-        row(1.0, 512, 0.95, 0.95),
-        row(4.0, 512, 0.94, 0.93),
-    ]
-    (scene,) = summaries_of(*rows).values()
-    small, large = curves(scene, made.sweep_positions)
-    assert (small.map_size, [factor for factor, _ in small.points], small.best) == (512, [1, 4], 1)
-    assert (large.map_size, [factor for factor, _ in large.points], large.best) == (1024, [1, 2], 2)
-    assert curves(scene, {}) == []
-
-
-def test_a_run_prints_the_curve_with_default_and_best_and_keeps_the_factors(
+def test_a_run_keeps_the_factors_and_acne_falls_as_contact_rises(
     shadowbench: Callable[..., Any], tmp_path: Path
 ) -> None:
     study(tmp_path, "spec = 'shadow-map'\nsize = 128\nbias_sweep = true")
-    arguments = ("run", "-s", tmp_path / "study.toml", "--view-size", "64", "-o", tmp_path / "run", "-q")
-    answer = shadowbench(*arguments)
+    answer = shadowbench("run", "-s", tmp_path / "study.toml", "--view-size", "64", "-o", tmp_path / "run", "-q")
     assert answer.code == 0, answer.err
-    curve = answer.out.split("cube-on-plane, bias multiplied by a factor: acne against contact (peter-panning)")[
-        1
-    ].splitlines()
-    lines = [line.split() for line in curve if line.startswith("shadow-map")]
-    assert [line[2] for line in lines] == ["0.25", "0.5", "1", "2", "4"]
-    assert [line[0] for line in lines if "default" in " ".join(line[7:])] == ["shadow-map"]
-    assert len([line for line in lines if line[-1] == "best"]) == 1
-    assert float(lines[0][3]) >= float(lines[-1][3]), "acne falls as the bias grows"
-    assert float(lines[0][4]) <= float(lines[-1][4]), "contact rises as the bias grows"
-    with (tmp_path / "run" / "table.csv").open(encoding="utf-8") as stream:
-        cells = list(csv.DictReader(stream))
-    assert {cell["bias_of"] for cell in cells} == {"shadow-map"}
-    assert sorted(float(cell["bias_factor"]) for cell in cells) == [0.25, 0.5, 1, 2, 4]
+    cells = pd.read_csv(tmp_path / "run" / "table.csv").sort_values("bias_factor")
+    assert set(cells["bias_of"]) == {"shadow-map"} and [*cells["bias_factor"]] == [0.25, 0.5, 1, 2, 4]
+    acne, contact = [*cells["acne"]], [*cells["contact"]]
+    assert acne[0] >= acne[-1] and contact[0] <= contact[-1]
 
 
 def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path: Path) -> None:
@@ -123,29 +81,18 @@ def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path
     )
     cells = list(dict.fromkeys((spec.sizeless_text, spec.map_size) for spec in made.specs))
     assert len(cells) == 8
-    (scene,) = summaries_of(*(Result(cell(spec, size=size), None) for spec, size in cells)).values()
-    frame = pd.DataFrame(cells, columns=["spec", "map_size"])
-
-    def told(found: SweepPositions) -> list[tuple[str, int | None, list[tuple[float, str]]]]:
-        return [
-            (one.base, one.map_size, [(factor, row.spec) for factor, row in one.points]) for one in curves(scene, found)
-        ]
 
     def bias(units: float) -> str:
         return f"shadow-map:bias=constant(units={units})"
 
-    found = made.sweep_positions
-    assert told(found) == [
-        (bias(home), size, [(factor, bias(home * factor)) for factor in (0.5, 1, 2)])
-        for home in (0.25, 0.5)
-        for size in (256, 512)
-    ]
-    table = add_factor_columns(frame, found)
+    positions = made.sweep_positions
+    table = add_factor_columns(pd.DataFrame(cells, columns=["spec", "map_size"]), positions)
     steps = [(0.125, 0.25, 0.5), (0.25, 0.25, 1), (0.5, 0.5, 1), (1.0, 0.5, 2)]
     own = [(bias(units), bias(home), factor) for units, home, factor in steps]
     assert sorted(set(zip(table["spec"], table["bias_of"], table["bias_factor"], strict=True))) == own
+    assert set(positions[bias(0.5), 512]) == {(bias(0.5), 1), (bias(0.25), 2)}
     table.to_csv(tmp_path / "table.csv", index=False)
-    assert told(read_sweep_positions(tmp_path / "table.csv")) == told(found)
+    assert read_sweep_positions(tmp_path / "table.csv") == positions
 
 
 def test_a_bias_of_nothing_has_one_point(tmp_path: Path) -> None:

@@ -1,23 +1,18 @@
 """Cascades: splits, fits, selection, and stability under camera motion."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from shadowbench.geometry.convex import Slice
-from shadowbench.geometry.lights import Box, light_space, snapped, window
 from shadowbench.gl.gbuffer import download
 from shadowbench.maps.fits import EndSplit, PracticalSplit, ShareSplit, Split
 from shadowbench.plugin.base import Frame, Phase
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.scenes.model import Camera, Light
+from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import unit, vec3
 from tests.samples import by_turns
 
@@ -33,13 +28,6 @@ def test_practical_is_between_equal_ratios_and_equal_lengths() -> None:
     assert ratios == pytest.approx([1, 10, 100, 1000, 10_000])
     assert lengths == pytest.approx([1, 2500.75, 5000.5, 7500.25, 10_000])
     assert both == pytest.approx(0.9 * ratios + 0.1 * lengths)
-
-
-@given(st.floats(1e-3, 1e3), st.floats(1.001, 1e5), st.integers(1, 8), st.floats(0, 1))
-def test_depths_rise_from_near_to_far(near: float, ratio: float, count: int, weight: float) -> None:
-    depths = PracticalSplit(weight=weight).depths(near, near * ratio, count)
-    assert len(depths) == count + 1 and (np.diff(depths) > 0).all()
-    assert depths[[0, -1]] == pytest.approx([near, near * ratio])
 
 
 def test_slices_end_at_shares_of_far_that_engines_set_and_those_before_near_are_empty() -> None:
@@ -60,53 +48,6 @@ def test_slices_end_in_metres_whatever_the_size_of_the_scene_and_its_far_plane(s
 
 
 # What a map shows
-
-POINT = st.tuples(*[st.floats(-50, 50)] * 3)
-DIRECTION = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda d: np.linalg.norm(d) > 0.1)
-
-
-@st.composite
-def lit_slices(draw) -> tuple[Slice, Light]:
-    eye = draw(POINT)
-    camera = Camera("camera", eye, vec3(np.add(eye, draw(DIRECTION))), draw(st.floats(0.1, 2.5)))
-    near = draw(st.floats(1e-3, 10))
-    return Slice(camera, near, near * draw(st.floats(1.01, 1e4))), Light("sun", "directional", draw(DIRECTION))
-
-
-def clip_corners(part: Slice) -> np.ndarray:
-    """Corners of the slice by the inverse of projection times view."""
-    view, projection = np.eye(4), np.zeros((4, 4))
-    view[:3, :3] = part.camera.basis()
-    view[:3, 3] = -part.camera.basis() @ part.camera.position
-    n, f = part.near, part.far
-    projection[[0, 1], [0, 1]] = 1 / np.tan(part.camera.fov_y / 2)
-    projection[2, 2:], projection[3, 2] = [(f + n) / (n - f), 2 * f * n / (n - f)], -1
-    clip = np.array([[x, y, z, 1] for z in (-1, 1) for x in (-1, 1) for y in (-1, 1)], dtype=float)
-    world = np.linalg.solve(projection @ view, clip.T).T
-    return world[:, :3] / world[:, 3:]
-
-
-def boxes_of(part: Slice, light: Light, size: int, padding: float, shift: tuple[float, float]) -> dict[str, Box]:
-    space, (center, radius) = light_space(light), part.sphere
-    half = np.full(3, radius)
-    middle = space.box(center[None]).low
-    return {
-        "tight": window(space.box(part.corners), space, size, padding, shift),
-        "sphere": window(Box(middle - half, middle + half), space, size, padding, shift),
-        "stable": snapped(space, center, half, size, padding, shift),
-    }
-
-
-@given(lit_slices(), st.integers(16, 4096), st.floats(1.5, 4.5))
-@settings(deadline=None)
-def test_a_box_contains_the_corners_of_its_slice_and_the_filter_radius(found, size: int, padding: float) -> None:
-    part, light = found
-    points = light_space(light).box(clip_corners(part))
-    scale = part.far * 1e-6 + 1e-9  # the inverse is what rounds
-    for box in boxes_of(part, light, size, padding, (0.0, 0.0)).values():
-        reach = np.array([*((box.high - box.low)[:2] / size * padding), 0.0])
-        assert (box.low + reach <= points.low + scale).all()
-        assert (box.high - reach >= points.high - scale).all()
 
 
 @pytest.mark.parametrize(("name", "box"), by_turns(["cube-on-plane", "street", "terrain", "canopy"], BOXES))
@@ -139,9 +80,9 @@ def tinted(one) -> np.ndarray:
 
 def colors_of(tint: np.ndarray, layer: np.ndarray, sure: np.ndarray) -> list[tuple[float, ...]]:
     """The colour of each layer, which must be uniform."""
-    found = [np.unique(tint[sure & (layer == number)], axis=0) for number in np.unique(layer[sure])]
-    assert all(len(colors) == 1 for colors in found)
-    return [tuple(colors[0]) for colors in found]
+    tints = [np.unique(tint[sure & (layer == number)], axis=0) for number in np.unique(layer[sure])]
+    assert all(len(colors) == 1 for colors in tints)
+    return [tuple(colors[0]) for colors in tints]
 
 
 def test_selection_uses_the_first_cascade_that_contains_the_point_or_that_of_its_view_depth(
@@ -168,25 +109,6 @@ def test_selection_uses_the_first_cascade_that_contains_the_point_or_that_of_its
         assert (tinted(one)[~hit] == 1).all(), "the background is not tinted"
 
 
-@pytest.mark.parametrize("select", ["box", "depth"])
-def test_blending_changes_only_cascade_borders(select: str, studio, build, builtin) -> None:
-    shot = studio.shot(builtin("street", 192))
-    plain, faded = (build(f"cascades:select={select},size=128,blend={blend}", shot) for blend in (0, 0.1))
-    masks = [one.draw(shot) for one in (plain, faded)]
-    pure, mixed = tinted(plain), tinted(faded)
-    border = (pure != mixed).any(axis=-1)
-    assert 0.005 < border[shot.triangle >= 0].mean() < 0.5
-    if select == "box":  # by depth the slices reach further back where they blend, so that the maps are others
-        assert np.array_equal(masks[0][~border], masks[1][~border])
-        assert (masks[0] != masks[1])[border].any()
-    colors = np.unique(pure[shot.triangle >= 0], axis=0)
-    between = mixed[border]
-    # Each mixed colour lies between two of the pure ones.
-    sums = [np.linalg.norm(a - between, axis=1) + np.linalg.norm(b - between, axis=1) - np.linalg.norm(a - b)
-            for i, a in enumerate(colors) for b in colors[i + 1 :]]  # fmt: skip
-    assert np.min(sums, axis=0).max() < 1e-5
-
-
 # Against a single map, and among the ways of drawing
 
 
@@ -200,17 +122,15 @@ def test_one_cascade_is_one_map_of_that_box(studio, build, builtin) -> None:
         assert np.array_equal(one.technique.map_image(), single.technique.map_image())
 
 
-@pytest.mark.parametrize(("count", "bias"), [(1, "texel"), (3, "polygon-offset"), (8, "front-cull")])
-def test_one_layered_draw_and_one_draw_per_layer_store_the_same_bits(
-    count: int, bias: str, studio, build, builtin
-) -> None:
+def test_one_layered_draw_and_one_draw_per_layer_store_the_same_bits(studio, build, builtin) -> None:
     shot = studio.shot(builtin("street", SIZE))
-    spec = f"cascades:count={count},bias={bias},size=128"
-    both = [build(f"{spec},layers={layers}", shot) for layers in ("geometry", "passes")]
+    both = [
+        build(f"cascades:count=8,bias=front-cull,size=128,layers={layers}", shot) for layers in ("geometry", "passes")
+    ]
     masks = [one.draw(shot) for one in both]
     maps = [one.technique.map.texture.read() for one in both]
     assert np.array_equal(*maps) and np.array_equal(*masks)
-    assert (maps[0] < 1).any(axis=(1, 2)).sum() > count / 2, "most layers have something, also of back faces alone"
+    assert (maps[0] < 1).any(axis=(1, 2)).sum() > 4, "most layers have something"
 
 
 # Casters outside a cascade's box
@@ -237,50 +157,29 @@ def test_a_caster_far_towards_the_light_needs_the_clamp_or_a_long_reach(shape, l
 # A camera that moves
 
 
-def followed(one, shot, direction: np.ndarray, steps: int, length: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(mask, tint) of one surface while only the camera that the boxes are made from moves."""
-    found = []
-    for step in range(steps):
-        camera = shot.view.camera
-        moved = [vec3(np.add(point, direction * length * step)) for point in (camera.position, camera.target)]
+def creeping(one, shot) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(mask, tint) of one surface while the camera that the boxes are made for creeps sideways, by quarter texels."""
+    one.draw(shot)
+    camera, first = shot.view.camera, one.technique.light_views[0]
+    sideways, drawn = first.space.basis[0] * first.texel[0] / 4, []
+    for step in range(13):
+        moved = [vec3(np.add(point, sideways * step)) for point in (camera.position, camera.target)]
         view = replace(shot.view, camera=replace(camera, position=moved[0], target=moved[1]))
         mask = one.technique.draw(Frame(view, Phase(), step, shot.surface, one.clock))
-        found.append((download(mask)[..., 0].copy(), tinted(one)))
-    return found
-
-
-def flips(found) -> float:
-    """Largest share of pixels that change sides from one draw to the next."""
-    return max(((a < 0.5) != (b < 0.5)).mean() for (a, _), (b, _) in pairwise(found))
-
-
-@pytest.fixture
-def creeping(studio, build) -> Callable[..., list[tuple[np.ndarray, np.ndarray]]]:
-    """Masks of a spec while the fitting camera creeps sideways, by quarter texels of the first cascade."""
-
-    def creep(shot, items: str, steps: int = 32):
-        one = build(f"cascades:box=sphere,{items}", shot)
-        one.draw(shot)
-        space = one.technique.light_views[0].space
-        return followed(one, shot, space.basis[0], steps + 1, one.technique.light_views[0].texel[0] / 4)
-
-    return creep
+        drawn.append((download(mask)[..., 0].copy(), tinted(one)))
+    return drawn
 
 
 @pytest.mark.parametrize(("filter_", "select"), [("hard", "depth"), ("hardware", "box"), ("pcf(3)", "depth")])
-def test_snapped_a_pixel_changes_only_with_its_cascade(filter_: str, select: str, studio, builtin, creeping) -> None:
+def test_snapped_a_pixel_changes_only_with_its_cascade(filter_, select, studio, build, builtin) -> None:
     shot = studio.shot(builtin("street", 128))
-    items = f"select={select},size=256,filter={filter_}"
-    still = creeping(shot, f"stable=true,{items}", 12)
-    changed = np.zeros((128, 128), dtype=bool)
-    for (a, a_tint), (b, b_tint) in pairwise(still):
-        same = (a_tint == b_tint).all(axis=-1)
-        assert same.mean() > 0.95
-        changed |= (a != b) & same
-    # None, but where a texel's centre lies on a caster's edge as nearly as the rasteriser's grid can tell. Found: 0; of
-    # hard by box 1.
-    assert changed.sum() <= 1
-    assert flips(creeping(shot, items, 12)) > 0.0005, "unsnapped they do flip"
+    changed = {}
+    for stable in ("true", "false"):
+        one = build(f"cascades:box=sphere,stable={stable},select={select},size=256,filter={filter_}", shot)
+        drawn = pairwise(creeping(one, shot))
+        changed[stable] = sum(((a != b) & (tint == other).all(axis=-1)).sum() for (a, tint), (b, other) in drawn)
+    # None, but where a texel's centre lies on a caster's edge as nearly as the rasteriser's grid can tell.
+    assert changed["true"] <= 1 and changed["false"] > 100
 
 
 def test_snapped_texels_do_not_depend_on_where_the_camera_looks(studio, build, builtin) -> None:
@@ -313,6 +212,3 @@ def test_facts_are_metres_and_a_blend_reads_two_cascades_for_every_pixel(studio,
     assert facts["bias_1_m"] == pytest.approx(0.01 * (first.far - first.near) / scale)
     assert facts["texel_1_m"] < facts["texel_2_m"]
     assert [one.technique.facts()["reads"] for one in (plain, faded)] == [32 * 32, 2 * 32 * 32]
-
-
-# Against the truth

@@ -22,24 +22,17 @@ def test_rays_in_a_shader_with_and_without_a_small_map_are_the_truth(name, built
         assert scored(mask(spec, builtin(name)), truth_of(name))["iou"] >= least
 
 
-@pytest.mark.parametrize("name", ["railings", "room-with-lamp"])
-def test_the_cpu_s_rays_answer_as_the_shader_s(name, builtin, mask) -> None:
-    view = builtin(name)
-    shader, cpu = (mask(f"hybrid:rest={rest}", view) for rest in ("trace", "embree"))
-    assert (shader != cpu).mean() < 1e-4
-    assert set(np.unique(cpu)) == {0.0, 1.0}
+def unsure(spec, shot, build) -> int:
+    """Number of pixels that the map of a hybrid does not answer: of visibility ½ before they are traced."""
+    one = build(spec, shot)
+    one.technique.trace = lambda *_: None
+    return int((one.draw(shot) == 0.5).sum())
 
 
 def test_the_map_answers_most_pixels(builtin, build, studio) -> None:
-    """Only those of the others are counted as rays; what it answers is not drawn over by rays."""
     shot = studio.shot(builtin("stairs"))
-    rays = {}
-    for spec in ("ray-traced", "hybrid:rest=embree", "hybrid:rest=embree,size=4096"):
-        one = build(spec, shot)
-        one.draw(shot)
-        rays[spec] = one.technique.facts()["rays"]
-    traced, coarse, fine = rays.values()
-    assert 0 < fine < 0.5 * coarse < 0.1 * traced
+    coarse, fine = (unsure(f"hybrid:size={size}", shot, build) for size in (1024, 4096))
+    assert 0 < fine < 0.5 * coarse < 0.1 * (shot.triangle >= 0).sum()
 
 
 HOSTILE = {
@@ -122,6 +115,5 @@ def test_an_inclined_plane_that_faces_the_light_is_certainly_lit(kind, looking, 
     plane = Mesh("plane", corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
     light = Light(kind, kind, vec3(-normal), vec3(6.0 * normal), math.radians(45))
     shot = studio.shot(looking([plane], light, 128, eye=vec3(3.2 * normal + 0.4 * right), fov=40.0))
-    hybrid = build("hybrid:rest=embree,size=256", shot)
-    assert (hybrid.draw(shot)[shot.triangle >= 0] == 1).all()
-    assert hybrid.technique.facts()["rays"] < 0.01 * (shot.triangle >= 0).sum()
+    assert (build("hybrid:size=256", shot).draw(shot)[shot.triangle >= 0] == 1).all()
+    assert unsure("hybrid:size=256", shot, build) < 0.01 * (shot.triangle >= 0).sum()

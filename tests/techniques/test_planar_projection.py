@@ -1,24 +1,17 @@
 """Planar projection: exact on planes, no shadow elsewhere, none from casters behind the light or below the plane."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.scenes.library import hard_names, load_scene
-from shadowbench.scenes.model import Light, Mesh, Scene, View, view_of
-from shadowbench.scenes.vectors import vec3
-from shadowbench.techniques.planar_projection import flattening
+from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.truths.trace import trace
-from tests.samples import by_turns
 
 NAME = "planar-projection"
-FAST = ["cube-on-plane", "table-top", "lamp-over-table", "room-with-lamp"]
 KINDS = ["directional", "spot", "point"]
 
 
@@ -65,37 +58,12 @@ def judged(studio, build):
     return judge
 
 
-def lit_by(scene: Scene, kind: str) -> Light:
-    """The scene's own light if it is of this kind; a sun; or a lamp above and left of the camera."""
-    if scene.lights[0].kind == kind:
-        return scene.lights[0]
-    if kind == "directional":
-        return Light("sun", "directional", (0.5, -0.9, -0.3))
-    camera = scene.cameras[0]
-    right, up, _ = camera.basis()
-    away = np.subtract(camera.target, camera.position)
-    shift = float(np.linalg.norm(away)) * (0.2 * up - 0.25 * right)
-    position = vec3(np.asarray(camera.position) + shift)
-    return Light(kind, kind, vec3(away - shift), position, 1.2)
-
-
-@pytest.mark.parametrize(
-    "cases",
-    [by_turns(FAST, KINDS), pytest.param(by_turns(sorted({*hard_names()} - {*FAST}), KINDS), marks=pytest.mark.slow)],
-    ids=["few", "other"],
-)
-def test_planes_are_shadowed_as_rays_say(cases, judged, device) -> None:
-    for name, kind in cases:
-        scene = load_scene(name)
-        view = view_of(scene, scene.cameras[0], lit_by(scene, kind), 256)
-        spec = parse_spec(NAME, techniques())
-        if spec.technique.unsupported(spec.params, view, device):
-            assert name == "terrain"
-            continue
-        seen = judged(view)
-        assert (seen.wanted & seen.planar).sum() > 250
-        assert seen.iou(seen.planar) >= 0.9999
-        assert seen.iou(seen.decided) <= seen.iou(seen.planar)
+@pytest.mark.parametrize("name", ["cube-on-plane", "table-top", "lamp-over-table", "spot-lamp", "room-with-lamp"])
+def test_planes_are_shadowed_as_rays_say(name, judged, builtin) -> None:
+    seen = judged(builtin(name))
+    assert (seen.wanted & seen.planar).sum() > 250
+    assert seen.iou(seen.planar) >= 0.9999
+    assert seen.iou(seen.decided) <= seen.iou(seen.planar)
 
 
 def test_missing_shadows_off_the_planes_lower_the_score(judged, builtin) -> None:
@@ -103,30 +71,6 @@ def test_missing_shadows_off_the_planes_lower_the_score(judged, builtin) -> None
     assert seen.iou(seen.decided) < 0.75 < seen.iou(seen.planar)
     assert not (seen.dark & seen.other).any(), "what is on no plane stays lit"
     assert (seen.wanted & seen.other).sum() > 200
-
-
-vectors = st.tuples(*[st.floats(-10.0, 10.0)] * 3)
-
-
-@given(
-    normal=vectors.filter(lambda n: np.linalg.norm(n) > 0.1), on=vectors, light=vectors, w=st.sampled_from([0.0, 1.0])
-)
-def test_flattening_moves_points_along_their_light_onto_the_plane(normal, on, light, w) -> None:
-    normal = np.asarray(normal) / np.linalg.norm(normal)
-    plane, source = np.append(normal, -normal @ on), np.append(light, w)
-    plane *= np.sign(plane @ source)
-    height = float(plane @ source)
-    if height < 0.1:
-        return
-    matrix = flattening(plane, source)
-    assert np.abs(matrix @ source).max() < 1e-9 * np.abs(matrix).max(), "the light itself goes nowhere"
-    points = np.column_stack([np.random.default_rng(0).uniform(-10, 10, (50, 3)), np.ones(50)])
-    flat = points @ matrix.T
-    assert np.abs(flat @ plane).max() < 1e-9 * np.abs(flat).max()
-    np.testing.assert_allclose(flat[:, 3], height - w * (points @ plane), atol=1e-9 * np.abs(flat).max())
-    # The three are on one line: the flattened point is a combination of point and light.
-    spans = np.stack([points, flat, np.broadcast_to(source, points.shape)], axis=1)
-    assert np.linalg.svd(spans, compute_uv=False)[:, 2].max() < 1e-9 * np.abs(flat).max()
 
 
 def test_a_boxs_shadow_is_as_large_as_the_light_makes_it(shape, looking, mask, studio) -> None:
@@ -182,19 +126,10 @@ def posts(shape) -> list[Mesh]:
     ]
 
 
-def far_lamp(distance: float, elevation: float) -> Light:
-    high, along = math.sin(math.radians(elevation)), math.cos(math.radians(elevation))
-    return Light("lamp", "point", position=vec3(distance * np.array([along, high, 0.3])))
-
-
 @pytest.mark.parametrize(
     ("meshes", "light", "options", "shadowed"),
     [
-        *(
-            (straddling, Light(kind, kind, (0.1, -1.0, 0.05), (0.1, 1.2, 0.1), 2.8), {"eye": (3.3, 5.0, 4.4)}, 10_000)
-            for kind in ("spot", "point")
-        ),
-        (lambda shape: [shape("plane", 8.0), shape("sphere", 1.5, (0.0, 0.2, 0.0))], 20.0, {}, 5000),
+        (straddling, Light("lamp", "point", position=(0.1, 1.2, 0.1)), {"eye": (3.3, 5.0, 4.4)}, 10_000),
         (
             lambda shape: [
                 shape("plane", 12.0),
@@ -212,7 +147,7 @@ def far_lamp(distance: float, elevation: float) -> Light:
             {"eye": (0.0, 2.0, 1.0), "target": (0, 0, -1), "near": 0.2, "far": 9.0},
             500,
         ),
-        *((posts, far_lamp(distance, height), {}, 500) for distance, height in ((1e3, 1.0), (1e6, 60.0))),
+        (posts, Light("lamp", "point", position=(1e6, 1e6, 3e5)), {}, 500),
     ],
 )
 def test_the_ground_is_shadowed_as_rays_say(meshes, light, options, shadowed, shape, looking, sun, judged) -> None:
@@ -258,24 +193,9 @@ def test_share_and_count_choose_the_planes(judged, builtin) -> None:
     assert few.iou(few.decided) < many.iou(many.decided)
 
 
-def test_only_flagged_meshes_receive_when_asked_for(device, studio, shape, looking, sun, judged) -> None:
-    meshes: list[Mesh] = [
-        shape("plane", 6.0),
-        shape("box", [2.0, 0.5, 2.0], (0.0, 0.25, 0.0)),
-        shape("sphere", 1.0, (0, 1, 0)),
-    ]
-    light = sun(40.0)
-    spec = parse_spec(f"{NAME}:receives=flagged", techniques())
-    view = studio.shot(looking(meshes, light)).view
-    assert spec.technique.unsupported(spec.params, view, device) == "no mesh flagged as planar is a plane"
-    flagged = judged(
-        looking([meshes[0], replace(meshes[1], planar=True), meshes[2]], light, 256), f"{NAME}:receives=flagged"
-    )
-    assert not flagged.dark[flagged.triangle < 2].any() and flagged.wanted[flagged.triangle < 2].any()
-    assert (flagged.dark & flagged.planar).sum() > 100 and flagged.iou(flagged.planar) >= 0.9999
-    round_only = studio.shot(looking([shape("sphere", 1.0)], light)).view
-    found = parse_spec(NAME, techniques())
-    assert found.technique.unsupported(found.params, round_only, device) == "no receiver is a plane"
+def test_a_scene_without_a_plane_is_declined(device, studio, shape, looking, sun) -> None:
+    view, spec = studio.shot(looking([shape("sphere", 1.0)], sun(40.0))).view, parse_spec(NAME, techniques())
+    assert spec.technique.unsupported(spec.params, view, device) == "no receiver is a plane"
 
 
 def test_a_rounded_mesh_is_a_plane_that_does_not_shadow_itself(shape, looking, sun, judged) -> None:

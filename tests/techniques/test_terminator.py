@@ -42,9 +42,9 @@ def truth(scene: Scene) -> Truth:
 
 
 def terminator(spec: str, scene: Scene, truth: Truth) -> float:
-    found = sb.score(sb.render(scene, spec, view_size=160).visibility, truth)["terminator"]
-    assert found is not None
-    return found
+    value = sb.score(sb.render(scene, spec, view_size=160).visibility, truth)["terminator"]
+    assert value is not None
+    return value
 
 
 @pytest.mark.parametrize(("spec", "cured"), [*CURED.items(), ("shadow-volume", ""), ("planar-projection", "")])

@@ -21,11 +21,6 @@ SPOT = Light("spot", "spot", (-0.5, -1.0, 0.2), (2.0, 4.0, -0.8), math.radians(6
 LAMP = Light("lamp", "point", position=(1.5, 3.0, -1.0))
 
 
-@pytest.fixture(autouse=True)
-def guarded(no_overrun: None) -> None:
-    """Every ray of these tests is traced with guard words behind the buffers of its packet."""
-
-
 @pytest.fixture(scope="session")
 def sun() -> Light:
     return SUN

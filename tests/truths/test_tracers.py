@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.truths import embree
+from shadowbench.truths import embree, packets
 from shadowbench.truths.trace import Truth, trace
 
 VIEWS = {"hard": ("colonnade", 64), "soft": ("post", 64)}
@@ -32,6 +33,27 @@ def as_if(instructions: str, width: int, patch: pytest.MonkeyPatch) -> None:
     patch.setattr(embree, "default_device", lambda: device)
 
 
+GUARD = np.uint32(0xA5A5A5A5)
+
+
+@pytest.fixture
+def no_overrun(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Fails the test if Embree writes behind a buffer of a packet: more guard words stand there than a packet has."""
+    behind: list[np.ndarray] = []
+    aligned = packets._aligned
+
+    def guarded(words: int) -> np.ndarray:
+        buffer = aligned(words + 512)
+        buffer[words:] = GUARD
+        behind.append(buffer[words:])
+        return buffer[:words]
+
+    monkeypatch.setattr(packets, "_aligned", guarded)
+    yield
+    assert behind and all((words == GUARD).all() for words in behind)
+
+
+@pytest.mark.usefixtures("no_overrun")
 @pytest.mark.parametrize(
     ("width", "count", "shared"), [(4, 33, True), (8, 15, False), (8, 2000, False), (16, 0, False), (16, 2000, True)]
 )

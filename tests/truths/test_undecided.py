@@ -31,16 +31,6 @@ def test_builtin_scene_is_decided(name) -> None:
     assert share(trace(view, 1, error)) < (0.01 if name in FINE else 0.001)
 
 
-def test_undecided_pixels_lie_at_edges(shape, looking) -> None:
-    sun = Light("sun", "directional", (0.5, -1.0, -0.3))
-    truth = trace(looking([shape("plane", 8.0), shape("box", at=(0, 0.5, 0))], sun, size=256))
-    assert truth.undecided.any()
-    code = truth.receivers + 2 * truth.visibility + 4 * (truth.triangle >= 0)
-    for row, column in zip(*truth.undecided.nonzero(), strict=True):
-        around = code[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
-        assert around.min() != around.max()
-
-
 @pytest.mark.parametrize(
     ("above", "shadow", "undecided"),
     [(-3.0, False, False), (-0.01, False, False), (0.0005, True, True), (0.01, True, False)],

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -15,21 +14,6 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.viewer.drawing import Viewer
 from shadowbench.viewer.judge import Judge
 from shadowbench.viewer.state import Origin, ViewerState
-
-SCENE = """
-[camera]
-position = [3.0, 3.0, 4.0]
-target = [0.0, 0.3, 0.0]
-[[light]]
-kind = "directional"
-direction = [0.5, -1.0, -0.3]
-[[mesh]]
-shape = "plane"
-scale = 4.0
-[[mesh]]
-shape = "box"
-translate = [0.0, 0.5, 0.0]
-"""
 
 
 @pytest.fixture
@@ -46,13 +30,11 @@ def judge() -> Iterator[Judge]:
 
 
 @pytest.fixture
-def viewer(device: Device, clock: SimpleNamespace, judge: Judge, tmp_path: Path) -> Iterator[Viewer]:
-    """A viewer of `SCENE` at 64 × 64 pixels."""
-    file, known = tmp_path / "mine.toml", techniques()
-    file.write_text(SCENE)
-    scene = load_scene(file)
+def viewer(device: Device, clock: SimpleNamespace, judge: Judge) -> Iterator[Viewer]:
+    """A viewer of a built-in scene at 64 × 64 pixels."""
+    scene, known = load_scene("cube-on-plane"), techniques()
     specs = tuple(parse_spec(text, known) for text in ("shadow-map:size=64", "shadow-volume"))
-    state = ViewerState(scene, scene.cameras[0], scene.lights[0], specs, 64, Origin(str(file)))
+    state = ViewerState(scene, scene.cameras[0], scene.lights[0], specs, 64, Origin("cube-on-plane"))
     viewer = Viewer(device, state, known, judge, seconds=lambda: clock.now)
     yield viewer
     viewer.release()

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,18 +11,15 @@ from imgui_bundle import imgui
 
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import NoBias, Sum, Texel
-from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import own_techniques, techniques
-from shadowbench.plugin.spec import Spec, parse_spec
-from shadowbench.scenes.model import Camera, Light
+from shadowbench.plugin.spec import parse_spec
+from shadowbench.scenes.model import Light
 from shadowbench.scenes.triangles import LARGEST
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.viewer import controls
 from shadowbench.viewer.controls import (
     SUM,
-    FilePanel,
     better,
-    choices_of,
     edited_spec,
     limits,
     preset_of,
@@ -33,7 +29,6 @@ from shadowbench.viewer.controls import (
 )
 from shadowbench.viewer.drawing import Viewer
 from shadowbench.viewer.state import save_state
-from shadowbench.viewer.window import Canvas, Pane
 
 KNOWN = techniques()
 ODD = """
@@ -54,12 +49,6 @@ class Odd(Technique):
     def draw(self, frame):
         return self.texture
 """
-
-
-@pytest.fixture
-def odd(tmp_path: Path) -> Spec:
-    (tmp_path / "odd.py").write_text(ODD)
-    return parse_spec("odd", techniques([tmp_path / "odd.py"]))
 
 
 @pytest.fixture
@@ -89,23 +78,11 @@ def test_every_parameter_has_a_widget_whose_limits_are_allowed(drawn: dict[str, 
                     assert getattr(with_value(spec.params, key, value), key) == value
 
 
-@pytest.mark.parametrize("family", Component.__subclasses__(), ids=lambda family: family.__name__)
-def test_every_component_is_a_choice_and_unfolds_its_own_parameters(
-    drawn: dict[str, str], family: type[Component]
+def test_a_plug_ins_parameters_have_widgets_too_and_a_text_is_read_as_in_a_spec(
+    drawn: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    host = {"Split": "cascades"}.get(family.__name__, "shadow-map")
-    key, spec = family.__name__.lower(), parse_spec(host, KNOWN)
-    choices = choices_of(type(spec.params).model_fields[key], getattr(spec.params, key))
-    assert set(choices) - {SUM} == set(family.table) and all(choices.values()), "each says in a line what it is"
-    for name, component in family.table.items():
-        if key == "split" and name != "practical":
-            continue  # a split of its own number of slices
-        drawn.clear()
-        edited_spec(replace(spec, params=with_value(spec.params, key, name)), KNOWN)
-        assert set(component.model_fields) <= set(drawn)
-
-
-def test_a_plug_ins_parameters_have_widgets_too(drawn: dict[str, str], odd: Spec) -> None:
+    (tmp_path / "odd.py").write_text(ODD)
+    odd = parse_spec("odd", techniques([tmp_path / "odd.py"]))
     assert edited_spec(odd, {"odd": odd.technique}) is odd, "they are drawn, without a docstring too"
     assert {key: drawn[key] for key in type(odd.params).model_fields} == {
         "width": "slider_int",
@@ -114,12 +91,6 @@ def test_a_plug_ins_parameters_have_widgets_too(drawn: dict[str, str], odd: Spec
         **dict.fromkeys(("word", "pair", "seed", "far"), "input_text"),
     }
     assert with_value(odd.params, "level", limits(type(odd.params).model_fields["level"])[1]).level < 1, "as is allowed"
-
-
-@pytest.mark.usefixtures("frame")
-def test_a_text_is_read_as_in_a_spec_and_what_is_not_allowed_is_one_line(
-    odd: Spec, monkeypatch: pytest.MonkeyPatch
-) -> None:
     typed = {"seed": "7"}
     monkeypatch.setattr(imgui, "input_text", lambda label, text, *_: (label in typed, typed.get(label, text)))
     assert edited_spec(odd, {}).text == "odd:seed=7"
@@ -184,29 +155,19 @@ def test_the_better_score_is_marked() -> None:
         assert better(values, direction) == expected
 
 
-def test_a_handle_is_taken_where_it_is_shown() -> None:
-    pane, camera = Pane(0.0, 0.0, 400.0), Camera("camera", (0.0, 0.0, 5.0), (0.0, 0.0, 0.0), 0.8)
-    for direction, place, expected in (
-        ((-1.0, 1.0, 0.0), (-1.0, 1.0), "light"),  # outside the picture it is taken before its aim in the same corner
-        ((50.0, -50.0, 0.0), (0.0, 0.0), "aim"),  # of a light that shines on the camera's target
-        ((50.0, -50.0, 0.0), (0.5, 0.5), None),
-    ):
-        lamp = Light("lamp", "spot", direction=direction, position=(-50.0, 50.0, 0.0), angle=1.0)
-        viewer: Any = SimpleNamespace(state=SimpleNamespace(light=lamp, camera=camera))
-        assert Canvas(viewer).handle_at(pane, pane.point(place)) == expected
+def test_meshes_and_states_are_opened_and_other_files_are_one_line(viewer: Viewer, tmp_path: Path) -> None:
+    mesh, before = tmp_path / "own.obj", viewer.state
 
+    def opened(file: Path) -> None:
+        viewer.attempt(lambda: controls.open_file(viewer, file))
 
-def test_dropped_meshes_and_states_are_shown_and_other_files_are_one_line(viewer: Viewer, tmp_path: Path) -> None:
-    files, mesh, before = FilePanel(viewer), tmp_path / "own.obj", viewer.state
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nv 0 1 0\nf 1 2 3\nf 1 2 4\n")
     for name in ("nothing.glb", "nothing.toml", "text.txt"):
-        files.dropped([str(tmp_path / name)])
+        opened(tmp_path / name)
         assert name in viewer.message and viewer.state is before
-    files.dropped([])
-    assert viewer.state is before
-    files.dropped([str(mesh), "another"])
+    opened(mesh)
     assert viewer.state.scene.name == "own"
     assert viewer.message.startswith(f"{mesh} is shown; ") and "no ground in own.obj: assumed" in viewer.message
     save_state(replace(before, specs=before.specs[1:], overlay="error", size=96), tmp_path / "state.toml")
-    files.dropped([str(tmp_path / "state.toml")])
+    opened(tmp_path / "state.toml")
     assert (viewer.state.specs, viewer.state.overlay, viewer.state.size) == (before.specs[1:], "error", 96)

@@ -1,17 +1,13 @@
 """What the window draws is what `render` draws, and its scores are of the masks on screen and of no others."""
 
-import gc
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from queue import SimpleQueue
 from random import Random
 from typing import Any
 
-import moderngl
 import numpy as np
 import psutil
 import pytest
@@ -27,14 +23,12 @@ from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.scores.difference import FACETS, FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.scores.metrics import score
-from shadowbench.studies.artefacts import artefacts
 from shadowbench.truths.trace import trace
 from shadowbench.viewer.camera import orbited, with_kind
-from shadowbench.viewer.controls import show_artefact, status
+from shadowbench.viewer.controls import status
 from shadowbench.viewer.drawing import LEAST_SIZE, Drawing, Viewer, moving_size
-from shadowbench.viewer.judge import Judge, Traced
+from shadowbench.viewer.judge import Traced
 from shadowbench.viewer.state import ViewerState
-from shadowbench.viewer.window import label
 
 SIZE = 64
 KNOWN = techniques()
@@ -97,9 +91,7 @@ def mask_of(drawing: Drawing, state: ViewerState, size: int = SIZE) -> np.ndarra
     [
         ("sphere-and-torus", "cascades:size=64,filter=evsm"),
         ("room-with-lamp", "cube-map:size=64"),
-        ("inside-volume", "shadow-volume"),
         ("spot-lamp", "hybrid:size=64"),
-        ("docs/gallery/terminator.toml", "shadow-map:size=128"),
         ("docs/gallery/terminator.toml", "shadow-map:size=128,bias=terminator+texel"),
     ],
 )
@@ -124,7 +116,6 @@ def test_the_mask_is_that_of_render_also_after_motion(
     ("how", "message"),
     [
         ("unsupported", "ZeroDivisionError: division by zero"),
-        ("build", "KeyError: 'nothing there'"),
         ("shader", "ShaderError: fragment shader: "),
         ("exit", "SystemExit: 3"),
         ("gl", "RuntimeError: OpenGL error GL_INVALID_ENUM in drawing broken"),
@@ -195,34 +186,6 @@ def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(viewer
     assert not viewer.fresh
 
 
-def test_a_pane_says_of_which_truth_it_is(viewer: Viewer, settle: Settle) -> None:
-    viewer.change(replace(viewer.state, layout="side by side", overlay="error"))
-    viewer.step()
-    assert label(viewer, "A") == "A: shadow-map: size=64 (error follows the truth)"
-    assert label(viewer, "truth") == "truth (tracing)"
-    settle(viewer)
-    assert set(viewer.pictures) == {"A", "B", "truth"}
-    assert (label(viewer, "A"), label(viewer, "truth")) == ("A: shadow-map: size=64", "truth")
-    viewer.change(replace(viewer.state, size=32, specs=viewer.state.specs[:1]))
-    viewer.step()
-    assert label(viewer, "truth") == "truth (of an earlier view)"
-    viewer.change(replace(viewer.state, layout="wipe", right="B"))
-    viewer.step()
-    assert "B" not in viewer.pictures and label(viewer, "B") == "B: none: add B"
-
-
-def test_late_answers_about_an_earlier_view_are_not_taken(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Judge, "_start", lambda judge: vars(judge).update(_ended=False, _questions=SimpleQueue()))
-    judge, late = Judge(), Traced(*(np.ones((4, 4)),) * 3, soft=False, final=True)  # type: ignore[arg-type]
-    for size in (32, 64):
-        judge.ask(replace(viewer.state, size=size), {})
-    for answer in (late, {"a": {"iou": 0.4}}, "late"):
-        judge._take(1, answer)
-    assert judge.traced(viewer.state) is None and judge.failure == "" and not judge.is_answered
-    judge._take(2, late)
-    assert judge.traced(viewer.state) is late
-
-
 def test_why_nothing_is_scored_is_said_and_a_dead_process_is_replaced(
     viewer: Viewer, settle: Settle, clock: Any
 ) -> None:
@@ -267,17 +230,6 @@ def test_a_mask_that_is_not_drawn_or_nan_has_no_scores(viewer: Viewer, clock: An
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scene", ["acne", "lamp-far-away", "eye-in-volume"])
-def test_an_artefact_is_shown_beside_its_cure(viewer: Viewer, settle: Settle, scene: str) -> None:
-    artefact = next(artefact for artefact in artefacts() if artefact.scene == scene)
-    assert show_artefact(viewer, artefact) in artefact.see
-    settle(viewer)
-    assert viewer.state.scene.name == scene and not any(viewer.failures)
-    shown, cured = (viewer.judge.scores[spec.full_text][artefact.metric] for spec in viewer.state.specs)
-    assert shown is not None and cured is not None and abs(shown - cured) > 0.03
-
-
-@pytest.mark.slow
 def test_scores_that_are_shown_as_fresh_are_always_of_what_is_shown(viewer: Viewer, clock: Any) -> None:
     """Whatever is done, in whatever order, while the process beside traces and scores, or dies."""
     random, truths, checked = Random(5), dict[object, PreparedTruth](), 0
@@ -311,31 +263,3 @@ def test_scores_that_are_shown_as_fresh_are_always_of_what_is_shown(viewer: View
                 assert scores.items() >= score(viewer.drawn.visibility(mask), truths[viewed]).items()
                 checked += 1
     assert checked > 20
-
-
-def live_objects() -> Counter[str]:
-    """Number of moderngl objects that have not been released, by type."""
-    kinds = (moderngl.Texture, moderngl.Buffer, moderngl.Framebuffer, moderngl.Program, moderngl.VertexArray)
-    gc.collect()
-    objects = [thing for thing in gc.get_objects() if type(thing) in kinds]
-    return Counter(type(thing).__name__ for thing in objects if not isinstance(thing.mglo, moderngl.InvalidObject))
-
-
-@pytest.mark.slow
-def test_nothing_is_left_behind_by_frames_and_other_techniques(viewer: Viewer, settle: Settle) -> None:
-    specs = [parse_spec(text, KNOWN) for text in ("shadow-map:size=64", "cascades:size=64", "shadow-volume")]
-
-    def change_all() -> None:
-        for number, spec in enumerate(specs):
-            for overlay in ("picture", "error", "mask"):
-                camera = orbited(viewer.state.camera, 0.01 * (number + 1), 0.0)
-                viewer.change(replace(viewer.state.with_spec(0, spec), camera=camera, overlay=overlay))
-                viewer.step()
-
-    change_all()
-    settle(viewer)
-    before = live_objects()
-    for _ in range(3):
-        change_all()
-    settle(viewer)
-    assert live_objects() == before

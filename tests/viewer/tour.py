@@ -97,12 +97,12 @@ class Hands:
                 self.click(item, panel)
                 time.sleep(1.0)
 
-    def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 8) -> None:
-        xdotool("mousemove", round(start[0]), round(start[1]), "sleep", 0.3, "mousedown", 1, "sleep", 0.3)
+    def drag(self, start: tuple[float, float], end: tuple[float, float], button: int = 1, steps: int = 8) -> None:
+        xdotool("mousemove", round(start[0]), round(start[1]), "sleep", 0.3, "mousedown", button, "sleep", 0.3)
         for step in range(1, steps + 1):
             x, y = (a + (b - a) * step / steps for a, b in zip(start, end, strict=True))
             xdotool("mousemove", round(x), round(y), "sleep", 0.1)
-        xdotool("sleep", 0.3, "mouseup", 1)
+        xdotool("sleep", 0.3, "mouseup", button)
 
     def scored(self) -> None:
         """Wait until all that is shown is scored."""
@@ -133,8 +133,11 @@ def tour(hands: Hands) -> None:
     hands.scored()
     assert hands.score("iou", 1) > 0.999
 
-    sun, (x, y) = viewer.state.light, canvas.panes[0].point(canvas.places()["light"])
-    hands.drag((x, y), (x + 90, y - 40))
+    sun, pane = viewer.state.light, canvas.panes[0]
+    x, y = pane.x + pane.side / 3, pane.y + pane.side / 2
+    xdotool("keydown", "shift")
+    hands.drag((x, y), (x + 90, y + 20), button=3)
+    xdotool("keyup", "shift")
     hands.until("the light to move", lambda: viewer.state.light != sun)
     hands.scored()
 
@@ -166,9 +169,6 @@ def tour(hands: Hands) -> None:
     camera = viewer.state.camera
     hands.drag((pane.x + 0.3 * pane.side, y), (pane.x + 0.3 * pane.side + 60, y))
     hands.until("the camera to move", lambda: viewer.state.camera != camera)
-    target = viewer.state.camera.target
-    xdotool("keydown", "w", "sleep", 1, "keyup", "w")
-    hands.until("the camera to walk", lambda: viewer.state.camera.target != target)
     hands.click("save")
     hands.until("a state file", lambda: "view.toml: saved" in viewer.message)
     hands.scored()

@@ -71,13 +71,11 @@ class Viewer {
     for (const input of box.querySelectorAll(".modes input")) input.addEventListener("change", () => this.draw(this.mode = input.value));
     this.find(".cut").addEventListener("input", (event) => this.update({ cut: event.target.value / 100 }));
     for (const button of box.querySelectorAll("[data-by]")) button.addEventListener("click", () => this.zoom(Number(button.dataset.by)));
-    this.find(".swap").addEventListener("click", () => this.swap());
     this.stage.addEventListener("wheel", (event) => {
       if (document.activeElement !== this.stage && !event.ctrlKey && !event.shiftKey) return; // the wheel scrolls the page
       event.preventDefault();
       this.zoom(1.0015 ** -(event.deltaY || event.deltaX), this.at(event));
     }, { passive: false });
-    this.stage.addEventListener("keydown", (event) => this.key(event));
     this.stage.addEventListener("pointerdown", (event) => this.drag(event));
     this.zoom(0);
   }
@@ -97,11 +95,6 @@ class Viewer {
 
   pick(side, index) {
     this[side] = this.cells[index] ?? null;
-    return this.draw();
-  }
-
-  swap() {
-    [this.a, this.b] = [this.b, this.a];
     return this.draw();
   }
 
@@ -142,16 +135,6 @@ class Viewer {
   at(event) {
     const { left, top, width, height } = this.stage.getBoundingClientRect();
     return [(event.clientX - left) / width, (event.clientY - top) / height];
-  }
-
-  key(event) {
-    const pan = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
-    const act = { "+": () => this.zoom(1.5), "=": () => this.zoom(1.5), "-": () => this.zoom(1 / 1.5), 0: () => this.zoom(0), x: () => this.swap() }[event.key];
-    if (!pan && (!act || event.ctrlKey || event.metaKey)) return;
-    event.preventDefault();
-    if (act) act();
-    else if (this.scale === 1 || event.shiftKey) this.update({ cut: this.cut + 0.02 * pan[0] });
-    else this.update({ x: this.x + 0.1 * pan[0], y: this.y + 0.1 * pan[1] });
   }
 
   // Dragging moves the divider if it starts there or nothing is zoomed, else the picture.

@@ -1,1 +1,0 @@
-uniform vec3 eye;  // of the camera
