@@ -183,7 +183,7 @@ def _print_study(study: "StudyResult", folder: Path, quiet: bool) -> None:
 
 def _print_scene(scene: "Summary", costs: str) -> None:
     """A table with a line for each setting; then unsuccessful cells and notes."""
-    from shadowbench.reports.texts import bias_notes, phase_note, preset_note
+    from shadowbench.reports.texts import phase_note, preset_note
     from shadowbench.results.times import time_notes
 
     settings, error, lines = scene.lines, scene.ranked_by.error_label, []
@@ -196,7 +196,7 @@ def _print_scene(scene: "Summary", costs: str) -> None:
         several = f"medians of up to {scene.max_cells} cells (views × phases)"
         lines.append(f"{several}; in brackets the 95% interval of {error}")
     lines += filter(None, (phase_note(settings), preset_note(settings)))
-    lines += [*bias_notes(settings), *time_notes(scene.reference, [one.rough for one in scene.timed])]
+    lines += time_notes(scene.reference, [one.rough for one in scene.timed])
     _print_settings(f"{scene.scene}, best first{' by RMSE' if scene.soft else ''}{costs}", scene, settings)
     for line in lines:
         console.print_line(f"  {line}")

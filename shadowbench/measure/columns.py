@@ -73,7 +73,7 @@ FIXED = IDENTITY | TIMES | COSTS | MORE | MORE_TIMES | SOMETIMES
 """The columns that no metric, pass or technique names, and what they mean."""
 
 
-_NAMED = re.compile(r"(pass_.+_ms|work_.+|fact_.+|bias_(of|factor|also)|run|processor|software)")
+_NAMED = re.compile(r"(pass_.+_ms|work_.+|fact_.+|bias_(of|factor)|run|processor|software)")
 
 
 def is_taken(name: str) -> bool:

@@ -370,11 +370,11 @@ def _costs(summary: Summary) -> list[str]:
 
 
 def _ranges(swept: Stability, label: str) -> list[str]:
-    tolerance = f"Tolerance: {stability.tolerances()}. In brackets: the number of values in tolerance."
+    tolerance = f"Tolerance: {stability.tolerances()}."
     blocks = [f"## Stability{label}", *swept.headline, tolerance]
     for spec in swept.specs:
         series = [one for one in swept.series if one[0] == spec]
-        rows = [[axis.name, *map(stability.range_text, ranges)] for axis, ranges in swept.table(series)]
+        rows = [[axis.name, *(one.text if one else "" for one in ranges)] for axis, ranges in swept.table(series)]
         blocks += [f"### `{spec}`", *texts.table(["axis", *(NAMES[kind] for _, kind in series)], rows)]
     return [*blocks, *_items(swept.without_picture)]
 

@@ -7,7 +7,7 @@ from statistics import fmean
 
 from shadowbench.errors import counted
 from shadowbench.extremes.axes import AXES
-from shadowbench.extremes.model import NAMES, Axis, Value, value_label
+from shadowbench.extremes.model import NAMES, Axis, Value
 from shadowbench.measure.rows import Record
 from shadowbench.results.frame import Run
 from shadowbench.results.ranges import HARD, SOFT, Break, OperatingRange, operating_ranges, value_text
@@ -110,16 +110,6 @@ def analyse(sweep: Run) -> Stability:
 
 def _line(row: Record) -> tuple[str, str, str]:
     return row["home_spec"], row["axis"], row["light_kind"]
-
-
-def range_text(one: OperatingRange | None) -> str:
-    """Text of an operating range: as printed by `stress`, the number of values in tolerance, and unsupported values."""
-    if one is None:
-        return ""
-    if one.share is None or (one.share == 1 and not one.axis.ordered):
-        return one.plain
-    unsupported = f"; {', '.join(map(value_label, one.unsupported))} unsupported" if one.unsupported else ""
-    return f"{one.plain} ({len(one.in_tolerance)} of {one.measured}{unsupported})"
 
 
 def tolerances() -> str:

@@ -44,10 +44,6 @@ COLUMNS = {
 }
 """Metrics that tables and charts show besides the error, of hard and of soft shadows (True): heading and name."""
 _BRACKETS = "( ): range over the cells; [ ], and bars of charts: 95% confidence interval of the median, by bootstrap"
-_BIASES = {
-    "along the light": ("fact_bias_m", "fact_bias_texels"),
-    "along the normal at grazing light": ("fact_normal_offset_m", "fact_normal_offset_texels"),
-}
 _MARKUP = re.compile(r"\||<(?=[A-Za-z/!?])|\](?=\()")
 _NONE = "No real-time technique here"
 _EDGES = {1.0: "1 px", 0.5: "½ px", 0.25: "¼ px"}
@@ -223,20 +219,6 @@ def preset_note(settings: Iterable[Setting]) -> str | None:
     )
 
 
-def bias_notes(settings: Iterable[Setting]) -> list[str]:
-    """What biases of a fixed size mean on each map, in metres and in texels, for a sun."""
-    notes = []
-    for one in settings:
-        parts = []
-        for along, names in _BIASES.items():
-            metres, texels = (getattr(one, name, math.nan) for name in names)
-            if known(metres) and known(texels):
-                parts.append(f"{digits(metres)} m ({digits(texels)} texels) {along}")
-        if parts:
-            notes.append(f"bias of {one.name} at {one.map_size}: {' and '.join(parts)}")
-    return notes
-
-
 def fault_lines(summary: Summary, one: Setting) -> list[str]:
     """What is wrong with the soft shadows of a setting, by its medians, causes first; empty for hard ones."""
     if not summary.soft:
@@ -278,6 +260,7 @@ def run_facts(run: Run) -> list[tuple[str, str]]:
     cells = [f"{counted(len(run.rows), 'cell')}, all that the folder holds, of this and earlier commands"]
     cells += [f"{counted(run.older, 'older record')} of the same cells left out"] if run.older else []
     cells += [f"{counted(run.foreign, 'time')} of another machine left out"] if run.foreign else []
+    phases = run.frame[run.frame["status"] == "ok"].groupby("spec")["phase"].nunique().clip(lower=1)
     gl = device.get("version") and f"{device['version'] / 100:.1f}, {device.get('subpixel_bits')} sub-pixel bits"
     facts: list[tuple[str, Any]] = [
         ("command", about.get("command", "unknown: no run.json")),
@@ -292,23 +275,11 @@ def run_facts(run: Run) -> list[tuple[str, str]]:
         ("OpenGL", gl),
         ("time ratios against", None if swept else study.get("reference")),
         ("rounds", None if swept else study.get("rounds")),
-        ("phases", None if swept else _phases(run)),
+        ("phases", None if swept else ", ".join(map(str, sorted({*phases})))),
         ("versions", ", ".join(f"{name} {value}" for name, value in about.get("versions", {}).items())),
         ("times", None if swept else time_source(run)),
     ]
     return [(name, str(value)) for name, value in facts if value not in (None, "")]
-
-
-def _phases(run: Run) -> str:
-    """The number of phases in which each spec was scored: `8`, or `8 of shadow-map; 1 of all others`."""
-    scored = run.frame[run.frame["status"] == "ok"]
-    specs: dict[int, list[str]] = {}
-    for spec, count in scored["phase"].fillna(0).groupby(scored["spec"], sort=False).nunique().items():
-        specs.setdefault(count, []).append(preset_names().get(str(spec), str(spec)))
-    if len(specs) < 2:
-        return "".join(map(str, specs))
-    *fewer, (most, _) = sorted(specs.items(), key=lambda item: len(item[1]))
-    return "; ".join([*(f"{count} of {', '.join(names)}" for count, names in fewer), f"{most} of all others"])
 
 
 def presets_of(specs: Iterable[str]) -> list[tuple[str, str]]:

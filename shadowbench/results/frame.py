@@ -101,11 +101,6 @@ class Run:
         rows.sort(key=lambda row: order.get(row["key"], len(order)))
         return replace(self, rows=tuple(rows), earlier=frozenset())
 
-    @cached_property
-    def sweep_positions(self) -> "SweepPositions":
-        """Positions of specs in bias sweeps, from `table.csv`."""
-        return read_sweep_positions(self.folder / "table.csv")
-
 
 # Reading
 
@@ -265,10 +260,10 @@ def over_phases(cells: pd.DataFrame) -> pd.DataFrame:
 # Writing
 
 
-def write_cells(folder: Path, positions: "SweepPositions") -> Run:
-    """Write `table.csv`, a line per cell of the folder, which is returned; positions: of specs in new bias sweeps."""
-    run = _read(folder, folder.name)
-    write_table(folder / "table.csv", add_factor_columns(run.frame, {**run.sweep_positions, **positions}))
+def write_cells(folder: Path, sweeps: "BiasSweeps") -> Run:
+    """Write `table.csv`, a line per cell of the folder, which is returned; sweeps: new ones."""
+    run, table = _read(folder, folder.name), folder / "table.csv"
+    write_table(table, add_factor_columns(run.frame, {**read_bias_sweeps(table), **sweeps}))
     return run
 
 
@@ -280,78 +275,30 @@ def write_table(file: Path, frame: pd.DataFrame) -> None:
 
 # Bias sweeps
 
-SweepPoint = tuple[str, float]
-"""The spec whose bias was multiplied, as written in tables, and the factor."""
-
-SweepPositions = Mapping[tuple[str, int | None], tuple[SweepPoint, ...]]
-"""Positions of a spec in bias sweeps, one per sweep, its own sweep first; by spec, as written in tables, and map size,
-None for any."""
-
-_ALSO, _TIMES = "; ", " × "  # no spec has either in it
+BiasSweeps = Mapping[str, tuple[str, float]]
+"""By spec, the spec whose bias was multiplied, and the factor; specs as written in tables."""
 
 
-def positions_in_sweeps(points: Iterable[tuple[tuple[str, int | None], SweepPoint]]) -> SweepPositions:
-    """Position of each spec in sweeps; in several if multiplied biases coincide. points: of specs and map sizes."""
-    positions: dict[tuple[str, int | None], list[SweepPoint]] = {}
-    for key, point in points:
-        positions.setdefault(key, []).append(point)
-    return {key: _own_first(several) for key, several in positions.items()}
-
-
-def positions_of(positions: SweepPositions, spec: str, size: int | None) -> tuple[SweepPoint, ...]:
-    """Positions of a spec at one map size, its own sweep first."""
-    return _own_first([*positions.get((spec, size), ()), *positions.get((spec, None), ())])
-
-
-def _own_first(points: Sequence[SweepPoint]) -> tuple[SweepPoint, ...]:
-    """One point per sweep, factors of 1 first: several factors of a bias of 0 give the same spec."""
-    factors: dict[str, float] = {}
-    for base, factor in sorted(points, key=lambda point: point[1] != 1):
-        factors.setdefault(base, factor)
-    return tuple(factors.items())
-
-
-def add_factor_columns(frame: pd.DataFrame, positions: SweepPositions) -> pd.DataFrame:
-    """Add the columns `bias_of` (the spec whose bias was multiplied) and `bias_factor` to a frame of `table.csv`.
-
-    A spec in several sweeps has that of factor 1, else the first, in these columns; the others are in `bias_also`, a
-    column that is present only if needed: `shadow-map × 2; …`.
-    """
-    if not positions:
+def add_factor_columns(frame: pd.DataFrame, sweeps: BiasSweeps) -> pd.DataFrame:
+    """Add the columns `bias_of` (the spec whose bias was multiplied) and `bias_factor` to a frame of `table.csv`."""
+    if not sweeps:
         return frame
-    points = [positions_of(positions, spec, size) for spec, size in _specs(frame)]
-    columns = pd.DataFrame(
-        [own[0] if own else (None, None) for own in points], index=frame.index, columns=["bias_of", "bias_factor"]
-    )
-    if any(len(several) > 1 for several in points):
-        columns["bias_also"] = [
-            _ALSO.join(f"{base}{_TIMES}{factor!r}" for base, factor in several[1:]) or None for several in points
-        ]
-    return frame.join(columns)
+    swept = [sweeps.get(spec, (None, None)) for spec in frame["spec"]]
+    return frame.join(pd.DataFrame(swept, index=frame.index, columns=["bias_of", "bias_factor"]))
 
 
-def read_sweep_positions(table: Path) -> SweepPositions:
-    """Read positions in bias sweeps from a `table.csv`; empty without sweeps or without a table. Raises InputError."""
+def read_bias_sweeps(table: Path) -> BiasSweeps:
+    """Read bias sweeps from a `table.csv`; empty without any, or without a table. Raises InputError."""
     if not table.is_file():
         return {}
-    names = ["spec", "map_size", "bias_of", "bias_factor", "bias_also"]
     try:
-        frame = pd.read_csv(table, usecols=lambda name: name in names, dtype={"spec": str, "bias_of": str})
+        frame = pd.read_csv(table)
         if "bias_of" not in frame:
             return {}
-        swept = frame.dropna(subset=["spec", "bias_of", "bias_factor"]).reindex(columns=names)
-        also = [text.split(_ALSO) if isinstance(text, str) else [] for text in swept["bias_also"]]
-        others = [[part.rsplit(_TIMES, 1) for part in parts] for parts in also]
+        swept = frame.dropna(subset=["bias_of"])
         return {
-            key: ((str(base), float(factor)), *((other, float(times)) for other, times in more))
-            for key, base, factor, more in zip(
-                _specs(swept), swept["bias_of"], swept["bias_factor"], others, strict=True
-            )
+            str(spec): (str(home), float(factor))
+            for spec, home, factor in zip(swept["spec"], swept["bias_of"], swept["bias_factor"], strict=True)
         }
-    except (OSError, ValueError, KeyError, OverflowError) as error:
+    except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{table}: found no sweep in it ({short(error)}); allowed: what a command wrote") from None
-
-
-def _specs(frame: pd.DataFrame) -> list[tuple[str, int | None]]:
-    sizes = [None if pd.isna(size) else int(size) for size in frame["map_size"]]
-    return list(zip(frame["spec"], sizes, strict=True))

@@ -14,7 +14,7 @@ from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
 from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record, command_line, read_rows, read_run_file
-from shadowbench.results.frame import read_folders, read_sweep_positions, rows_file, write_cells, write_table
+from shadowbench.results.frame import read_bias_sweeps, read_folders, rows_file, write_cells, write_table
 from shadowbench.results.ranges import operating_ranges, points_frame, ranges_frame
 from shadowbench.techniques.unshadowed import Unshadowed
 
@@ -138,8 +138,8 @@ def _write(abouts: Mapping[Path, Record], cells: Mapping[str, Record], times: Se
 def _write_tables(sources: Sequence[Path], folder: Path) -> None:
     runs, sweeps = read_folders([folder])
     if runs:
-        tables = [read_sweep_positions(source / "table.csv") for source in sources]
-        write_cells(folder, {spec: points for table in tables for spec, points in table.items()})
+        tables = [read_bias_sweeps(source / "table.csv") for source in sources]
+        write_cells(folder, {spec: home for table in tables for spec, home in table.items()})
         return
     # `unshadowed` has no range: it is out of tolerance wherever there is a shadow.
     judged = [row for row in sweeps[0].rows if row["technique"] != Unshadowed.name]

@@ -91,7 +91,7 @@ def measure(study: Study, campaign: Campaign, part: str | None = None) -> StudyR
         from shadowbench.results.frame import write_cells
 
         campaign.finish(study.facts, notes, dict.fromkeys(keys))
-        run = write_cells(campaign.folder, study.sweep_positions)
+        run = write_cells(campaign.folder, study.bias_sweeps)
     return StudyResult(study, run, campaign.drawer.info, tuple(dict.fromkeys([*failures, *campaign.failures])))
 
 

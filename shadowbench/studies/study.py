@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any, Self
 
 from pydantic import BeforeValidator, Field, InstanceOf, ValidationInfo, model_validator
 
@@ -34,9 +34,6 @@ from shadowbench.scenes.opening import Named, named, opened
 from shadowbench.strict import Strict, read_toml, validated
 from shadowbench.studies.crossing import CrossedSpecs, Techniques, convert, to_list
 from shadowbench.truths.embree import tracer_of
-
-if TYPE_CHECKING:
-    from shadowbench.results.frame import SweepPositions
 
 _Size = Annotated[int, Field(ge=MAP_SIZE.least, le=MAP_SIZE.most, strict=True)]
 _SOME = Field(min_length=1)
@@ -122,14 +119,10 @@ class Study(SceneFields):
         return tuple(sweep for crossed in self.technique for sweep in crossed.sweeps)
 
     @property
-    def sweep_positions(self) -> "SweepPositions":
-        """Positions of its specs in bias sweeps."""
-        from shadowbench.results.frame import positions_in_sweeps  # pandas takes long to import
-
-        return positions_in_sweeps(
-            ((spec.sizeless_text, spec.map_size if "size" in spec.explicit else None), (home.sizeless_text, factor))
-            for home, factor, spec in self.sweeps
-        )
+    def bias_sweeps(self) -> dict[str, tuple[str, float]]:
+        """By spec, the spec whose bias was multiplied, and the factor: 1 where a spec is in several sweeps."""
+        own_last = sorted(self.sweeps, key=lambda sweep: sweep[1] == 1)
+        return {spec.sizeless_text: (home.sizeless_text, factor) for home, factor, spec in own_last}
 
     @staticmethod
     def of(scenes: Sequence[str | Scene], specs: Sequence[Spec], **others: Any) -> "Study":

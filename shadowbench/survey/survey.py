@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.assumed import without_ground
-from shadowbench.scenes.model import LightShape, View, view_of
+from shadowbench.scenes.model import LightShape, View
 from shadowbench.survey.maps import (
     BIAS_STEPS,
     CONTACT,
@@ -44,17 +43,15 @@ PLANAR_SHARE = 0.999  # least planar share of the visible receivers for which pr
 class Needs:
     """The needs of a view; None where a need does not apply.
 
-    light: kind of the light; receivers, casters: their statistics; texels: needed size of one map; without_ground: the
-    same without the ground that was assumed; cascades: needed sizes of cascades, under a directional light; bits, bias:
-    needed depth format and bias; penumbra: widths for the light's size; pixels: number of sampled pixels, of
-    view_size².
+    light: kind of the light; receivers, casters: their statistics; texels: needed size of one map; cascades: needed
+    sizes of cascades, under a directional light; bits, bias: needed depth format and bias; penumbra: widths for the
+    light's size; pixels: number of sampled pixels, of view_size².
     """
 
     light: LightShape
     receivers: Receivers
     casters: CasterCounts
     texels: Texels
-    without_ground: Texels | None
     cascades: CascadeSizes | None
     bits: DepthBits | None
     bias: BiasNeed | None
@@ -87,7 +84,6 @@ def needs(view: View, penumbrae: bool = True) -> Needs:
         receivers=receivers_of(samples),
         casters=count_casters(samples.view),
         texels=texels,
-        without_ground=_without_ground(view),
         cascades=cascades_of(fitted, texels),
         bits=bits_of(samples, fitted.depths),
         bias=bias_of(fitted),
@@ -97,19 +93,6 @@ def needs(view: View, penumbrae: bool = True) -> Needs:
     )
 
 
-def _without_ground(view: View) -> Texels | None:
-    """The needed size without the ground that was assumed; None if there is none, or nothing else is lit and seen."""
-    if view.scene.ground is None:
-        return None
-    bare = view_of(without_ground(view.scene), view.camera, view.light, view.size)
-    try:
-        return texels_of(fitted_map(sample_view(bare)))
-    except InputError:  # no other receiver
-        return None
-
-
-GROUND_FACTOR = 1.5
-"""Ratio of the map sizes needed with and without an assumed ground from which both are shown."""
 _PANEL = "a panel: one perspective map from its centre covers 170° of what it lights"
 _LIGHTS = {
     "directional": "parallel rays: one orthographic map, cascades, shadow volumes and projected shadows all support it",
@@ -138,8 +121,6 @@ def _rows(needs: Needs) -> Iterator[tuple[str, str, str]]:
     yield "receivers", f"{needs.receivers.planar:.1%} on planes", _receivers(needs.receivers)
     yield from _casters(needs.casters)
     yield from _texels(needs.texels, soft=needs.penumbra is not None and not needs.penumbra.assumed)
-    if needs.without_ground:
-        yield from _ground(needs.texels, needs.without_ground)
     if needs.cascades:
         yield from _cascades(needs.cascades, needs.texels)
     if needs.bits:
@@ -215,17 +196,6 @@ def _texels(need: Texels, soft: bool) -> Iterator[tuple[str, str, str]]:
             "predicted, mostly within a factor of 2, for 95% of the shadows' edge pixels to be right "
             f"(edge_p95 below 1{centre}), with 2×2 comparisons and the default bias",
         )
-
-
-def _ground(need: Texels, without: Texels) -> Iterator[tuple[str, str, str]]:
-    if need.edge_size is None:
-        return
-    name, ground = "without ground", "without the ground that was assumed (--no-ground)"
-    if without.edge_size is None:
-        yield name, "–", f"{ground} no shadow's edge is visible: the sizes above are for shadows on it"
-    elif not 1 / GROUND_FACTOR <= need.edge_size / without.edge_size <= GROUND_FACTOR:
-        instead = f"instead of {need.edge_size:.0f} with it"
-        yield name, f"{without.edge_size:.0f}", f"map size, edges, {ground}, {instead}"
 
 
 def _cascades(need: CascadeSizes, one: Texels) -> Iterator[tuple[str, str, str]]:

@@ -367,7 +367,7 @@ def test_maps_scored_in_one_phase_have_a_note(measured) -> None:
     assert two[0] == "medians over up to 2 cells (views × phases) a configuration" and len(two) == 2
     other = [Cell(spec, 512, 0.1, None) for spec in ("a", "b")]
     facts = [dict(run_facts(measured(*cells)[0].run))["phases"] for cells in (other, [*phases(0.1, 0.2), *other])]
-    assert facts == ["1", "2 of shadow-map; 1 of all others"]
+    assert facts == ["1", "1, 2"]
 
 
 def test_a_score_below_the_error_of_the_truth_is_no_number_and_a_width_has_a_direction(measured) -> None:

@@ -17,7 +17,6 @@ from shadowbench.scenes.model import view_digest
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.scenes.triangles import bounds_of
 from shadowbench.studies.study import Study
-from shadowbench.survey.survey import explanations_of, needs
 from tests.scenes.conftest import refused
 
 
@@ -151,24 +150,6 @@ def test_a_scene_that_was_given_no_ground_loses_none() -> None:
     scene = load_scene("stairs")
     bare = without_ground(scene)
     assert bare.meshes == scene.meshes and bare.notes[-1] == "no-ground: no ground was assumed in stairs"
-
-
-def test_needs_tells_the_map_sizes_with_and_without_the_ground(tmp_path: Path, box: Path) -> None:
-    """A table beside a post: a short shadow on the table, a long one on the ground; a box has the latter alone."""
-    found, bare = (needs(chosen_view(str(box), 64, ViewOptions(no_ground=no_ground))) for no_ground in (False, True))
-    assert found.without_ground == bare.texels and bare.without_ground is None
-    rows = {row.need: row.reason for row in explanations_of(found)}
-    assert "no shadow's edge is visible" in rows["without ground"]
-    assert "without ground" not in {row.need for row in explanations_of(bare)}
-    table = trimesh.creation.box(bounds=[(-1, 0.1, -1), (1, 1.1, 1)])
-    post = trimesh.creation.box(bounds=[(-0.1, 1.1, -0.1), (0.1, 2.1, 0.1)])
-    path = tmp_path / "table.obj"
-    trimesh.util.concatenate([table, post]).export(path)
-    both = needs(chosen_view(str(path), 128))
-    assert both.texels.edge_size and both.without_ground and both.without_ground.edge_size
-    row = next(row for row in explanations_of(both) if row.need == "without ground")
-    assert row.number == f"{both.without_ground.edge_size:.0f}"
-    assert row.reason.endswith(f"(--no-ground), instead of {both.texels.edge_size:.0f} with it")
 
 
 def test_a_file_without_an_up_axis_is_rotated_by_the_option(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import Bias
 from shadowbench.plugin.registry import techniques
-from shadowbench.results.frame import add_factor_columns, read_sweep_positions
+from shadowbench.results.frame import add_factor_columns, read_bias_sweeps
 from shadowbench.studies.study import Study, read_study
 
 KNOWN = techniques()
@@ -73,30 +73,24 @@ def test_a_run_keeps_the_factors_and_acne_falls_as_contact_rises(
     assert acne[0] >= acne[-1] and contact[0] <= contact[-1]
 
 
-def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path: Path) -> None:
+def test_a_spec_in_two_sweeps_is_in_its_own(tmp_path: Path) -> None:
     made = study(
         tmp_path,
         "spec = 'shadow-map'\nsize = [256, 512]\nbias = ['constant(units=0.25)', 'constant(units=0.5)']\n"
         "bias_sweep = [0.5, 1, 2]",
     )
-    cells = list(dict.fromkeys((spec.sizeless_text, spec.map_size) for spec in made.specs))
-    assert len(cells) == 8
 
     def bias(units: float) -> str:
         return f"shadow-map:bias=constant(units={units})"
 
-    positions = made.sweep_positions
-    table = add_factor_columns(pd.DataFrame(cells, columns=["spec", "map_size"]), positions)
+    table = add_factor_columns(pd.DataFrame({"spec": [spec.sizeless_text for spec in made.specs]}), made.bias_sweeps)
     steps = [(0.125, 0.25, 0.5), (0.25, 0.25, 1), (0.5, 0.5, 1), (1.0, 0.5, 2)]
     own = [(bias(units), bias(home), factor) for units, home, factor in steps]
     assert sorted(set(zip(table["spec"], table["bias_of"], table["bias_factor"], strict=True))) == own
-    assert set(positions[bias(0.5), 512]) == {(bias(0.5), 1), (bias(0.25), 2)}
     table.to_csv(tmp_path / "table.csv", index=False)
-    assert read_sweep_positions(tmp_path / "table.csv") == positions
+    assert read_bias_sweeps(tmp_path / "table.csv") == made.bias_sweeps
 
 
 def test_a_bias_of_nothing_has_one_point(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map:bias=constant(units=0)'\nbias_sweep = [0.5, 1, 2]")
-    assert [place for several in made.sweep_positions.values() for place in several] == [
-        ("shadow-map:bias=constant(units=0.0)", 1)
-    ]
+    assert [*made.bias_sweeps.values()] == [("shadow-map:bias=constant(units=0.0)", 1)]
