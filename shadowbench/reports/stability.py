@@ -20,11 +20,10 @@ Series = tuple[str, LightKind]
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """The operating ranges of a sweep; left_out: sentences on the cells that belong to none."""
+    """The operating ranges of a sweep."""
 
     sweep: Run
     ranges: tuple[OperatingRange, ...]
-    left_out: tuple[str, ...]
 
     @property
     def axes(self) -> list[Axis]:
@@ -72,7 +71,11 @@ class Stability:
             whole = [one.share == 1 for one in self.ranges if one.spec == spec]
             counts.append(f"`{spec}` {sum(whole)} of {len(whole)}")
         about = "Axes, counted per kind of light, that are in tolerance from end to end"
-        return [f"{about}: {', '.join(counts)}." if counts else "No spec has an operating range.", *self.left_out]
+        lines = [f"{about}: {', '.join(counts)}." if counts else "No spec has an operating range."]
+        if left_out := len(self.sweep.rows) - sum(len(one.swept) for one in self.ranges):
+            why = f"of `{Unshadowed.name}`, of an unfinished sweep, or at a value that this version lacks"
+            lines.append(f"Left out: {counted(left_out, 'cell')} {why}.")
+        return lines
 
     def table(self, series: Sequence[Series]) -> list[tuple[Axis, list[OperatingRange | None]]]:
         """A row per axis with a range in any of the series: the axis, and the range of each, None if not swept."""
@@ -93,19 +96,7 @@ def analyse(sweep: Run) -> Stability:
     """The operating ranges of a sweep, without those of `unshadowed`, which is out of tolerance wherever shadow is."""
     subjects = [row for row in sweep.rows if row["technique"] != Unshadowed.name]
     known = [row for row in subjects if row["axis"] in AXES and row["axis_value"] in AXES[row["axis"]].values]
-    ranges = operating_ranges(AXES.values(), known)
-    complete = {(one.spec, one.axis.name, one.light) for one in ranges}
-    unfinished = [one for one in dict.fromkeys(map(_line, known)) if one not in complete]
-    unknown, floor = len(subjects) - len(known), len(sweep.rows) - len(subjects)
-    left_out = []
-    if unfinished:
-        spec, axis, _ = unfinished[0]
-        left_out.append(f"as unfinished: {counted(len(unfinished), 'sweep')}, the first of `{spec}` along {axis}")
-    if unknown:
-        left_out.append(f"because this version has no such axis or value: {counted(unknown, 'cell')}")
-    if floor:
-        left_out.append(f"because `{Unshadowed.name}` is out of tolerance by design: {counted(floor, 'cell')}")
-    return Stability(sweep, tuple(ranges), tuple(f"Left out {reason}." for reason in left_out))
+    return Stability(sweep, tuple(operating_ranges(AXES.values(), known)))
 
 
 def _line(row: Record) -> tuple[str, str, str]:

@@ -7,7 +7,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, InstanceOf, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, InstanceOf, model_validator
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder, replace_file
@@ -25,7 +25,6 @@ from shadowbench.options import (
     SceneOptions,
     ViewOptions,
     in_python,
-    place_text,
 )
 from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
@@ -39,16 +38,6 @@ _Size = Annotated[int, Field(ge=MAP_SIZE.least, le=MAP_SIZE.most, strict=True)]
 _SOME = Field(min_length=1)
 
 
-def _place(value: object, info: ValidationInfo) -> str | None:
-    try:
-        return place_text(value, str(info.field_name))
-    except InputError as error:
-        raise ValueError(str(error)) from None
-
-
-_Place = Annotated[str | None, BeforeValidator(_place)]
-
-
 class SceneFields(Strict):
     """How all scenes of a study are read; each field is that of `SceneOptions`, places also as lists of numbers."""
 
@@ -56,10 +45,10 @@ class SceneFields(Strict):
     no_ground: bool = Field(False, strict=True)
     time: float | None = Field(None, ge=0.0)
     clip: str | None = None
-    camera: _Place = None
-    target: _Place = None
-    lamp: _Place = None
-    sun_at: _Place = None
+    camera: Any = None
+    target: Any = None
+    lamp: Any = None
+    sun_at: Any = None
     assets: Path | None = None
     up: str | None = None
 
@@ -77,8 +66,9 @@ class SceneFields(Strict):
 
     def scene_facts(self) -> dict[str, Any]:
         """The fields that are set and `sun`, for `run.json`; not `assets`, which is a folder of one machine."""
-        names = [field.name for field in fields(SceneOptions) if field.name not in ("assets", "sun")]
-        given = {name: value for name in names if (value := getattr(self, name)) is not None and value is not False}
+        options = asdict(self.scene_options()).items()
+        given = {name: value for name, value in options if value is not None and value is not False}
+        given.pop("assets", None)
         return {"sun": self.sun, **given}
 
 
