@@ -348,29 +348,19 @@ def texels_for(displacement: Floats) -> float:
 class CascadeSizes:
     """Needed map sizes by number of cascades, with default parameters otherwise.
 
-    depth_ratio: farthest over nearest view depth of the visible receivers; size, edge_size: of each map, defined as in
-    `Texels`; best: number of cascades with the fewest texels in total, by `edge_size`; saving: texels of one map
-    divided by those of the best number of cascades; best_by_size, saving_by_size: the same by `size`, of the whole
-    view, where edges may be at one distance only.
+    depth_ratio: farthest over nearest view depth of the visible receivers; edge_size: of each map, as in `Texels`;
+    best: number of cascades with the fewest texels in total; saving: texels of one map divided by those of this number.
     """
 
     depth_ratio: float
-    size: Mapping[int, float]
     edge_size: Mapping[int, float]
     best: int
     saving: float
-    best_by_size: int
-    saving_by_size: float
 
     @property
     def worthwhile(self) -> bool:
         """Whether some number of cascades needs fewer texels than one map for the edges of the view."""
         return self.saving > 1.0
-
-    @property
-    def worthwhile_elsewhere(self) -> bool:
-        """Whether it does so for the visible receivers, though not for the edges that are there now."""
-        return self.saving_by_size > 1.0 and not self.worthwhile
 
 
 def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
@@ -379,21 +369,14 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     if space.perspective or one.edge_size is None:
         return None
     bounds = bounds_of(caster_and_receiver_vertices(samples.view.scene.geometry))
-    sizes, edge_sizes = {}, {}
-    for count in COUNTS:
-        extents = _extents(samples.view, bounds, space, fitted.coords, count)
-        sizes[count] = float(np.percentile(longest(fitted.jacobian / extents[:, None]), 95)) + 2 * fitted.padding
-        edge_sizes[count] = _edge_size(fitted, extents)
-    best, best_by_size = (min(COUNTS, key=lambda count: count * some[count] ** 2) for some in (edge_sizes, sizes))
+    sizes = {count: _edge_size(fitted, _extents(samples.view, bounds, space, fitted.coords, count)) for count in COUNTS}
+    best = min(COUNTS, key=lambda count: count * sizes[count] ** 2)
     ahead = samples.view.camera.basis()[2] @ (np.array(samples.view.camera.position)[:, None] - samples.point)
     return CascadeSizes(
         depth_ratio=float(ahead.max() / ahead.min()),
-        size=sizes,
-        edge_size=edge_sizes,
+        edge_size=sizes,
         best=best,
-        saving=one.edge_size**2 / (best * edge_sizes[best] ** 2),
-        best_by_size=best_by_size,
-        saving_by_size=one.size**2 / (best_by_size * sizes[best_by_size] ** 2),
+        saving=one.edge_size**2 / (best * sizes[best] ** 2),
     )
 
 

@@ -122,7 +122,7 @@ def _rows(needs: Needs) -> Iterator[tuple[str, str, str]]:
     yield from _casters(needs.casters)
     yield from _texels(needs.texels, soft=needs.penumbra is not None and not needs.penumbra.assumed)
     if needs.cascades:
-        yield from _cascades(needs.cascades, needs.texels)
+        yield from _cascades(needs.cascades)
     if needs.bits:
         yield "depth bits", str(needs.bits.bits or "none"), _bits(needs.bits)
     if needs.bias:
@@ -143,7 +143,7 @@ def verdict_of(needs: Needs) -> str:
         needed = f"{cascades.best} cascades of {cascades.edge_size[cascades.best]:.0f}²"
         sparing = f" in place of one map of {edges:.0f}²"
     elif cascades:
-        sparing = ", cascades for shadows elsewhere in view" if cascades.worthwhile_elsewhere else ", no cascades"
+        sparing = ", no cascades for these edges"
     parts = [needed + sparing]
     if needs.bits:
         parts.append(f"{needs.bits.bits} bits of depth" if needs.bits.bits else "more depth than any format has")
@@ -198,17 +198,14 @@ def _texels(need: Texels, soft: bool) -> Iterator[tuple[str, str, str]]:
         )
 
 
-def _cascades(need: CascadeSizes, one: Texels) -> Iterator[tuple[str, str, str]]:
+def _cascades(need: CascadeSizes) -> Iterator[tuple[str, str, str]]:
     sizes = need.edge_size
     each = ", ".join(f"{count}: {size:.0f}" for count, size in sizes.items())
     reason = f"number and map size with the fewest texels in total; sizes by number: {each}"
     yield "cascades", f"{need.best} × {sizes[need.best]:.0f}", reason
-    reason = "no gain: one fitted map needs fewer texels"
+    reason = "no gain: one fitted map needs fewer texels for the edges in view"
     if need.worthwhile:
         reason = f"fewer texels than one map for the same edges, with casters drawn {need.best} times"
-    elif need.worthwhile_elsewhere:
-        several = f"{need.best_by_size} × {need.size[need.best_by_size]:.0f} do what one map of {one.size:.0f} does"
-        reason = f"no gain for the edges in view, but for texels of a pixel on 95% of the visible receivers {several}"
     depths = f"the farthest visible receiver is {need.depth_ratio:.3g} times as far as the nearest"
     yield "cascades save", f"{need.saving:.3g} ×", f"{reason}; {depths}"
 

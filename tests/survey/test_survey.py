@@ -56,7 +56,7 @@ def test_a_closed_room_under_a_sun_outside_has_no_edges() -> None:
         (looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], LIGHTS[1], 128), "one map of {one}², 16 bits of depth"),
         (looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], LIGHTS[2], 128), "a cube map with faces of {one}², 16 bits"),
         (chosen_view("deep-street", 128), "{best} cascades of {each}² in place of one map of {one}², "),
-        (chosen_view("statue", 192), "one map of {one}², cascades for shadows elsewhere in view, "),
+        (chosen_view("statue", 192), "one map of {one}², no cascades for these edges, "),
         (from_above([plate(8.0)], SUN), "no shadow is seen, and no edge, so that any map size does"),
     ],
     ids=["spot", "lamp", "street", "statue", "nothing"],
