@@ -87,7 +87,7 @@ def condense(folders: Sequence[Path], target: Path, commit: str) -> None:
     about["keys"] = [row["key"] for _, row in rows.values()]
     # The release of a kernel names the host that built it.
     about["machine"] = about["machine"] | {"system": re.sub(r" \S*-\S* ", " ", about["machine"]["system"])}
-    (beside / "run.json").write_text(json.dumps(about, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    (beside / "run.json").write_text(json.dumps(about, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     shutil.rmtree(target, ignore_errors=True)
     beside.rename(target)
 

@@ -102,5 +102,5 @@ def test_the_points_lie_on_the_light(name, sized) -> None:
 
 def test_a_spec_knows_the_techniques_that_it_names() -> None:
     spec = parse_spec("light-samples:of=cube-map(preset=course)", techniques())
-    assert [one.name for one in spec.techniques] == ["light-samples", "cube-map"]
+    assert [one.name for one in spec.techniques] == ["light-samples", "cube-map", "shadow-map"]
     assert spec.text == "light-samples:of=cube-map(bias=constant(world=0.05),filter=pcf-20)"
