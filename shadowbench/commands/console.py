@@ -119,17 +119,13 @@ class Reporter(logging.Handler):
         self._progress.update(self._task, advance=1, what=what)
         if self._progress.disable and not self._quiet and monotonic() - self._printed >= _EVERY:
             self._printed = monotonic()
+            from shadowbench.studies.run import duration
+
             (task,) = self._progress.tasks
             of = "" if task.total is None else f" of {task.total:.0f}"
             left = task.time_remaining
-            about = "" if left is None else f"about {_duration(left)} left, "
+            about = "" if left is None else f"about {duration(left)} left, "
             print_error(f"{task.description}: {task.completed:.0f}{of}, {about}{printable(what)}")
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{max(seconds, 1):.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def exit_code_of(results: "Sequence[Result]", left_out: "Sequence[Failure]") -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.measure.campaign import Block, Campaign, Failure, Reporter
+from shadowbench.measure.campaign import Block, Campaign, Cell, Failure, Reporter
 from shadowbench.measure.flips import SIZE_AFTER
 from shadowbench.measure.worker import DeviceInfo
 from shadowbench.scenes.opening import first_of
@@ -18,6 +18,10 @@ if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measu
     from shadowbench.results.frame import Run
 
 T = TypeVar("T")
+_PIXEL_S = 12e-9  # seconds of a drawn pixel or texel, on two cores without a GPU
+_DRAWN = 4  # frames that take as long as drawing and scoring a cell
+_TIMED = 4 / 3  # frames of a round, with the passes
+_LONG_S = 60.0  # from which an estimate is given
 
 
 def dealt(items: Sequence[T], part: str | None, identity: Callable[[T], object], reporter: Reporter) -> list[T]:
@@ -80,7 +84,7 @@ def measure(study: Study, campaign: Campaign, part: str | None = None) -> StudyR
         campaign.reporter.note(line)
     drawn = [block for block, _ in traced]
     with campaign:
-        campaign.reporter.stage("cells", sum(1 + block.times(cell) for block in drawn for cell in block.cells))
+        _announce(study, drawn, campaign)
         keys = [result.score["key"] for results in campaign.measure(drawn) for result in results]
         if blocks and not keys:
             raise _nothing("was measured", campaign.failures)
@@ -98,6 +102,18 @@ def _notes(study: Study, blocks: Sequence[Block]) -> Iterator[str]:
         yield from scene.notes
         if "file" in study.views:
             yield from first_of(scene.name, "cameras", scene.cameras, "--view or a study")
+
+
+def _announce(study: Study, blocks: Sequence[Block], campaign: Campaign) -> None:
+    """Begin the stage of the cells, after a note if they take long."""
+    cells = [(block, cell) for block in blocks for cell in block.cells]
+    missing = [cell for block in blocks for cell in campaign.unscored(block)]
+    timed = sum(block.times(cell) for block, cell in cells)
+    if (seconds := sum(_seconds(study, cell) for cell in missing)) >= _LONG_S:
+        rough = f"about {duration(seconds)} on two cores without a GPU"
+        also = f" and {timed} to time" if timed else ""
+        campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to draw{also}: {rough}")
+    campaign.reporter.stage("cells", len(cells) + timed)
 
 
 def _nothing(what: str, failures: Sequence[Failure]) -> ShadowbenchError:
@@ -129,3 +145,17 @@ def check_sizes(study: Study, info: DeviceInfo) -> None:
     for what, size in (("map size", largest), ("view size", view)):
         if size > info.max_map_size:
             raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
+
+
+def _seconds(study: Study, cell: Cell) -> float:
+    """Approximate seconds of drawing, scoring and timing a cell on two cores without a GPU."""
+    pixels = study.view_size**2 + (cell.spec.map_size or 0) ** 2
+    timed = _TIMED * study.rounds * pixels if cell.phase == 0 else 0.0
+    return _PIXEL_S * (_DRAWN * (pixels + (SIZE_AFTER[study.step] * study.view_size) ** 2) + timed)
+
+
+def duration(seconds: float) -> str:
+    """Text of a rough duration: `40 s`, `12 min`, `2.5 h`."""
+    if seconds < 90:
+        return f"{max(seconds, 1):.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
