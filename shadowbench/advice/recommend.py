@@ -238,6 +238,7 @@ def _without_law(view: View, info: DeviceInfo, law: Law | None) -> str:
 MARGINS = {"iou": (1.8, 2.0), "edge_px": (3.5, 3.5), "rmse": (1.8, 2.0)}
 UNPREDICTABLE = (math.inf, math.inf)  # rmse of a soft shadow need not fall as the map grows, since large texels blur
 Standing = Literal["choice", "closest", "next", "unranked", "too slow", "misses", "so far"]
+SAVED = 0.9  # cost relative to the choice's below which an alternative is worth relaxing the target for
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,6 +317,20 @@ class Recommendation:
         if self.choice is not None:
             best.pop((self.choice.spec.technique.name, self.choice.ranked))
         return tuple(sorted(best.values(), key=lambda trial: (not self.meets(trial), trial.cost)))
+
+    @property
+    def cheaper(self) -> Trial | None:
+        """The most accurate trial that saves a tenth of the choice's cost or more, and to which a target can relax."""
+        most = SAVED * self.choice.cost if self.choice is not None and self.choice.ranked else -math.inf
+        cheaper = [trial for trial in self.trials if trial.cost <= most and math.isfinite(trial.error)]
+        return min(cheaper, key=lambda trial: (trial.error, trial.cost), default=None)
+
+    @property
+    def better(self) -> Trial | None:
+        """The cheapest trial with less than half of the choice's error, and with a cost."""
+        least = self.choice.error / 2 if self.choice is not None else -math.inf
+        better = [trial for trial in self.trials if trial.error < least and trial.ranked]
+        return min(better, key=lambda trial: (trial.cost, trial.error), default=None)
 
     def standing(self, trial: Trial) -> Standing:
         """What a trial is: its line in the table of `recommend`."""

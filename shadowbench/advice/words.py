@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import asdict
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,7 +70,7 @@ def _cells(advice: Recommendation, trial: Trial) -> list[str]:
 
 def lines(advice: Recommendation) -> list[str]:
     """What is said below the table."""
-    answer = [] if advice.choice else obstacles(advice)
+    answer = _step_lines(advice) if advice.choice else obstacles(advice)
     return [*answer, *notes(advice), *excluded_lines(advice)]
 
 
@@ -146,6 +147,26 @@ def _relative_text(advice: Recommendation, trial: Trial) -> str:
     return f"{'>' * least}{trial.cost / advice.choice.cost:.3g}"
 
 
+def _step_lines(advice: Recommendation) -> list[str]:
+    """What relaxing the target would save and tightening it would cost, among the trials."""
+    choice, cheaper, better = advice.choice, advice.cheaper, advice.better
+    assert choice is not None
+    lines = ["of those measured, none saves a tenth or more if the target is relaxed"]
+    if not choice.ranked:
+        lines = ["nothing whose cost is known meets the target"]
+    if cheaper is not None:
+        saved = math.floor(100 * (1 - cheaper.cost / choice.cost))
+        target = _error(advice, cheaper, as_target=True)
+        lines = [f"of those measured, relaxing the target to {target} saves {saved}%: {_name(cheaper)}"]
+    if better is not None:
+        target, times = _error(advice, better, as_target=True), _relative_text(advice, better)
+        costs = f"costs {times} × as much" if times else f"costs {_cost_text(advice, better)} {_unit(advice)}"
+        lines.append(f"of those measured, tightening it to {target} {costs}: {_name(better)}")
+    elif choice.error > 0:
+        lines.append("tightening it: nothing measured has less than half the error")
+    return lines
+
+
 def obstacles(advice: Recommendation) -> list[str]:
     """Why nothing that was measured meets the target."""
     target, near = target_text(advice.target, advice.budget_ms), advice.closest
@@ -211,13 +232,17 @@ def excluded_lines(advice: Recommendation) -> list[str]:
     return [*lines, *(f"not measured: {spec}: {status}" for spec, status in advice.unsuccessful.items())]
 
 
-def _error(advice: Recommendation, trial: Trial) -> str:
-    """Text of a trial's error by the target's metric, such as `edges 0.21 px off`."""
+def _error(advice: Recommendation, trial: Trial, as_target: bool = False) -> str:
+    """Text of a trial's error by the target's metric, such as `edges 0.21 px off`.
+
+    as_target: rounded to a target that the error meets.
+    """
     if math.isinf(trial.error):
         return "no edges to compare, and other shadows"
     target, metric = advice.target, METRICS[advice.target.metric]
+    digits = reached if as_target else rounded
     # The function from a value to its error is its own inverse.
-    text = metric.text(metric.error(trial.error), lambda value: rounded(target, value), trial.result.score)
+    text = metric.text(metric.error(trial.error), lambda value: digits(target, value), trial.result.score)
     return f"edges {text} px off" if metric.name == "edge_px" else f"{metric.label} {text}"
 
 
@@ -225,6 +250,16 @@ def rounded(target: Target, value: float) -> str:
     """A value of a target's metric, rounded, but neither across the target nor to an IoU of 1 unless it is that."""
     form = "{:.4g}" if target.metric == "iou" else "{:.3g}"
     return METRICS[target.metric].digits_beside(target.limit, form.format)(value)
+
+
+def reached(target: Target, value: float) -> str:
+    """A value of a target's metric as another target, which it meets: an IoU rounded down, others up."""
+    least, rounding = (4, ROUND_FLOOR) if target.metric == "iou" else (3, ROUND_CEILING)
+    for digits in range(least, 17):
+        other = float(Context(digits, rounding).create_decimal(value))
+        if other != target.limit and (other > target.limit) == (value > target.limit):
+            return f"{other:.{digits}g}"
+    return f"{value:.16g}"
 
 
 def _name(trial: Trial) -> str:
@@ -250,6 +285,8 @@ def values(advice: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "closest": _values(advice.closest),
         "in_the_way": obstacles(advice) if advice.closest else [],
         "runners_up": [{"standing": advice.standing(one)} | (_values(one) or {}) for one in advice.runners_up],
+        "relaxed": _values(advice.cheaper),
+        "tightened": _values(advice.better),
         "measured": advice.measured,
         "space": advice.space_size,
         "evidence": [_values(trial) for trial in advice.trials],

@@ -13,7 +13,7 @@ import pytest
 
 from shadowbench.advice.recommend import Cost, Recommendation, cost_of, find_cheapest, least_error, target_error
 from shadowbench.advice.search import full_space
-from shadowbench.advice.words import excluded_lines, lines, notes, obstacles, rounded
+from shadowbench.advice.words import excluded_lines, lines, notes, obstacles, reached, rounded
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import Texel
 from shadowbench.measure.rows import Result
@@ -159,11 +159,13 @@ def test_what_no_target_counts_and_what_has_no_cost_is_noted(advise: Callable[..
     assert any("no cost is known of" in line and "hybrid" in line for line in notes(rays))
 
 
-def test_a_rounded_value_is_on_its_own_side_of_the_target() -> None:
+def test_a_rounded_value_is_on_its_own_side_of_the_target_and_meets_what_it_is_called() -> None:
     for value in (0.98996, 0.99, 0.990004, 0.99996, 1.0, 0.0):
         shown = float(rounded(IOU, value))
         assert shown == pytest.approx(value, abs=6e-5)
         assert (shown >= 0.99) == (value >= 0.99) and (shown == 1) == (value == 1)
+    assert [reached(IOU, iou) for iou in (0.9592, 0.9999875, 1.0)] == ["0.9592", "0.9999", "1"]
+    assert reached(Target("rmse", 0.02), 0.0293444) == "0.0294"
 
 
 def test_without_any_edge_nothing_is_off_only_where_the_shadows_are_the_same() -> None:
