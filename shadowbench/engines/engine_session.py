@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 
-from shadowbench.engines.programs import HostFailed, start_host
+from shadowbench.engines.programs import start_host
 from shadowbench.masks.export import describe, describe_light, glb_of, light_box
 from shadowbench.masks.inputs import DARKEST, decode_srgb
 from shadowbench.measure.session import Rendering
@@ -173,10 +173,7 @@ class EngineSession:
         return luminance(picture, self.engine, self.size)
 
     def _call(self, name: str, argument: Any, data: bytes = b"") -> tuple[dict[str, Any], bytes]:
-        try:
-            return self.host.call(name, argument, data, self.engine.seconds)
-        except HostFailed as error:
-            raise CellFailed(str(error)) from None
+        return self.host.call(name, argument, data, self.engine.seconds)
 
     def _display(self) -> str:
         """Name of a virtual display of its own."""

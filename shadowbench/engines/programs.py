@@ -30,6 +30,7 @@ import psutil
 
 from shadowbench.errors import InputError, ShadowbenchError, quoted
 from shadowbench.files import cache_folder, make_folder
+from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.engine import Engine
 
 HERE = Path(__file__).parent
@@ -175,10 +176,6 @@ def _run(*command: str, folder: Path) -> None:
         raise ShadowbenchError(f"{Path(command[0]).name} failed: {quoted(lines[-1])}")
 
 
-class HostFailed(Exception):
-    """The engine reported an error, died or did not answer."""
-
-
 def start_host(engine: type[Engine], log: Path, variables: Mapping[str, str]) -> "Host":
     """Start an engine's program; variables: of its environment, besides those of the software renderer."""
     variables = {**software_renderer(), **variables}
@@ -212,16 +209,16 @@ class Host(ABC):
         self._answers.put(None)
 
     def call(self, name: str, argument: Any, data: bytes, limit: float) -> Answer:
-        """The engine's answer and its bytes. Raises HostFailed; the host is to be closed then."""
+        """The answer and its bytes. Raises CellFailed for an error, a program that ended, or no answer in time."""
         self._send(pack({"name": name, "argument": argument}, data))
         try:
             answer = self._answers.get(timeout=limit)
         except queue.Empty:
-            raise HostFailed(f"no answer to {name!r} within {limit:g} s") from None
+            raise CellFailed(f"no answer to {name!r} within {limit:g} s") from None
         if answer is None:
-            raise HostFailed(f"it ended with exit code {self.process.returncode}: {self._last_line()}")
+            raise CellFailed(f"it ended with exit code {self.process.returncode}: {self._last_line()}")
         if "error" in answer[0]:
-            raise HostFailed(str(answer[0]["error"]))
+            raise CellFailed(str(answer[0]["error"]))
         return answer
 
     @property

@@ -61,7 +61,7 @@ def wall_weights(vertices, edges, light, both_from, closed):  # type: ignore[no-
     """(E,) int8 weight of each edge's wall, the sum over its two triangles of ±1, the edge's direction in the triangle.
 
     That is when the triangle is wound counter-clockwise as seen from the light, whatever its own winding. Before index
-    `both_from` only the facing one of two triangles counts, which halves the sum. edges: (E, 4), as in `Surface`; the
+    `both_from` only the facing one of two triangles counts, which halves the sum. edges: (E, 4), as in `Casters`; the
     rest as of `cap_weights`.
     """
     weights = np.empty(len(edges), dtype=np.int8)

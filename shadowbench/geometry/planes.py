@@ -42,15 +42,15 @@ class Plane:
 
 def find_planes(
     geometry: Geometry,
-    searched: NDArray[np.bool_],
     least: float = LEAST_SHARE,
     most: int = MOST_PLANES,
     tolerance: float = TOLERANCE,
 ) -> tuple[Plane, ...]:
-    """The planes with at least a share of `least` of the searched (F,) faces' area, largest first, at most `most`.
+    """The planes with at least a share of `least` of the receivers' area, largest first, at most `most`.
 
     A triangle of either orientation is on a plane if its corners are within `tolerance` diagonals of the scene of it.
     """
+    searched = geometry.receives
     faces = geometry.faces[searched]
     if not len(faces):
         return ()

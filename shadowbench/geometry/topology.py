@@ -1,7 +1,6 @@
 """Edge topology of the casters: connected parts, closed or open, with the edges for shadow volumes."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +15,13 @@ Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
-    """Triangles and edges as indices into the scene's welded vertices, ordered by part.
+class Casters:
+    """Triangles and edges of the casters, as indices into the scene's welded vertices, ordered by part.
 
     faces: (F, 3), winding kept. edges: (E, 4) of an edge a < b: opposite corner, a, b, opposite corner, which is a if
     there is only one triangle; of more than two, several rows. face_ends, edge_ends: (P,) index after each part's last
-    row; boxes: (P, 2, 3) bounding box of each part.
+    row; boxes: (P, 2, 3) bounding box of each part. The first `closed` parts are wound outwards and their edges all
+    have as many half-edges in either direction, of `closed_faces` and `closed_edges`; the others are open.
     """
 
     faces: Indices
@@ -29,34 +29,22 @@ class Surface:
     face_ends: Indices
     edge_ends: Indices
     boxes: Floats
+    closed: int
 
+    @property
+    def closed_faces(self) -> int:
+        """Number of triangles of closed parts."""
+        return int(np.append(0, self.face_ends)[self.closed])
 
-@dataclass(frozen=True, eq=False)
-class Casters:
-    """A scene's casters by part.
-
-    closed: parts that are wound outwards and whose edges all have as many half-edges in either direction; open: others.
-    """
-
-    closed: Surface
-    open: Surface
-
-    @cached_property
-    def all(self) -> Surface:
-        """Both, closed parts first."""
-        first, second = self.closed, self.open
-        return Surface(
-            np.concatenate([first.faces, second.faces]),
-            np.concatenate([first.edges, second.edges]),
-            np.concatenate([first.face_ends, second.face_ends + len(first.faces)]),
-            np.concatenate([first.edge_ends, second.edge_ends + len(first.edges)]),
-            np.concatenate([first.boxes, second.boxes]),
-        )
+    @property
+    def closed_edges(self) -> int:
+        """Number of edges of closed parts."""
+        return int(np.append(0, self.edge_ends)[self.closed])
 
     def may_contain(self, point: Vec3) -> bool:
         """Whether a point may be inside a closed part, or on its surface."""
-        low, high = self.closed.boxes.transpose(1, 0, 2)
-        rounding = 1e-6 * max(np.abs(self.closed.boxes).max(initial=0.0), *map(abs, point))  # the boxes are of float32
+        low, high = boxes = self.boxes[: self.closed].transpose(1, 0, 2)
+        rounding = 1e-6 * max(np.abs(boxes).max(initial=0.0), *map(abs, point))  # the boxes are of float32
         return bool(((low - rounding <= point) & (point <= high + rounding)).all(axis=1).any())
 
 
@@ -64,7 +52,7 @@ class Casters:
 class Topology:
     """The caster triangles, their edges and their parts, which are sets of triangles connected by shared edges.
 
-    faces, edges, boxes: as in `Surface`; edges are sorted by their corners a and b. half_edges: (E, 2) of each edge,
+    faces, edges, boxes: as in `Casters`; edges are sorted by their corners a and b. half_edges: (E, 2) of each edge,
     3 · triangle + k for the one from corner k to the next, one of each direction if possible, −1 for none. part: (F,)
     of each triangle. closed: (P,) bool, as in `Casters`; open: (P,) bool, parts with a half-edge that has no opposite.
     """
@@ -136,9 +124,20 @@ def surrounds(mesh: Mesh, point: Vec3) -> bool:
 
 
 def casters_of(scene: Scene) -> Casters:
-    """The closed and open casters of a scene, ordered by part."""
+    """The casters of a scene, ordered by part, closed ones first."""
     topology = topology_of(scene)
-    return Casters(_surface(topology, topology.closed), _surface(topology, ~topology.closed))
+    parts = np.argsort(~topology.closed, kind="stable")
+    rank = np.argsort(parts)
+
+    def by_part(part_of_row: Indices) -> tuple[Indices, Indices]:
+        """Indices of the rows, ordered by part, and the end of each part."""
+        ranks = rank[part_of_row]
+        return np.argsort(ranks, kind="stable"), np.cumsum(np.bincount(ranks, minlength=len(parts)))
+
+    own, face_ends = by_part(topology.part)
+    mine, edge_ends = by_part(topology.part[topology.half_edges[:, 0] // 3])
+    faces, edges, boxes = topology.faces[own], topology.edges[mine], topology.boxes[parts]
+    return Casters(faces, edges, face_ends, edge_ends, boxes, int(topology.closed.sum()))
 
 
 def _welded(vertices: NDArray[np.float32], mesh: Indices) -> Indices:
@@ -175,22 +174,8 @@ def _index_in_run(keys: Indices) -> Indices:
 
 
 def _edges(faces: Indices, first: Indices, second: Indices) -> Indices:
-    """(E, 4) edges with adjacency, as in `Surface`, of paired half-edges."""
+    """(E, 4) edges with adjacency, as in `Casters`, of paired half-edges."""
     opposite = np.roll(faces, 1, axis=1).ravel()  # the corner opposite half-edge k
     start, end = faces.ravel()[first], np.roll(faces, -1, axis=1).ravel()[first]
     low, high = np.minimum(start, end), np.maximum(start, end)
     return np.column_stack([opposite[first], low, high, np.where(second >= 0, opposite[second], low)])
-
-
-def _surface(topology: Topology, chosen: NDArray[np.bool_]) -> Surface:
-    """The triangles and edges of the chosen parts."""
-
-    def by_part(part_of_row: Indices) -> tuple[Indices, Indices]:
-        """Indices of the rows that belong to chosen parts, ordered by part, and the end of each part."""
-        order = np.argsort(part_of_row, kind="stable")
-        return order[chosen[part_of_row[order]]], np.cumsum(np.bincount(part_of_row, minlength=len(chosen))[chosen])
-
-    own, face_ends = by_part(topology.part)
-    mine, edge_ends = by_part(topology.part[topology.half_edges[:, 0] // 3])
-    faces, edges, boxes = topology.faces[own], topology.edges[mine], topology.boxes[chosen]
-    return Surface(faces, edges, face_ends, edge_ends, boxes)

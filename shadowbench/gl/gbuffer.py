@@ -194,17 +194,7 @@ def view_projection(view: View) -> Floats:
     _, up, back = camera.basis()
     eye = glm.dvec3(*camera.position)  # glm rounds a tuple to float32
     world_to_camera = np.array(glm.lookAt(eye, eye - glm.dvec3(*back), glm.dvec3(*up)))
-    near, far = view.near_far
-    slope = float(np.tan(camera.fov_y / 2))
-    projection = np.array(
-        [
-            [1 / slope, 0, 0, 0],
-            [0, 1 / slope, 0, 0],
-            [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)],
-            [0, 0, -1, 0],
-        ]
-    )
-    world_to_clip: Floats = projection @ world_to_camera
+    world_to_clip: Floats = view.projection @ world_to_camera
     return world_to_clip
 
 

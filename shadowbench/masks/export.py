@@ -92,20 +92,6 @@ def view_matrix(camera: Camera) -> Floats:
     return matrix
 
 
-def projection_matrix(view: View) -> Floats:
-    """(4, 4) float64 camera-to-clip matrix for column vectors, in OpenGL's clip space, −w ≤ x, y, z ≤ w."""
-    near, far = view.near_far
-    slope = math.tan(view.camera.fov_y / 2)
-    return np.array(
-        [
-            [1 / slope, 0, 0, 0],
-            [0, 1 / slope, 0, 0],
-            [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)],
-            [0, 0, -1, 0],
-        ]
-    )
-
-
 def nearest_depth(view: View) -> float:
     """Depth of the nearest surface in the picture, in metres along the camera's axis, at least that of the near plane.
 
@@ -155,7 +141,7 @@ def describe(view: View, scene_name: str, sides: "Sides" = "double", options: Sc
             "far": far,
             "nearest": nearest_depth(view),
             "view": view_matrix(camera).tolist(),
-            "projection": projection_matrix(view).tolist(),
+            "projection": view.projection.tolist(),
         },
         "light": {**describe_light(view.light), "box": light_box(view)},
         "bounds": {"low": low, "high": high},

@@ -302,6 +302,20 @@ class View:
             raise ValueError("a view is made by view_of, which resolves the camera's planes")
         return self.camera.near, self.camera.far
 
+    @property
+    def projection(self) -> Floats:
+        """(4, 4) float64 camera-to-clip matrix for column vectors, in OpenGL's clip space, −w ≤ x, y, z ≤ w."""
+        near, far = self.near_far
+        slope = float(np.tan(self.camera.fov_y / 2))
+        return np.array(
+            [
+                [1 / slope, 0, 0, 0],
+                [0, 1 / slope, 0, 0],
+                [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)],
+                [0, 0, -1, 0],
+            ]
+        )
+
     def placed(self) -> "tuple[View, Placement]":
         """The view in local coordinates, and the transform to them."""
         placement = self.scene.placement

@@ -5,7 +5,6 @@
 
 import hashlib
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -174,9 +173,7 @@ def named(things: Sequence[Named], name: str, where: str) -> Named:
     for thing in things:
         if thing.name == name:
             return thing
-    size = re.fullmatch(r"(\d+)(x\d+)?", name)
-    hint = f"; a view is square, and --view-size {size[1]} is its size" if size else ""
-    raise InputError(f"{where}: found {name!r:.60}{alternatives(name, [thing.name for thing in things])}{hint}")
+    raise InputError(f"{where}: found {name!r:.60}{alternatives(name, [thing.name for thing in things])}")
 
 
 class _Places(NamedTuple):

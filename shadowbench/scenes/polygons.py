@@ -1,8 +1,5 @@
 """Triangles of strips and fans, as OpenGL and glTF order their corners."""
 
-from collections import Counter, defaultdict
-from collections.abc import Mapping
-from itertools import pairwise
 from typing import Any, NamedTuple, TypeVar
 
 import mapbox_earcut
@@ -51,8 +48,6 @@ def _first_of_run(corners: NDArray[np.int64], restart: int) -> NDArray[np.int64]
 Integers = NDArray[np.int64]
 Number = TypeVar("Number", bound=np.generic)
 
-OTHER_DIAGONAL = np.array([[1, 2, 3], [1, 3, 0]])
-"""A quad's fan from its second corner."""
 FLAT_ENOUGH = 1e-3
 """Distance from its plane, as a share of its extent, below which a polygon is planar but for rounded coordinates."""
 
@@ -106,14 +101,7 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
         chosen = many[part]
         fans = _fans(vertices[corners[gather(faces, rows[chosen], sizes[chosen])]], sizes[chosen])
         nonplanar += int(fans.nonplanar.sum())
-        valid = fans.valid
-        quads = np.flatnonzero(~valid & (counts[chosen] == 4))
-        others = starts[chosen[quads], None, None] + OTHER_DIAGONAL
-        other_fan = quads[_fans(vertices[corners[others.reshape(-1, 3)]], sizes[chosen[quads]]).valid]
-        valid[other_fan] = True
-        faces[rows[chosen[other_fan], None] + np.arange(2)] = others[np.isin(quads, other_fan)]
-        waiting = np.flatnonzero(~valid)
-        for k in waiting:
+        for k in np.flatnonzero(~fans.valid):
             size, row, start = (int(of[chosen[k]]) for of in (counts, rows, starts))
             triangulation = _earcut(vertices[corners[start : start + size]], fans.normals[k])
             if triangulation is None:
@@ -179,8 +167,8 @@ def _earcut(ring: Floats, normal: Floats) -> Integers | None:
     faces: Integers = indices.reshape(-1, 3).astype(np.int64)
     edges = flat[faces] - flat[np.roll(faces, -1, axis=1)]
     faces = faces[_area(flat[faces]) > FLATTEST * np.einsum("ijk,ijk->ij", edges, edges).max(axis=1)]
-    if len(faces) < len(ring) - 2:
-        faces = _with_collinear_corners(faces, ring, flat)
+    if 0 < len(faces) < len(ring) - 2:
+        faces = _with_collinear_corners(faces, flat)
     newell = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
     crosses = np.cross(ring[faces[:, 1]] - ring[faces[:, 0]], ring[faces[:, 2]] - ring[faces[:, 0]])
     size = float(np.linalg.norm(newell))
@@ -196,81 +184,28 @@ def _area(flat: Floats) -> Floats:
     return np.asarray((flat[..., 0] * following[..., 1] - flat[..., 1] * following[..., 0]).sum(axis=-1))
 
 
-def _with_collinear_corners(triangulation: Integers, corners: Floats, flat: Floats) -> Integers:
-    """The triangulation with the collinear corners that earcut drops, so that its outline is the polygon again.
+def _with_collinear_corners(faces: Integers, flat: Floats) -> Integers:
+    """(T, 3) triangles of (N, 2) corners, with the collinear corners that earcut drops: each splits the edge it is on.
 
-    corners: (N, 3); flat: (N, 2), projected. Neighbouring polygons share these corners; without them there would be
-    T-junctions, and cracks by rounding.
+    Neighbouring polygons share these corners; without them there would be T-junctions, and cracks by rounding. One on
+    no edge is the tip of a spike, which is empty in a planar polygon, else a vertical triangle.
     """
-    _, first, index_of = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-    ring = index_of.tolist()
-    triangles = [[ring[k] for k in triangle] for triangle in triangulation.tolist()]
-    # The difference of the triangulation's outline and the polygon's: edges of the first and reversed edges of the
-    # second, closed paths without area.
-    loose: Counter[tuple[int, int]] = Counter()
-    near: defaultdict[int, set[int]] = defaultdict(set)
-
-    def walk(a: int, b: int) -> None:
-        if loose[b, a] > 0:
-            loose[b, a] -= 1
-        elif a != b:
-            loose[a, b] += 1
-            near[a].add(b)
-            near[b].add(a)
-
-    owner = {(t[k - 1], t[k]): number for number, t in enumerate(triangles) for k in range(3)}
-    for t in triangles:
-        for k in range(3):
-            walk(t[k - 1], t[k])
-    for a, b in pairwise([*ring, ring[0]]):
-        walk(b, a)
-    waiting = [edge for edge in owner if loose[edge] > 0]
-    while waiting and len(triangles) < len(ring) - 2:
-        a, b = edge = waiting.pop()
-        if loose[edge] <= 0 or edge not in owner:
-            continue
-        number = owner[edge]
-        others = np.array(sorted((near[a] | near[b]).difference(triangles[number])), dtype=np.int64)
-        between = others[_on_segment(flat[first[others]] - flat[first[a]], flat[first[b]] - flat[first[a]])]
-        if not len(between):
-            continue
-        middle = int(between[0])
-        (far,) = set(triangles[number]) - {a, b}
-        triangles[number] = [a, middle, far]
-        owner |= {(a, middle): number, (middle, b): len(triangles), (b, far): len(triangles)}
-        triangles.append([middle, b, far])
-        del owner[edge]
-        loose[edge] -= 1
-        for half in ((a, middle), (middle, b)):
-            walk(*half)
-            waiting.append(half)
-    triangles += _degenerate_triangles(loose, near)
-    return first[np.array(triangles, dtype=np.int64).reshape(-1, 3)]
-
-
-def _degenerate_triangles(loose: Counter[tuple[int, int]], near: Mapping[int, set[int]]) -> list[list[int]]:
-    """Fans over paths that are degenerate in the projection: empty in a planar polygon, else vertical triangles.
-
-    loose: how often each edge is on a path, which is used up; near: neighbours of each corner on paths.
-    """
-    triangles = []
-    for a, b in list(loose):
-        path = [a]
-        while len(path) > 1 or loose[a, b] > 0:
-            end = path[-1]
-            following = next(v for v in near[end] if loose[end, v] > 0)
-            loose[end, following] -= 1
-            if following in path:  # each loop separately, as two loops with a common corner may overlap
-                start = path.index(following)
-                triangles += [[following, path[k + 1], path[k]] for k in range(start + 1, len(path) - 1)]
-                del path[start + 1 :]
-            else:
-                path.append(following)
-    return triangles
-
-
-def _on_segment(points: Floats, edge: Floats) -> NDArray[np.bool_]:
-    """(N,) bool: whether (N, 2) points are on the segment from the origin to `edge`, up to rounding."""
-    along, across = points @ edge, points @ np.array([-edge[1], edge[0]])
-    square = edge @ edge
-    return np.asarray((np.abs(across) <= 10 * FLATTEST * square) & (along > 0.0) & (along < square))
+    corners = np.arange(len(flat))
+    dropped = ~np.isin(corners, faces)
+    for corner in corners[np.argsort(~dropped, kind="stable")]:  # dropped ones first
+        if len(faces) == len(flat) - 2:
+            break
+        edge, offset = flat[np.roll(faces, -1, axis=1)] - flat[faces], flat[corner] - flat[faces]
+        square, along = (edge**2).sum(axis=-1), (edge * offset).sum(axis=-1)
+        across = edge[..., 0] * offset[..., 1] - edge[..., 1] * offset[..., 0]
+        on = np.argwhere((np.abs(across) <= 10 * FLATTEST * square) & (along > 0.0) & (along < square))
+        if len(on):
+            number, k = on[0]
+            a, b, c = np.roll(faces[number], -k)
+            faces = np.vstack([faces, [corner, b, c]])
+            faces[number] = a, corner, c
+        elif dropped[corner]:
+            used = np.unique(faces)
+            following = int(np.searchsorted(used, corner))
+            faces = np.vstack([faces, [used[following - 1], corner, used[following % len(used)]]])
+    return faces

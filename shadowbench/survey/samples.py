@@ -159,7 +159,7 @@ def receivers_of(samples: Samples) -> Receivers:
     """Statistics of the visible receivers."""
     geometry = samples.view.scene.geometry
     planes = np.full(len(geometry.faces), -1)
-    for index, plane in enumerate(find_planes(geometry, geometry.receives)):
+    for index, plane in enumerate(find_planes(geometry)):
         planes[plane.triangles] = index
     seen = planes[samples.triangle]
     return Receivers(

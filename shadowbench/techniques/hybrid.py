@@ -128,7 +128,7 @@ class Classification:
         map.build_map(stage)
         self._changes: Changes = "light" if isinstance(map, CubeMap) else map.params.fit.invalidated_by
         casters = casters_of(stage.scene)
-        self._edges, self._closed = casters.all.edges, len(casters.closed.edges)
+        self._edges, self._closed = casters.edges, casters.closed_edges
         self._exact, self._weights = stage.scene.geometry.vertices, wall_weights
         self._vertices = self._exact.astype(np.float32)
         kind = map.map.layout.kind

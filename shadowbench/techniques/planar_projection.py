@@ -54,13 +54,13 @@ class PlanarProjection(Technique):
     @classmethod
     def unsupported(cls, params: Params, view: View, device: Device) -> str | None:
         geometry = view.scene.geometry
-        planes = find_planes(geometry, geometry.receives, params.share, 1, params.tolerance)
+        planes = find_planes(geometry, params.share, 1, params.tolerance)
         return None if planes else "no receiver is a plane"
 
     def build(self, stage: Stage) -> None:
         self.stage, geometry = stage, stage.scene.geometry
         params = self.params
-        self.planes = find_planes(geometry, geometry.receives, params.share, params.count, params.tolerance)
+        self.planes = find_planes(geometry, params.share, params.count, params.tolerance)
         self.drawn = 0
         bounds = [bounds_of(used_by(geometry.faces[plane.triangles], geometry.vertices)) for plane in self.planes]
         self.corners = [corners(box_planes(box), float(np.abs(box).max())) for box in bounds]

@@ -133,9 +133,9 @@ class Volumes:
         self._single, self._cap_weights, self._wall_weights = faces == "triangle", cap_weights, wall_weights
         self._exact = stage.scene.geometry.vertices
         self._vertices = self._exact.astype(np.float32)
-        self.boxes, self.faces, self._edges = casters.all.boxes, casters.all.faces, casters.all.edges
-        self._face_ends, self._edge_ends = casters.all.face_ends, casters.all.edge_ends
-        self._closed_faces, self._closed_edges = len(casters.closed.faces), len(casters.closed.edges)
+        self.boxes, self.faces, self._edges = casters.boxes, casters.faces, casters.edges
+        self._face_ends, self._edge_ends = casters.face_ends, casters.edge_ends
+        self._closed_faces, self._closed_edges = casters.closed_faces, casters.closed_edges
 
     def extrude(self, frame: Frame, count_both_facings: bool) -> None:
         """Extrude for the frame's light; count_both_facings: closed parts extrude all triangles too."""
@@ -371,8 +371,8 @@ class ShadowVolume(Technique):
 
     def facts(self) -> dict[str, float]:
         facts = {
-            "closed_parts": float(len(self.casters.closed.boxes)),
-            "open_parts": float(len(self.casters.open.boxes)),
+            "closed_parts": float(self.casters.closed),
+            "open_parts": float(len(self.casters.boxes) - self.casters.closed),
             "culled_parts": float(len(self.volumes.boxes) - sum(batch.parts.sum() for batch in self.batches)),
             "counted_in_color": float(self.in_color),
         }

@@ -60,10 +60,8 @@ class SoftVolume(Technique):
         defines = {"POINTS": POINTS}
         shaders = "soft-volume/corner.vert", "soft-volume/count.frag", "soft-volume/wedge.geom"
         self.wedges = stage.program(*shaders, defines=defines)
-        self.edges = [
-            stage.indexed(self.wedges, surface.edges, moderngl.LINES_ADJACENCY)
-            for surface in (self.center.casters.closed, self.center.casters.open)
-        ]
+        closed_and_open = np.split(self.center.casters.edges, [self.center.casters.closed_edges])
+        self.edges = [stage.indexed(self.wedges, edges, moderngl.LINES_ADJACENCY) for edges in closed_and_open]
         self.counts, self.sums = stage.texture(components=4), stage.texture(components=2)
         self.counting, self.summing = stage.target(self.counts), stage.target(self.sums)
         self.add = stage.program("fullscreen.vert", "soft-volume/add.frag", defines=defines)

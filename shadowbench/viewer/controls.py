@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
@@ -35,13 +35,6 @@ from shadowbench.viewer.state import Layout, Origin, Overlay, Source, holds_stat
 WIDTH = 100.0  # of a list above the pictures, in pixels
 SIZES = (128, 256, 512, 768, 1024, 2048)
 HINTS = "drag: orbit;  Shift + drag: pan;  right drag: look;  Shift + right drag: light;  wheel: zoom"
-KIND_HELP: Mapping[LightShape, str] = {
-    "directional": "a sun: its shadow map is orthographic",
-    "spot": "a lamp with a cone: its shadow map is a perspective",
-    "point": "a lamp to all sides: its shadow map is a cube",
-    "disc": "a disc that shines to one side: soft shadows",
-    "rectangle": "a rectangle that shines to one side: soft shadows",
-}
 OVERLAY_HELP: Mapping[Overlay, str] = {
     "picture": "the shaded picture alone",
     "error": "false shadow is orange, false light blue, dark facets of smooth surfaces purple; the root of soft errors",
@@ -49,8 +42,6 @@ OVERLAY_HELP: Mapping[Overlay, str] = {
 }
 HARD = ("iou", "acne", "leak", "contact", "terminator", "edge_px", "ssim")
 SOFT = ("rmse", "rmse_pen", "bleed", "false_dark", "width", "hardening", "noise")
-BETTER = imgui.ImVec4(0.55, 0.9, 0.55, 1.0)
-"""Colour of the better of two scores."""
 DIGITS = 6  # that a slider keeps: its numbers are float32
 INT32 = 2**30  # numbers of this magnitude or more are texts: sliders take 32 bits, and no limits near them
 SUM = "+"  # the name of the sum of two biases
@@ -168,7 +159,7 @@ def light_panel(viewer: Viewer) -> None:
     if name != state.light.name or imgui.button("reset light"):
         viewer.change(replace(state, light=lights.get(name, state.scene.lights[0])))
         return
-    kind = choice("kind", state.light.kind, KIND_HELP)
+    kind = choice("kind", state.light.kind, get_args(LightShape))
     viewer.change(replace(state, light=edited_light(with_kind(state.light, kind, state.scene))))
 
 
@@ -244,16 +235,6 @@ def lines_below(viewer: Viewer, frame_ms: float) -> list[str]:
     return [*legend, viewer.broken or viewer.message or f"{frame_ms:.0f} ms a frame;  {HINTS}"]
 
 
-def better(values: Sequence[float | None], direction: str) -> list[bool]:
-    """Which of the scores of A and B is the better one; neither if they are shown as the same number."""
-    known = [round(value, 5) for value in values if value is not None]
-    if len(known) < max(len(values), 2):
-        return [False] * len(values)
-    aim = {"higher": max(known), "lower": min(known), "near 0": 0.0, "near 1": 1.0}[direction]
-    errors = [abs(value - aim) for value in known]
-    return [error == min(errors) < max(errors) for error in errors]
-
-
 def scores_panel(viewer: Viewer) -> None:
     """The scores of A and B, grey while they are of another view or of other masks."""
     scores = [viewer.judge.scores.get(spec.full_text, {}) for spec in viewer.state.specs]
@@ -271,11 +252,9 @@ def scores_panel(viewer: Viewer) -> None:
             imgui.table_next_column()
             imgui.text_unformatted(metric.label or metric.name)
             tooltip(f"{metric.help} Better: {metric.better}.")
-            values = [each.get(metric.name) for each in scores]
-            for value, is_better in zip(values, better(values, metric.better), strict=True):
+            for value in (each.get(metric.name) for each in scores):
                 imgui.table_next_column()
-                text = "–" if value is None else f"{value:.5f}"
-                imgui.text_colored(BETTER, text) if is_better and viewer.fresh else imgui.text_unformatted(text)
+                imgui.text_unformatted("–" if value is None else f"{value:.5f}")
         imgui.end_table()
     imgui.pop_style_color()
     imgui.text_wrapped(status(viewer))

@@ -181,7 +181,7 @@ class Drawing:
 
 
 def _resized(values: NDArray[Number], size: int) -> NDArray[Number]:
-    """(size, size) values, each the nearest of an image that is perhaps coarser."""
+    """(size, size) values, each the nearest of a larger image."""
     nearest = (np.arange(size) * len(values)) // size
     return values[nearest[:, np.newaxis], nearest]
 

@@ -1,6 +1,6 @@
 """The truth and the scores of what is shown, from a process beside the window, for which drawing never waits.
 
-The process sends coarse truths first, then the one that `score` compares with, then the scores.
+The process sends the truth that `score` compares with, then the scores.
 """
 
 import multiprocessing
@@ -19,19 +19,14 @@ from shadowbench.errors import message
 from shadowbench.measure.plugin_output import forward_output
 from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.measure.worker import Pipe, connected, die_with, sigint_blocked, spawn
-from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.comparison import PreparedTruth
 from shadowbench.scores.metrics import score
-from shadowbench.truths.trace import Truth, trace
+from shadowbench.truths.trace import trace
 
 if TYPE_CHECKING:
     from shadowbench.viewer.state import ViewerState
 
-COARSE = (8, 4)
-"""By which shares of its size a view is traced before it is traced in full."""
-COARSE_ERROR = 0.05
-"""Standard error of visibility in a coarse truth of a light with a size."""
 _NICE = 5  # by which the priority of the process is lower than the window's
 
 Masks = Mapping[str, NDArray[np.float32]]
@@ -44,15 +39,13 @@ Scores = Mapping[str, Mapping[str, float | None]]
 class Traced:
     """What the window shows of a truth: arrays (N, N), row 0 at the top, as those of `Truth`.
 
-    scored: receivers that are not undecided; facets: as of `Truth`; soft: whether there is a penumbra; final: whether
-    it is the full truth.
+    scored: receivers that are not undecided; facets: as of `Truth`; soft: whether there is a penumbra.
     """
 
     visibility: NDArray[np.float32]
     scored: NDArray[np.bool_]
     facets: NDArray[np.bool_]
     soft: bool
-    final: bool
 
 
 class Judge:
@@ -109,7 +102,7 @@ class Judge:
         return 0 < self._number == self._scored
 
     def traced(self, state: "ViewerState") -> Traced | None:
-        """The truth of a state, perhaps a coarse one; None if it is not traced yet."""
+        """The truth of a state; None if it is not traced yet."""
         return self._traced if self._viewed == state.viewed else None
 
     def stop(self) -> None:
@@ -157,29 +150,12 @@ def serve(handle: str, parent: str) -> None:
             return
         try:
             if viewed != tuple(vars(view).values()):
-                truth = _trace(pipe, number, view)
-                if truth is None:
-                    continue
+                truth = trace(view)
+                scored = truth.receivers & ~truth.undecided
+                pipe.send((number, Traced(truth.visibility, scored, truth.facets, truth.sampled)))
                 prepared, viewed = prepare_truth(truth), tuple(vars(view).values())
             assert prepared is not None
             record = truth_record(prepared)
             pipe.send((number, {spec: score(mask, prepared) | record for spec, mask in masks.items()}))
         except Exception as error:  # shown in the window, whatever it is
             pipe.send((number, message(error)))
-
-
-def _trace(pipe: Pipe, number: int, view: View) -> Truth | None:
-    """The truth of a view, sent, after coarse ones; None if another question has come."""
-    for share in COARSE:
-        if view.size // share >= 16:
-            coarse = View(view.scene, view.camera, view.light, view.size // share)
-            pipe.send((number, _shown(trace(coarse, pixel_samples=1, standard_error=COARSE_ERROR), final=False)))
-            if pipe.connection.poll():
-                return None
-    truth = trace(view)
-    pipe.send((number, _shown(truth, final=True)))
-    return truth
-
-
-def _shown(truth: Truth, final: bool) -> Traced:
-    return Traced(truth.visibility, truth.receivers & ~truth.undecided, truth.facets, truth.sampled, final)

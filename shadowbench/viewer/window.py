@@ -158,7 +158,7 @@ class Canvas:
 
 
 def label(viewer: Viewer, source: Source) -> str:
-    """What a pane shows; of which truth, if it shows one that is not the full one of this view."""
+    """What a pane shows, and whether its truth is of another view."""
     state, traced = viewer.state, viewer.judge.traced(viewer.state)
     if source == "truth":
         text, missing = "truth", "of an earlier view" if source in viewer.pictures else "tracing"
@@ -170,9 +170,7 @@ def label(viewer: Viewer, source: Source) -> str:
         if state.overlay != "error":
             return text
         missing = "error follows the truth"
-    if traced is None:
-        return f"{text} ({missing})"
-    return text if traced.final else f"{text} (coarse truth)"
+    return text if traced else f"{text} ({missing})"
 
 
 class Renderer(ModernglWindowRenderer):

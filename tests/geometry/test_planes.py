@@ -11,11 +11,8 @@ from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.techniques.planar_projection import PlanarProjection
 
 
-def planes_of(
-    *meshes: Mesh, least: float = 0.01, most: int = 32, tolerance: float = 5e-7, searched=None
-) -> tuple[Plane, ...]:
-    geometry = Scene("test", meshes, (), ()).geometry
-    return find_planes(geometry, geometry.receives if searched is None else searched, least, most, tolerance)
+def planes_of(*meshes: Mesh, least: float = 0.01, most: int = 32, tolerance: float = 5e-7) -> tuple[Plane, ...]:
+    return find_planes(Scene("test", meshes, (), ()).geometry, least, most, tolerance)
 
 
 def grid(cells: int, height, size: float = 4.0) -> Mesh:

@@ -13,19 +13,19 @@ def one_mesh(mesh: Mesh) -> Scene:
 
 def test_a_box_is_closed_and_a_plane_is_open(shape) -> None:
     box, plane = casters_of(one_mesh(shape("box", 2.0))), casters_of(one_mesh(shape("plane", 2.0)))
-    assert box.closed.faces.shape == (12, 3) and box.closed.edges.shape == (18, 4) and len(box.open.faces) == 0
-    assert box.closed.boxes.tolist() == [[[-1.0] * 3, [1.0] * 3]]
-    assert plane.open.faces.shape == (2, 3) and len(plane.open.boxes) == 1 and len(plane.closed.faces) == 0
-    alone = plane.open.edges[:, 3] == plane.open.edges[:, 1]
+    assert box.faces.shape == (12, 3) and box.edges.shape == (18, 4) and box.closed_faces == 12
+    assert box.boxes.tolist() == [[[-1.0] * 3, [1.0] * 3]]
+    assert plane.faces.shape == (2, 3) and len(plane.boxes) == 1 and plane.closed_faces == 0
+    alone = plane.edges[:, 3] == plane.edges[:, 1]
     assert sorted(alone) == [False, True, True, True, True], "four sides and the diagonal"
-    assert (plane.open.edges[:, 1] < plane.open.edges[:, 2]).all()
+    assert (plane.edges[:, 1] < plane.edges[:, 2]).all()
 
 
 def test_a_box_without_a_side_and_one_wound_inwards_are_open(shape) -> None:
     box = shape("box")
     for faces in (box.faces[2:], box.faces[:, ::-1]):
         casters = casters_of(one_mesh(Mesh("box", box.vertices, faces)))
-        assert len(casters.closed.faces) == 0 and len(casters.open.faces) == len(faces)
+        assert casters.closed_faces == 0 and len(casters.faces) == len(faces)
 
 
 def test_points_inside_a_closed_mesh_are_surrounded(shape) -> None:
@@ -44,24 +44,25 @@ def test_an_edge_of_four_triangles_has_two_rows_and_two_boxes_at_it_are_closed(s
         np.concatenate([left.faces, right.faces + len(left.vertices)]),
     )
     casters = casters_of(one_mesh(both))
-    assert len(casters.closed.faces) == 24 and len(casters.closed.edges) == 36
-    assert len(np.unique(casters.closed.edges[:, 1:3], axis=0)) == 35
+    assert casters.closed_faces == 24 and casters.closed_edges == len(casters.edges) == 36
+    assert len(np.unique(casters.edges[:, 1:3], axis=0)) == 35
 
 
 def test_meshes_are_not_welded_to_each_other(shape) -> None:
     box = shape("box")
     halves = tuple(Mesh("half", box.vertices, faces) for faces in (box.faces[:6], box.faces[6:]))
-    assert len(casters_of(Scene("test", halves, (), ())).closed.faces) == 0
+    assert casters_of(Scene("test", halves, (), ())).closed_faces == 0
 
 
 def test_a_triangle_with_a_corner_twice_is_left_out(shape) -> None:
     box = shape("box")
     faces = np.concatenate([box.faces, [[0, 1, 1]]]).astype(np.int32)
-    assert len(casters_of(one_mesh(Mesh("box", box.vertices, faces))).closed.faces) == 12
+    assert casters_of(one_mesh(Mesh("box", box.vertices, faces))).closed_faces == 12
 
 
 def test_meshes_are_closed_that_trimesh_finds_closed() -> None:
     for name in builtin_names():
         for mesh in load_scene(name).meshes[:20]:
             if mesh.casts:
-                assert (len(casters_of(one_mesh(mesh)).open.faces) == 0) == mesh.closed, mesh.name
+                casters = casters_of(one_mesh(mesh))
+                assert (casters.closed_faces == len(casters.faces)) == mesh.closed, mesh.name

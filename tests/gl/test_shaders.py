@@ -72,18 +72,3 @@ def test_every_reachable_include_is_inserted_once(tmp_path, web, start) -> None:
         f"int file{name};" for name in sorted(reachable)
     ]
     assert "#include" not in text
-
-
-def test_each_line_of_a_composed_text_knows_its_file_and_line(tmp_path) -> None:
-    """Of includes within includes, of one that is taken already, of renamed ones, and of text in a Python file."""
-    (tmp_path / "a.glsl").write_text('a1\n#include "b.glsl"\na3\n#include "b.glsl"\na5')
-    (tmp_path / "b.glsl").write_text("b1\nb2\n")
-    inline = '\ni2 SIZE\n#include "a.glsl"\ni4\n#include <bias>\ni6\n'
-    (tmp_path / "mine.py").write_text(f'# a comment\nTEXT = """{inline}"""\n')
-    (tmp_path / "bias.glsl").write_text("bias1\n")
-    text = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"})
-    places = dict(zip(text.splitlines(), text.places, strict=False))
-    expected = {"a1": ("a.glsl", 1), "a3": ("a.glsl", 3), "a5": ("a.glsl", 5), "b1": ("b.glsl", 1), "b2": ("b.glsl", 2)}
-    expected |= {"i2 SIZE": ("mine.py", 3), "i4": ("mine.py", 5), "i6": ("mine.py", 7), "bias1": ("bias.glsl", 1)}
-    assert {line: places[line] for line in expected} == expected
-    assert len(text.places) == text.count("\n") + 1

@@ -19,7 +19,6 @@ from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.viewer import controls
 from shadowbench.viewer.controls import (
     SUM,
-    better,
     edited_spec,
     limits,
     preset_of,
@@ -140,19 +139,6 @@ def test_a_typed_number_that_no_scene_file_takes_leaves_the_light(
     light = controls.edited_light(lamp)
     numbers = [*light.direction, *light.position, light.angle, light.radius, *light.size]
     assert all(abs(number) <= LARGEST for number in numbers) and any(light.direction)
-
-
-def test_the_better_score_is_marked() -> None:
-    for values, direction, expected in (
-        ([0.9, 0.8], "higher", [True, False]),
-        ([0.9, 0.8], "lower", [False, True]),
-        ([-0.1, 0.2], "near 0", [True, False]),
-        ([0.7, 1.1], "near 1", [False, True]),
-        ([0.9, 0.9000001], "higher", [False, False]),  # the same number as it is shown
-        ([0.9, None], "higher", [False, False]),
-        ([0.9], "higher", [False]),
-    ):
-        assert better(values, direction) == expected
 
 
 def test_meshes_and_states_are_opened_and_other_files_are_one_line(viewer: Viewer, tmp_path: Path) -> None:

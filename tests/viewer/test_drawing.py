@@ -138,7 +138,7 @@ def test_overlays_show_the_error_and_the_mask(device: Device, drawing: Drawing, 
     drawn = drawing.draw(state, SIZE)
     mask = drawn.visibility(drawn.masks[0])
     lit, facets = mask > 0.5, np.tri(SIZE, dtype=bool)
-    wrong = Traced((~lit).astype(np.float32), np.ones((SIZE, SIZE), bool), facets, soft=False, final=True)
+    wrong = Traced((~lit).astype(np.float32), np.ones((SIZE, SIZE), bool), facets, soft=False)
 
     def pane(source: Any, **how: Any) -> np.ndarray:
         texture = drawing.picture(drawn, replace(state, **how), source, wrong)
