@@ -1,13 +1,12 @@
 """`new-technique` and `export`: what a technique or an engine of your own begins with."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from shadowbench.commands import console, options
-from shadowbench.options import ViewOptions, option
+from shadowbench.options import ViewOptions
 
 
 @options.command(
@@ -33,25 +32,17 @@ def new_technique(
         console.print_line(f"  shadowbench {command} cube-on-plane -t {name} -t shadow-map --plugin {file}")
 
 
-@dataclass(frozen=True)
-class Materials:
-    """Materials of the exported meshes."""
-
-    sides: Literal["closed", "double"] = option(
-        "Which materials are double-sided: those of meshes that are not closed, or all.",
-        "closed|double",
-        default="double",
-    )
-
-
 @options.command("For example  shadowbench export stairs for-my-engine/ --view-size 1024")
 def export(
     scene: options.Scene,
     folder: Annotated[Path, options.argument("DIR", "Folder for the files.")],
     view_size: options.ViewSize = None,
+    sides: Annotated[
+        Literal["closed", "double"],
+        typer.Option(help="Which materials are double-sided: those of meshes that are not closed, or all."),
+    ] = "double",
     quiet: options.Quiet = False,
     *,
-    materials: Materials,
     view: ViewOptions,
 ) -> None:
     """Write a scene for your engine: glTF, matrices, truth.
@@ -71,7 +62,7 @@ def export(
         for line in inexpressible_in_gltf(chosen):
             reporter.note(line)
         truth = cached_truth(chosen)
-        model, description, example = export_view(chosen, truth, folder, scene, sides=materials.sides, options=view)
+        model, description, example = export_view(chosen, truth, folder, scene, sides=sides, options=view)
     if not quiet:
         meshes = chosen.scene.meshes
         triangles = sum(len(mesh.faces) for mesh in meshes)

@@ -38,7 +38,6 @@ def list_things(
         console.print_json(known[what] if what else known)
         return
     for kind, entries in known.items():
-        title = "" if quiet and what else kind
         if kind in ("techniques", "engines"):
             _print_techniques(entries)
         else:
@@ -46,7 +45,7 @@ def list_things(
                 [" ".join(value) if isinstance(value, list) else str(value) for value in entry.values()]
                 for entry in entries
             ]
-            console.print_table(title, list(entries[0]), rows)
+            console.print_table("" if quiet and what else kind, list(entries[0]), rows)
             console.print_text("")
 
 
@@ -86,7 +85,6 @@ def doctor(json: options.Json = False, quiet: options.Quiet = False) -> int:
     rays Embree traces at once, and the cache of ray-traced truths. Exit code 3 if nothing can be drawn.
     """
     from shadowbench.measure.machine import diagnosis
-    from shadowbench.versions import ABSENT
 
     known = diagnosis()
     missing = "missing" in known["opengl"]
@@ -98,9 +96,7 @@ def doctor(json: options.Json = False, quiet: options.Quiet = False) -> int:
             for name, value in values.items():
                 console.print_line(f"  {name.replace('_', ' ')}: {value}")
         if missing:
-            traced = known["versions"]["embreex"] != ABSENT
-            works = "`truth`, `needs` and `score`" if traced else "`list`, `check`, `merge` and `report`"
-            console.out().print(f"no technique can be drawn here; {works} work")
+            console.out().print("no technique can be drawn here; `truth`, `needs`, `score`, `check` and `report` work")
         elif "problem" in known["truth_cache"]:
             console.out().print("ready, but each command must trace its truths again: the cache cannot be used")
         elif not quiet:
