@@ -216,7 +216,9 @@ class Host(ABC):
         except queue.Empty:
             raise CellFailed(f"no answer to {name!r} within {limit:g} s") from None
         if answer is None:
-            raise CellFailed(f"it ended with exit code {self.process.returncode}: {self._last_line()}")
+            lines = self.log.read_text(encoding="utf-8", errors="replace").split("\n")
+            last = quoted(next((line for line in reversed(lines) if line.strip()), "it printed nothing"))
+            raise CellFailed(f"it ended with exit code {self.process.returncode}: {last}")
         if "error" in answer[0]:
             raise CellFailed(str(answer[0]["error"]))
         return answer
@@ -237,10 +239,6 @@ class Host(ABC):
             for process in (program, *program.children(recursive=True)):
                 largest = max(largest, process.memory_info().rss)
         return largest
-
-    def _last_line(self) -> str:
-        lines = self.log.read_text(encoding="utf-8", errors="replace").split("\n")
-        return quoted(next((line for line in reversed(lines) if line.strip()), "it printed nothing"))
 
     def close(self) -> None:
         """End the program and its children."""
@@ -270,7 +268,7 @@ class PythonHost(Host):
     def __init__(self, engine: type[Engine], log: Path, variables: Mapping[str, str]) -> None:
         command: list[str | Path] = [
             environment(engine) / "bin" / "python",
-            "-I",
+            "-Iu",
             HERE / "python_host.py",
             engine.folder() / "draw.py",
         ]

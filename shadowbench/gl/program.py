@@ -165,7 +165,9 @@ def _first_error(log: str, stage: str, text: str) -> str:
     lines, place = text.split("\n"), _PLACE.search(error)
     index = int(place[1] or place[2]) - 1 if place else -1
     if place and 0 <= index < len(lines):
-        error = f"{error.replace(place[0], f'line {index + 1}')}: {lines[index].strip()!r}"
+        name, number = text.places[index] if isinstance(text, Composed) else ("", 0)
+        where = f"{name}:{number}" if name else f"line {index + 1}"
+        error = f"{error.replace(place[0], where)}: {lines[index].strip()!r}"
     return f"{stage} shader: {error}"
 
 
@@ -279,9 +281,15 @@ _SLOT = re.compile(r"<(\w+)>")
 _INCLUDE = re.compile(rf'[ \t]*#include[ \t]+(?:"([^"]+)"|<([^>]+)>){_WITH}[ \t]*')
 
 
+class Composed(str):
+    """A composed text; places: the file and the number of each of its lines there, "" and 0 for those of no file."""
+
+    places: Sequence[tuple[str, int]]
+
+
 def compose(
     source: Path | str, roots: Sequence[Path], defines: Mapping[str, str] = {}, slots: Mapping[str, str] = {}
-) -> str:
+) -> Composed:
     """The complete source text of one shader stage.
 
     source, and each slot's: a file relative to a root, or the source itself if it has several lines. Of the defines,
@@ -289,42 +297,51 @@ def compose(
     without a file.
     """
     lines: list[str] = []
-    taken: set[str] = set()
+    places: list[tuple[str, int]] = []
+    taken: set[tuple[str, str]] = set()
 
     def include(name: str, old: str = "", new: str = "") -> None:
         """Append the lines of a file or text, with names that begin with `old` renamed to `new`."""
-        text = _source_of(name, roots)
-        text = _renamed(text, old, new) if old else text
-        if text in taken:
+        text, label, first = _source_of(name, roots)
+        if old:
+            text = re.sub(rf"\b{old}(?=[_>(])", new, text)
+            text = re.sub(rf"\b{old.upper()}(?=_)", new.upper(), text)
+        if (label, text) in taken:
             lines.append("")
+            places.append(("", 0))
             return
-        taken.add(text)
-        for line in text.split("\n"):
+        taken.add((label, text))
+        for number, line in enumerate(text.split("\n"), first):
             if match := _INCLUDE.fullmatch(line):
                 inner = _SLOT.sub(lambda slot: slots[slot[1]], match[1]) if match[1] else slots[match[2]]
                 include(inner, match[3] or old, match[4] or new)
             else:
                 lines.append(line)
+                places.append((label, number))
 
     include(str(source))
     used = set(re.findall(r"\w+", "\n".join(lines)))
     head = [VERSION, *(f"#define {name} {value}" for name, value in defines.items() if name in used)]
-    return "\n".join([*head, *lines])
+    composed = Composed("\n".join([*head, *lines]))
+    composed.places = [("", 0)] * len(head) + places
+    return composed
 
 
-def _renamed(text: str, old: str, new: str) -> str:
-    text = re.sub(rf"\b{old}(?=[_>(])", new, text)
-    return re.sub(rf"\b{old.upper()}(?=_)", new.upper(), text)
+def _source_of(name: str, roots: Sequence[Path]) -> tuple[str, str, int]:
+    """A text by its file's name, or the text itself; the file, for a text a Python file beside the shaders that has it.
 
-
-def _source_of(name: str, roots: Sequence[Path]) -> str:
-    """A text by its file's name, or the text itself."""
-    if "\n" in name:
-        return name
-    for root in roots:
-        if (root / name).is_file():
-            return (root / name).read_text(encoding="utf-8")
-    raise FileNotFoundError(f"no shader file {name!r} in {', '.join(str(root) for root in roots)}")
+    Last, the number of the text's first line in the file.
+    """
+    if "\n" not in name:
+        for root in roots:
+            if (root / name).is_file():
+                return (root / name).read_text(encoding="utf-8"), name, 1
+        raise FileNotFoundError(f"no shader file {name!r} in {', '.join(str(root) for root in roots)}")
+    for file in (file for root in roots for file in sorted(root.glob("*.py"))):
+        before, separator, _ = file.read_text(encoding="utf-8").partition(name)
+        if separator:
+            return name, file.name, before.count("\n") + 1
+    return name, "inline source", 1
 
 
 def fullscreen(

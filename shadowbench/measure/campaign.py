@@ -250,7 +250,7 @@ class Campaign:
                 row, rendering = self._score_cell(block, cell, key, surface)
                 writer.finish()  # which bounds the images in memory
                 writes: list[Callable[[], None]] = []
-                if rendering is not None and self._keeps(row):
+                if rendering is not None and (self._keeps_images is None or self._keeps_images(row)):
                     if not shown:
                         writes.append(partial(pictures.write_truth, view, self._truth(0)))
                         writes.append(partial(pictures.write_shading, view, surface()))
@@ -260,10 +260,6 @@ class Campaign:
                 self.reporter.step(f"{view.scene.name} {cell.spec.text}")
         for _ in range(len(block.cells) - len(missing)):
             self.reporter.step(f"{view.scene.name}: measured before")
-
-    def _keeps(self, row: Record) -> bool:
-        """Whether images of a row are written."""
-        return self._keeps_images is None or bool(self._keeps_images(row))
 
     def _score_cell(
         self, block: Block, cell: Cell, key: str, surface: Callable[[], Surface]

@@ -68,7 +68,8 @@ def _digest(file: Path) -> str:
 def _sources(techniques: Sequence[type[Technique]], components: Sequence[type[Component]]) -> str:
     classes = [base for one in (*techniques, *components) for base in one.__mro__]
     classes += [base for one in techniques for base in one.Params.__mro__]
-    files = dict.fromkeys(source_file(one) for one in classes if not _is_library_class(one))
+    libraries = {*sys.stdlib_module_names, "pydantic"}
+    files = dict.fromkeys(source_file(one) for one in classes if one.__module__.partition(".")[0] not in libraries)
     plugins = [file for file in files if not file.is_relative_to(PACKAGE)]
     digest = hashlib.sha256(b"".join(map(_shader, shader_names(techniques))))
     beside = (other for file in plugins for other in (file, *plugin_sources(file)))
@@ -90,10 +91,6 @@ def shader_names(techniques: Sequence[type[Technique]]) -> list[str]:
     others = {other.name for other in own_techniques() if other not in bases}
     names = [file.relative_to(data_folder("shaders")) for file in files_in(data_folder("shaders"))]
     return [name.as_posix() for name in names if name.parts[0] not in others]
-
-
-def _is_library_class(cls: type) -> bool:
-    return cls.__module__.partition(".")[0] in {*sys.stdlib_module_names, "pydantic"}
 
 
 def files_in(folder: Path) -> list[Path]:

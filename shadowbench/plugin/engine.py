@@ -1,6 +1,6 @@
 """What an engine declares, to be measured like a technique: data alone. Its `draw.js` or `draw.py` draws.
 
-The declaration is a class in `shadowbench/engines/NAME/__init__.py`, beside a lock file: `package-lock.json` of npm
+The declaration is a class in a package, as `shadowbench/engines/NAME/`, beside a lock file: `package-lock.json` of npm
 with `package.json`, or `requirements.txt` of pip, each with hashes and without addresses. Its parameters at their
 defaults are the settings that the engine ships with. `draw.js` exports, and `draw.py` defines, three functions:
 
@@ -35,7 +35,7 @@ class EngineParams(TechniqueParams):
 
 
 class Engine(Subject):
-    """Another renderer, which draws in a program of its own. A subclass in `shadowbench.engines` is registered.
+    """Another renderer, which draws in a program of its own. An entry point registers it.
 
     package: its name in the lock file; host: the program that draws: a page in headless Chromium, or Python; python:
     its version; imports, scripts: the page's import map and classic scripts, as paths in its packages; display: whether

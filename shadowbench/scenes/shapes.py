@@ -348,7 +348,8 @@ def statue(
     radii = [0.0, 0.20, 0.215, 0.165, 0.115, 0.125, 0.165, 0.135, 0.058, 0.055, 0.078, 0.092, 0.077, 0.048, 0.0]
     walk = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(heights), np.diff(radii)))])
     fine = np.linspace(0.0, walk[-1], 2001)
-    y, r = (_smoothed(np.interp(fine, walk, values), 41) for values in (heights, radii))
+    padded = [np.pad(np.interp(fine, walk, values), 20, mode="edge") for values in (heights, radii)]
+    y, r = (np.convolve(values, np.full(41, 1.0 / 41), mode="valid") for values in padded)  # a moving average
     y, r = (np.interp(t, fine / walk[-1], values) for values in (y, r))
     r[[0, -1]] = 0.0
     y = (y - y[0]) / (y[-1] - y[0])
@@ -396,12 +397,6 @@ def _directions(random: np.random.Generator, count: int) -> Floats:
     """(count, 3) unit vectors, uniformly distributed over the sphere."""
     vectors = random.normal(size=(count, 3))
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
-
-
-def _smoothed(values: Floats, width: int) -> Floats:
-    """Moving average over `width` samples, with the end values repeated."""
-    padded = np.pad(values, width // 2, mode="edge")
-    return np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
 
 
 def _bump(y: Floats, center: float, width: float) -> Floats:

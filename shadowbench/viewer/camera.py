@@ -41,7 +41,8 @@ def panned(camera: Camera, x: float, y: float) -> Camera:
     """The camera moved parallel to the picture, so that what is at its target moves by (x, y) in the picture."""
     right, up, _ = camera.basis()
     half = math.tan(camera.fov_y / 2) * distance(camera)
-    return _shifted(camera, -half * (x * right + y * up))
+    step = -half * (x * right + y * up)
+    return _at(camera, np.add(camera.position, step), np.add(camera.target, step))
 
 
 def zoomed(camera: Camera, factor: float) -> Camera:
@@ -62,10 +63,6 @@ def _turned(camera: Camera, yaw: float, pitch: float) -> Floats:
     horizontal = math.cos(yaw) * level + math.sin(yaw) * np.cross(vertical, level)
     turned: Floats = distance(camera) * (math.cos(tilt) * horizontal + math.sin(tilt) * vertical)
     return turned
-
-
-def _shifted(camera: Camera, step: Floats) -> Camera:
-    return _at(camera, np.add(camera.position, step), np.add(camera.target, step))
 
 
 def _at(camera: Camera, position: Vec3 | Floats, target: Vec3 | Floats) -> Camera:

@@ -50,7 +50,6 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["run", "{in}/away.toml", "-t", "unshadowed", "--view-size", "16", "-o", "{out}"],
         ["camera 'camera'", "away", "shows nothing"],
     ),
-    "a view's size as its name": (["needs", "post", "--view", "384x384"], ["'384x384'", "square", "--view-size 384"]),
     "map size 0": ([*RUN, "--map-size", "0"], ["--map-size", "'0'", "from 1"]),
     "a map beyond the driver": ([*RUN, "-t", "shadow-map", "--map-size", "65536"], ["map size 65536", "allows 1 to"]),
     "an option before the command": (["-q", "run"], ["-q", "--help lists what is allowed"]),
