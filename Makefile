@@ -46,13 +46,12 @@ setup:
 
 demo:
 	@$(setup)
-	@echo "Measuring every technique on four scenes: some minutes on two cores without a GPU"
-	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
-	@$(bin)/shadowbench report results/demo
+	@$(bin)/python benchmarks/demo.py
 	@echo; echo "What to try next:"
 	@echo "$(bin)/shadowbench recommend stairs  # the cheapest technique for it, or for your .glb or .obj"
 	@echo "$(bin)/shadowbench needs stairs      # the map size, the cascades and the bias that it needs"
 	@echo "$(bin)/shadowbench run stairs -t shadow-map:bias=none -t shadow-map  # settings of your choice"
+	@echo "$(bin)/shadowbench run -s everything -o results/everything  # every technique on every scene with hard light"
 
 view:
 	@$(setup) +viewer window

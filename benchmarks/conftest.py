@@ -1,12 +1,11 @@
-"""Shared fixtures of the benchmark suites: a drawing session in this process, and curves of time over size.
+"""Shared fixtures of the benchmark suites: curves of time over size, and what a command takes.
 
     pytest benchmarks                                  # all of them, in less than ten minutes on two cores
     pytest benchmarks --benchmark-disable              # each once, at the smallest of its sizes: do they still run?
     pytest benchmarks -k cascades --benchmark-autosave
     pytest benchmarks -k cascades --benchmark-compare
 
-pytest-benchmark times one cell after the other, so that load of the machine affects some cells and not others, whereas
-`shadowbench run` interleaves them. Use these numbers to follow one cell over time, and `run` for ratios between cells.
+Cells are measured by the fixture `shadow_benchmark`, as those of anyone's own technique are: see its how-to page.
 Times and memory are those of one machine: they are printed and stored, and no test fails by them.
 """
 
@@ -26,12 +25,6 @@ import psutil
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from shadowbench.errors import Unsupported
-from shadowbench.measure.session import CellRequest, Rendering, Session
-from shadowbench.scenes.model import View
-
-ROUNDS = 5
-
 
 class Point(NamedTuple):
     """A size, what was measured there, and its entry in the benchmark report."""
@@ -47,56 +40,31 @@ class Growth:
 
     curves: dict[str, list[Point]] = field(default_factory=dict)
 
-    def add(self, curve: str, size: float, benchmark: BenchmarkFixture) -> None:
-        """Add a time to a curve, and update the exponent in the report entries of all its points."""
+    def add(self, curve: str, size: float, benchmark: BenchmarkFixture, entry: str | None = None) -> None:
+        """Add a time, or another entry, to a curve, and update the exponent in the report entries of all its points."""
         if benchmark.stats is None:  # --benchmark-disable
             return
         points = self.curves.setdefault(curve, [])
-        points.append(Point(size, benchmark.stats.stats.median, benchmark.extra_info))
-        if len(points) > 1:
+        value = benchmark.stats.stats.median if entry is None else benchmark.extra_info[entry]
+        points.append(Point(size, value, benchmark.extra_info))
+        if len(points) > 1 and entry in (None, "frame_ms"):
             for point in points:
                 point.extra_info["exponent"] = round(self.exponent(curve), 3)
                 point.extra_info["exponent_over"] = [point.size for point in points]
 
-    def add_entries(self, curve: str, size: float, benchmark: BenchmarkFixture) -> None:
-        """Add the time of preparation and the memory of a timed cell to curves of their own."""
-        for entry in ("prepare_ms", "gpu_bytes"):
-            points = self.curves.setdefault(f"{entry} of {curve}", [])
-            points.append(Point(size, benchmark.extra_info[entry], benchmark.extra_info))
+    def add_cell(self, curve: str, size: float, benchmark: BenchmarkFixture) -> None:
+        """Add the time of a cell's frames, that of its preparation and its memory to curves of their own."""
+        for entry, name in (
+            ("frame_ms", curve),
+            ("prepare_ms", f"prepare_ms of {curve}"),
+            ("gpu_bytes", f"gpu_bytes of {curve}"),
+        ):
+            self.add(name, size, benchmark, entry)
 
     def exponent(self, curve: str) -> float:
         """Slope of log(value) over log(size)."""
         sizes, values, _ = zip(*self.curves[curve], strict=True)
         return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
-
-
-class Cells:
-    """Draws and times cells of any view, with the code of the worker."""
-
-    def __init__(self) -> None:
-        self.session = Session()
-
-    def time(self, benchmark: BenchmarkFixture, view: View, spec: str) -> Rendering:
-        """Draw a spec, and time its frames after a warm-up; skips the test if the cell is unsupported."""
-        samples = []
-        request = CellRequest(spec)
-        try:
-            rendering = self.session.draw(view, request, keep=sys.maxsize)
-            prepare_ms = self.session.prepare_timing(view, request)
-        except Unsupported as reason:
-            pytest.skip(str(reason))
-        try:
-            benchmark.pedantic(lambda: samples.append(self.session.time_frame(0)), rounds=ROUNDS)
-        finally:
-            self.session.release_timed()
-        benchmark.extra_info |= {
-            "renderer": self.session.device.renderer,
-            "clock": samples[-1].clock,
-            "frame_ms": float(np.median([sample.ms for sample in samples])),
-            "prepare_ms": prepare_ms,
-            "gpu_bytes": rendering.gpu_bytes,
-        }
-        return rendering
 
 
 class Cost(NamedTuple):
@@ -149,13 +117,6 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
 @pytest.fixture(scope="session")
 def growth(request: pytest.FixtureRequest) -> Growth:
     return request.config.stash[_GROWTH]
-
-
-@pytest.fixture(scope="session")
-def cells() -> Iterator[Cells]:
-    cells = Cells()
-    yield cells
-    cells.session.unload()
 
 
 @pytest.fixture(scope="session")

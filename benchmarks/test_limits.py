@@ -24,13 +24,14 @@ from skimage.metrics import structural_similarity
 
 from shadowbench.measure.machine import MAX_NOISE, measure_noise
 from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.measure.session import CellRequest
+from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
 from shadowbench.scores import loops
 from shadowbench.scores.comparison import C1, C2, WEIGHTS
+from shadowbench.scores.masks import greatest
 from shadowbench.survey.survey import needs
 from shadowbench.truths.cache import cached_truth
 
@@ -113,7 +114,7 @@ def the_edges_of(image: Any) -> Any:
                 data_range=1,
             ),
         ),
-        (lambda image: loops.greatest(image, 8), lambda image: ndimage.maximum_filter(image, 17)),
+        (lambda image: greatest(image, 8), lambda image: ndimage.maximum_filter(image, 17)),
     ],
     ids=["distance", "ssim", "maximum"],
 )
@@ -184,9 +185,9 @@ def test_start_of_a_run_until_its_first_cell_is_drawn(tmp_path: Path, compare: A
 
 
 @pytest.mark.benchmark(group="limits")
-def test_silhouettes_against_all_triangles(smallest: bool, cells: Any, compare: Any) -> None:
+def test_silhouettes_against_all_triangles(smallest: bool, compare: Any) -> None:
     scene = load_scene("statue")
-    session, view = cells.session, view_of(scene, scene.cameras[0], scene.lights[0], 64 if smallest else 256)
+    session, view = Session(), view_of(scene, scene.cameras[0], scene.lights[0], 64 if smallest else 256)
     for spec in ("shadow-volume", "shadow-volume:faces=triangle"):
         session.prepare_timing(view, CellRequest(spec))
     try:

@@ -13,7 +13,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.plugin.registry import techniques
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import View, view_of
+from shadowbench.scenes.model import Scene, View, view_of
 from shadowbench.truths.trace import trace
 
 # Number of triangles: (number of spheres, subdivisions of each). A million triangles take three spheres.
@@ -48,11 +48,11 @@ repeat = {{ count = {count}, step = [{step}, 0.0, 0.0] }}
 
 
 @pytest.fixture(scope="module")
-def view(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, int, str], View]:
-    """Makes a view with a number of triangles, pixels along a side, and a kind of light."""
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Scene]:
+    """Makes a scene with a number of triangles."""
 
     @lru_cache(1)
-    def scene(triangles: int) -> Any:
+    def make(triangles: int) -> Scene:
         count, subdivisions = SPHERES[triangles]
         file = tmp_path_factory.mktemp("scenes") / f"{triangles}.toml"
         step = 2.2 / max(count - 1, 2)  # of spheres that overlap if they are many, so that the view has all of them
@@ -60,47 +60,57 @@ def view(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, int, str], 
         file.write_text(SCENE.format(triangles=triangles, subdivisions=subdivisions, **places))
         return load_scene(file)
 
-    def make(triangles: int, size: int, kind: str) -> View:
-        of = scene(triangles)
-        return view_of(of, of.cameras[0], next(light for light in of.lights if light.kind == kind), size)
-
     return make
 
 
-def _kind(name: str) -> str:
-    """A directional light if the technique supports it, else a point light."""
-    return "directional" if "directional" in techniques()[name.partition(":")[0]].lights else "point"
+def _light(name: str) -> str:
+    """The sun if the technique supports it, else the lamp."""
+    return "sun" if "directional" in techniques()[name.partition(":")[0]].lights else "lamp"
 
 
 @pytest.mark.parametrize(("triangles", "name"), [*product(SPHERES, NAMES)])
 @pytest.mark.benchmark(group="triangles")
 def test_triangles(
-    triangles: int, name: str, view: Callable[..., View], cells: Any, growth: Any, benchmark: BenchmarkFixture
+    triangles: int,
+    name: str,
+    scene: Callable[[int], Scene],
+    growth: Any,
+    shadow_benchmark: Callable[..., Any],
+    benchmark: BenchmarkFixture,
 ) -> None:
-    cells.time(benchmark, view(triangles, VIEW, _kind(name)), name)
-    growth.add(f"{name} over triangles", triangles, benchmark)
-    growth.add_entries(f"{name} over triangles", triangles, benchmark)
+    shadow_benchmark(name, scene=scene(triangles), view_size=VIEW, light=_light(name))
+    growth.add_cell(f"{name} over triangles", triangles, benchmark)
 
 
 @pytest.mark.parametrize(("size", "name"), [*product(VIEWS, NAMES)])
 @pytest.mark.benchmark(group="view size")
 def test_view_size(
-    size: int, name: str, view: Callable[..., View], cells: Any, growth: Any, benchmark: BenchmarkFixture
+    size: int,
+    name: str,
+    scene: Callable[[int], Scene],
+    growth: Any,
+    shadow_benchmark: Callable[..., Any],
+    benchmark: BenchmarkFixture,
 ) -> None:
-    cells.time(benchmark, view(TRIANGLES, size, _kind(name)), name)
-    growth.add(f"{name} over pixels", size**2, benchmark)
-    growth.add_entries(f"{name} over pixels", size**2, benchmark)
+    shadow_benchmark(name, scene=scene(TRIANGLES), view_size=size, light=_light(name))
+    growth.add_cell(f"{name} over pixels", size**2, benchmark)
+
+
+def _sunlit(scene: Scene, size: int) -> View:
+    return view_of(scene, scene.cameras[0], scene.lights[0], size)
 
 
 @pytest.mark.parametrize("triangles", SPHERES)
-@pytest.mark.benchmark(group="triangles")
-def test_truth_triangles(triangles: int, view: Callable[..., View], growth: Any, benchmark: BenchmarkFixture) -> None:
-    benchmark.pedantic(trace, args=(view(triangles, VIEW, "directional"), 1), rounds=3)
+@pytest.mark.benchmark(group="truth: triangles")
+def test_truth_triangles(
+    triangles: int, scene: Callable[[int], Scene], growth: Any, benchmark: BenchmarkFixture
+) -> None:
+    benchmark.pedantic(trace, args=(_sunlit(scene(triangles), VIEW), 1), rounds=3)
     growth.add("truth over triangles", triangles, benchmark)
 
 
 @pytest.mark.parametrize("size", VIEWS)
-@pytest.mark.benchmark(group="view size")
-def test_truth_view_size(size: int, view: Callable[..., View], growth: Any, benchmark: BenchmarkFixture) -> None:
-    benchmark.pedantic(trace, args=(view(TRIANGLES, size, "directional"), 1), rounds=3)
+@pytest.mark.benchmark(group="truth: view size")
+def test_truth_view_size(size: int, scene: Callable[[int], Scene], growth: Any, benchmark: BenchmarkFixture) -> None:
+    benchmark.pedantic(trace, args=(_sunlit(scene(TRIANGLES), size), 1), rounds=3)
     growth.add("truth over pixels", size**2, benchmark)

@@ -1,4 +1,4 @@
-"""The pytest fixture `shadow_accuracy`, for the test suites of engines. Imports nothing heavy until it is used."""
+"""The pytest fixtures `shadow_accuracy` and `shadow_benchmark`. Imports nothing heavy until one is used."""
 
 import hashlib
 import re
@@ -116,5 +116,82 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
             return ShadowAccuracy(accuracy_of(picture, view), file)
         except InputError as error:
             pytest.fail(str(error), pytrace=False)
+
+    return measure
+
+
+def _reference_frames() -> Callable[..., float]:
+    """A timer for pytest-benchmark that a frame advances by its ratio to the reference, rather than by its seconds."""
+    now = 0.0
+
+    def frames_of_the_reference(passed: float = 0.0) -> float:
+        nonlocal now
+        now += passed
+        return now
+
+    return frames_of_the_reference
+
+
+@pytest.hookimpl(optionalhook=True, tryfirst=True)
+def pytest_benchmark_scale_unit(unit: str, benchmarks: "list[dict[str, Any]]") -> tuple[str, float] | None:
+    """Tables and histograms of groups whose times are ratios say so."""
+    ratios = all("reference_ms" in bench["extra_info"] for bench in benchmarks)
+    return ("reference frame", 1.0) if unit == "seconds" and ratios else None
+
+
+@pytest.fixture
+def shadow_benchmark(request: pytest.FixtureRequest) -> Callable[..., Any]:
+    """Score a technique against ray tracing, and time it on pytest-benchmark.
+
+    `shadow_benchmark("my-shadows:size=1024", scene="stairs", plugin="my-shadows.py", min_iou=0.98)`. In each of the
+    `rounds` [9] a frame of it, of `unshadowed` and of the `reference` [shadow-map:size=1024] are timed in turn;
+    pytest-benchmark's statistics are of the ratio of the first to the last, so that on a noisy machine too
+    `--benchmark-compare-fail=median:25%` fails only if the technique got slower. `extra_info` has metrics, work,
+    bytes and milliseconds; the same mapping is returned. The test fails below `min_iou`, and where `check` would
+    report a regression against the folder `baseline`; it is skipped where the view is not supported. Also `view_size`
+    [512], and `view`, `light` and all else that `shadow_accuracy` takes to choose a view.
+    """
+    if "benchmark" in request.node.funcargs:
+        pytest.fail("`benchmark` stands before `shadow_benchmark` in the arguments of this test; allowed: after it")
+    timer = _reference_frames()
+    request.node.add_marker(pytest.mark.benchmark(timer=timer))
+    benchmark = request.getfixturevalue("benchmark")
+
+    def measure(
+        spec: str,
+        *,
+        scene: Any,
+        plugin: str | Path | None = None,
+        reference: str | None = None,
+        rounds: int = 9,
+        view_size: int = 512,
+        min_iou: float | None = None,
+        baseline: str | Path | None = None,
+        **others: Any,
+    ) -> dict[str, Any]:
+        from shadowbench.errors import ShadowbenchError, Unsupported
+        from shadowbench.scenes.opening import chosen_view
+        from shadowbench.studies.benchmark import measure_cell, regressions
+        from shadowbench.truths.embree import tracer_of
+
+        plugins = [] if plugin is None else [Path(plugin)]
+        try:
+            view = chosen_view(scene, view_size, ViewOptions(**others), tracer_of=tracer_of)
+            timed = 0 if benchmark.disabled else rounds
+            cell = measure_cell(spec, view, rounds=timed, reference=reference, plugins=plugins)
+            faults = [] if baseline is None else regressions(cell.result, Path(baseline))
+        except Unsupported as reason:
+            raise pytest.skip.Exception(str(reason)) from None
+        except ShadowbenchError as error:
+            raise pytest.fail.Exception(str(error), pytrace=False) from None
+        benchmark.group = benchmark.group or view.scene.name
+        benchmark.extra_info |= (summary := cell.summary)
+        ratios = iter(cell.ratios)
+        benchmark.pedantic(lambda: timer(next(ratios, 0.0)), rounds=max(timed, 1))
+        if min_iou is not None and not (summary["iou"] or 0.0) >= min_iou:
+            faults.append(f"iou is {summary['iou']:.6g}; min_iou is {min_iou}")
+        if faults:
+            pytest.fail(f"{spec} on {view.scene.name}: {'; '.join(faults)}", pytrace=False)
+        return summary
 
     return measure

@@ -25,7 +25,6 @@ from shadowbench.commands import (
     run,
     score,
     stress,
-    truth,
     view,
 )
 from shadowbench.commands.options import GroupedCommand, write_sections
@@ -65,7 +64,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _PANELS = {  # as --help lists them
-    "Measure techniques": (run.run, stress.stress, score.score, truth.truth),
+    "Measure techniques": (run.run, stress.stress, score.score, render.truth),
     "Decide what a scene needs": (recommend.recommend, recommend.needs),
     "Check results and the machine": (check.check, merge.merge, listing.doctor),
     "Look": (report.report, render.render, view.view, listing.list_things),

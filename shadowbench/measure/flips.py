@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.masks import greatest
 from shadowbench.scores.metrics import METRICS, Metric
 from shadowbench.truths.trace import Truth
 
@@ -139,7 +140,5 @@ class Stepped:
 
 
 def _near_edge(truth: Truth) -> NDArray[np.bool_]:
-    from shadowbench.scores import loops
-
-    near: NDArray[np.bool_] = loops.greatest(truth.visibility, EDGE) != -loops.greatest(-truth.visibility, EDGE)
+    near: NDArray[np.bool_] = greatest(truth.visibility, EDGE) != -greatest(-truth.visibility, EDGE)
     return near

@@ -1,15 +1,20 @@
 """Cells drawn by OpenGL: calls of a worker process, groups of cells that are timed together, and campaigns of them."""
 
 import atexit
+import os
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Concatenate
 
 from shadowbench.errors import InputError, ShadowbenchError, Unsupported
+from shadowbench.files import PACKAGE
 from shadowbench.measure.campaign import (
     UNSHADOWED,
     Block,
@@ -245,6 +250,16 @@ def shared_worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> It
         yield _shared[settings]
 
 
+@cache
+def _compile_beside() -> None:
+    """Compile half of the loops in a process beside, unless a score was computed before, or Numba caches elsewhere."""
+    folder, quiet = PACKAGE / "scores" / "__pycache__", subprocess.DEVNULL
+    here = "NUMBA_CACHE_DIR" not in os.environ and os.access(folder.parent, os.W_OK)
+    if here and not any(folder.glob("loops.ssim_map-*.nbi")):
+        command = [sys.executable, "-P", "-m", "shadowbench.measure.session"]
+        atexit.register(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet).poll)
+
+
 @contextmanager
 def campaign_in(
     folder: Path | None,
@@ -262,6 +277,7 @@ def campaign_in(
     worker: the one that draws, else one of its own, with these plug-ins and limits; dask, renderer: a cluster that
     measures instead, and the renderer of its workers; options: see `Campaign`.
     """
+    _compile_beside()
     with ExitStack() as stack:
         if folder is None:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="shadowbench-")))

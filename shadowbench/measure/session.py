@@ -234,6 +234,29 @@ def load_for_builds() -> None:
     Tracer(corners, faces)
 
 
+def compile_loops() -> None:
+    """Compile half of the loops of a first truth, score and build: call them on next to nothing, longest first.
+
+    `python -m shadowbench.measure.session` does so beside the first command, since Numba compiles on one core.
+    """
+    from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order
+    from shadowbench.scores import loops
+    from shadowbench.scores.comparison import C1, C2, WEIGHTS
+    from shadowbench.truths.hard import find_nearest
+    from shadowbench.truths.packets import cutout_arrays
+
+    none, vectors, index = np.zeros(0), np.zeros((3, 0)), np.zeros(0, np.intp)
+    tree = np.zeros((1, 4), np.uint32), np.zeros(3), np.ones(3)
+    casters = np.zeros((0, 3)), np.zeros((0, 3), np.int32), index, cutout_arrays(None, 0)
+    own = index, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(3)
+    find_nearest(*tree, *casters, vectors, vectors, none, *own, none, np.zeros(0, np.bool_))
+    image, pixels = np.zeros((1, 1), np.float32), np.ones((1, 1), np.bool_)
+    loops.ssim_map(image, image, pixels, WEIGHTS, C1, C2)
+    loops.squared_distance(pixels)
+    faces = np.arange(3, dtype=np.int32).reshape(1, 3)
+    by_first_use(faces[in_reuse_order(faces)])
+
+
 class Session:
     """An OpenGL device that draws cells. The last scene and view stay loaded until a call names others."""
 
@@ -416,3 +439,7 @@ class Session:
         frame = Frame(open_view.view, Phase(request.phase), 0, surface_of(technique, open_view.surface), self.clock)
         self.device.context.finish()
         return _BuiltCell(technique, stage, frame, (time.perf_counter() - start) * 1e3)
+
+
+if __name__ == "__main__":
+    compile_loops()

@@ -47,6 +47,19 @@ class Times(NamedTuple):
     reference: Samples | None
     no_ratio: str | None
 
+    @property
+    def common_clock(self) -> str:
+        """The clock that cell and reference have in common; timer queries miss what the CPU draws."""
+        assert self.reference is not None
+        return QUERIES if self.cell.clocks == self.reference.clocks == {QUERIES} else WALL
+
+    @property
+    def ratios(self) -> NDArray[np.float64] | None:
+        """(n,) frames' times over those of the reference in the same rounds."""
+        if self.reference is None:
+            return None
+        return self.cell.frames_ms(self.common_clock) / self.reference.frames_ms(self.common_clock)
+
 
 def time_row(times: Times | str, key: str, reference_key: str, machine: str) -> dict[str, Any]:
     """Time record under a cell's key: medians over rounds, in ms and as ratios, with their IQRs; or why it has none.
@@ -86,11 +99,8 @@ def time_row(times: Times | str, key: str, reference_key: str, machine: str) -> 
     for moved, redrawn in REDRAWN.items():
         total = sum((entry["ms"] for entry in passes.values() if entry["changes"] in redrawn), 0.0)
         record[f"{moved}_ms"] = total if passes else None
-    if reference is not None:
-        common = clock if reference.clocks == {clock} else WALL
-        reference_ms = reference.frames_ms(common)
-        record["reference_ms"] = float(np.median(reference_ms))
-        ratios = cell.frames_ms(common) / reference_ms
+    if reference is not None and (ratios := times.ratios) is not None:
+        record["reference_ms"] = float(np.median(reference.frames_ms(times.common_clock)))
         record["ratio"], record["ratio_iqr"] = _median_iqr(ratios)
     return record
 

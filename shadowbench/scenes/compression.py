@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, how_to_install
 from shadowbench.scenes.triangles import MOST_TRIANGLES
 
 MOST_MEMORY = 2 << 30
@@ -65,7 +65,7 @@ def decoder(module: str, where: str) -> Any:
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
-        needed = f'{module}, which is not installed: pip install "shadowbench-gl[compressed]"'
+        needed = f"{module}, which is not installed: {how_to_install('compressed')}"
         raise InputError(f"{where}: is decompressed by {needed}") from error
 
 

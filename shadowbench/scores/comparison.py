@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shadowbench.scores.masks import Mask, Single, ThresholdedMask, quantise, squared_distance
+from shadowbench.scores.masks import Mask, Single, ThresholdedMask, greatest, quantise, squared_distance
 from shadowbench.scores.penumbrae import FEWEST, Crossings, Isolines, crossings, smooth_gradient
 
 INTERIOR_PX = 4.0  # distance from the edge beyond which errors count as acne or leak
@@ -185,10 +185,7 @@ def _spread(pixels: Mask, reach: int) -> Mask:
     """(H, W) bool: pixels within `reach` of others along rows and columns, in a square."""
     if not pixels.any():
         return pixels
-    from shadowbench.scores import loops
-
-    spread: Mask = loops.greatest(pixels.view(np.uint8), reach).view(bool)
-    return spread
+    return greatest(pixels, reach)
 
 
 class Comparison(ThresholdedMask):

@@ -118,26 +118,6 @@ def ssim_map(values, truth, valid, weights, c1, c2):  # type: ignore[no-untyped-
 
 
 @compiled()
-def greatest(values, reach):  # type: ignore[no-untyped-def]
-    """(H, W) maximum of float32 or uint8 values (H, W) within `reach` pixels along rows and columns, in a square."""
-    height, width = values.shape
-    maxima = np.empty_like(values)
-    column = np.zeros(width + 2 * reach, values.dtype)
-    for y in range(height):
-        inner = column[reach : reach + width]
-        inner[:] = values[y]
-        for other in range(max(y - reach, 0), min(y + reach + 1, height)):
-            for x in range(width):
-                inner[x] = max(inner[x], values[other, x])
-        column[:reach], column[reach + width :] = inner[0], inner[-1]
-        maxima[y] = inner
-        for offset in range(2 * reach + 1):
-            for x in range(width):
-                maxima[y, x] = max(maxima[y, x], column[x + offset])
-    return maxima
-
-
-@compiled()
 def step_squared(values, valid):  # type: ignore[no-untyped-def]
     """(H, W) squared gradient by central differences, per pixel; along an axis only where both neighbours are valid."""
     height, width = values.shape

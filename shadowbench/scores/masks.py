@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -174,3 +175,20 @@ def squared_distance(to: NDArray[np.bool_]) -> NDArray[np.int32]:
 
     squared: NDArray[np.int32] = loops.squared_distance(to)
     return squared
+
+
+def greatest(values: NDArray[Any], reach: int) -> NDArray[Any]:
+    """(H, W) maximum of values (H, W) within `reach` pixels along rows and columns, in a square.
+
+    Along an axis, windows of twice the width are made of two, until one more overlap makes those of 2 · reach + 1.
+    """
+    for axis in (0, 1):
+        windows, width = np.moveaxis(values, axis, 0), 1
+        length = len(windows)
+        windows = np.pad(windows, [(reach, reach), (0, 0)], mode="edge")
+        while 2 * width <= 2 * reach + 1:
+            windows = np.maximum(windows[:-width], windows[width:])
+            width *= 2
+        rest = 2 * reach + 1 - width
+        values = np.moveaxis(np.maximum(windows[:length], windows[rest : rest + length]), 0, axis)
+    return np.ascontiguousarray(values)

@@ -24,7 +24,7 @@ from shadowbench.scores.comparison import (
     share,
     total_of,
 )
-from shadowbench.scores.masks import Mask, Single
+from shadowbench.scores.masks import Mask, Single, greatest
 
 Function = Callable[[Comparison], float | None]
 Better = Literal["higher", "lower", "near 0", "near 1"]
@@ -301,7 +301,7 @@ def banding(comparison: Comparison) -> float | None:
     from shadowbench.scores import loops
 
     step, true_step = loops.step_squared(mask, truth.valid), truth.step_squared
-    steepest = loops.greatest(np.where(truth.penumbra, step, 0), NEARBY_PX)
+    steepest = greatest(np.where(truth.penumbra, step, 0), NEARBY_PX)
     np.minimum(true_step, steepest, out=steepest)
     flat = step < np.multiply(steepest, np.float32(FLAT_STEP**2), out=steepest)
     grey = (mask > PENUMBRA[0]) & (mask < PENUMBRA[1])

@@ -168,7 +168,7 @@ def _contiguous(origins: Vectors, directions: Vectors, reach: Vectors | float) -
     if origins.shape[1:] != (3,) or directions.shape not in (origins.shape, (1, 3)):
         raise ValueError(f"origins of shape {origins.shape}, directions of shape {directions.shape}")
     reaches = np.broadcast_to(np.asarray(reach, dtype=np.float32), len(origins))
-    return tuple(np.ascontiguousarray(values, dtype=np.float32) for values in (origins.T, directions.T, reaches))
+    return tuple(np.require(values, np.float32, ["C", "W"]) for values in (origins.T, directions.T, reaches))
 
 
 @cache

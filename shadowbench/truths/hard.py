@@ -157,16 +157,18 @@ class NearCasters:
         casters = geometry.vertices, geometry.faces, np.flatnonzero(geometry.casts)[tree.order]
         length = np.minimum(height / receivers.cosine, receivers.distance)
         vectors = (receivers.point, np.broadcast_to(receivers.to_light, (3, count)), eye[:, 0])
-        points, to_light, start = map(np.ascontiguousarray, vectors)  # of one type, for which it is compiled
+        points, to_light, start = (
+            np.require(each, requirements=["C", "W"]) for each in vectors
+        )  # of one type, to compile once
         corners = geometry.corners(receivers.triangle)
         own = receivers.triangle, facet_normals(corners), np.ascontiguousarray(corners[:, 0])
         segments = points, to_light, length, *own, start
-        _find_nearest(tree.words, tree.low, tree.step, *casters, cut, *segments, distance, covered)
+        find_nearest(tree.words, tree.low, tree.step, *casters, cut, *segments, distance, covered)
         return distance, covered & np.isinf(distance)
 
 
 @compiled(error_model="numpy")
-def _find_nearest(  # type: ignore[no-untyped-def]
+def find_nearest(  # type: ignore[no-untyped-def]
     words, low, step, vertices, faces, casters, cut, points, to_light, length, own, own_normals, own_corners, eye,
     distance, covered,
 ):  # fmt: skip

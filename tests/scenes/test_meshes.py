@@ -191,7 +191,7 @@ def test_a_decoder_that_fails_or_is_missing_is_one_line(
     packed.write_bytes(compressed_glb(trimesh.creation.box()))
     for module, file in (("DracoPy", draco), ("meshopt", packed)):
         monkeypatch.setitem(sys.modules, module, None)  # as if it were not installed
-        refused(file, file.name, module, 'pip install "shadowbench-gl[compressed]"')
+        refused(file, file.name, module, "pip install '.[compressed]'")
 
 
 def test_a_comment_or_name_in_another_code_than_utf8_does_no_harm(mesh_file: MeshFile) -> None:

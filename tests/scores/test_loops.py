@@ -7,6 +7,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from scipy import ndimage
 
 from shadowbench.scores import loops
+from shadowbench.scores.masks import greatest
 
 SHAPES = array_shapes(min_dims=2, max_dims=2, max_side=40)
 VISIBILITY = st.floats(0, 1, width=32)
@@ -31,10 +32,10 @@ def test_distances_in_a_wide_image_are_exact() -> None:
 @given(arrays(np.float32, SHAPES, elements=VISIBILITY), st.integers(0, 9))
 def test_the_greatest_is_that_of_a_maximum_filter_that_repeats_the_border(values, reach) -> None:
     expected = ndimage.maximum_filter(values, 2 * reach + 1, mode="nearest")
-    np.testing.assert_array_equal(loops.greatest(values, reach), expected)
+    np.testing.assert_array_equal(greatest(values, reach), expected)
     dark = (values < 0.1).view(np.uint8)
     expected = ndimage.maximum_filter(dark, 2 * reach + 1, mode="nearest")
-    np.testing.assert_array_equal(loops.greatest(dark, reach), expected)
+    np.testing.assert_array_equal(greatest(dark, reach), expected)
 
 
 @given(

@@ -1,0 +1,81 @@
+"""The pytest plug-in's `shadow_benchmark`, used in a folder of its own, as by who writes a technique."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from shadowbench.scores.metrics import METRICS
+
+SUITE = """
+from pathlib import Path
+import pytest
+
+MINE = {"scene": "stairs", "view_size": 64, "plugin": "my-shadows.py"}
+
+def test_mine(shadow_benchmark):
+    row = shadow_benchmark("my-shadows:size=256", **MINE, rounds=5, min_iou=0.7, baseline="baseline")
+    assert row["leak"] < 0.01
+
+def test_inaccurate(shadow_benchmark):
+    shadow_benchmark("my-shadows:size=16", **MINE, rounds=1, min_iou=0.999)
+
+def test_regressed(shadow_benchmark):
+    worse = Path("my-shadows.py").read_text().replace("shadowed ? 0.0", "shadowed ? 1.0")
+    Path("worse.py").write_text(worse)
+    shadow_benchmark("my-shadows:size=256", **MINE | {"plugin": "worse.py"}, rounds=1, baseline="baseline")
+
+def test_unknown_to_the_baseline(shadow_benchmark):
+    shadow_benchmark("my-shadows:size=64", **MINE, rounds=1, baseline="baseline")
+
+def test_lamp(shadow_benchmark):
+    shadow_benchmark("my-shadows", scene="room-with-lamp", plugin="my-shadows.py", view_size=64)
+
+def test_order(benchmark, shadow_benchmark):
+    shadow_benchmark("my-shadows", **MINE)
+"""
+
+
+def call(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    ours = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}  # not xdist's
+    command = [sys.executable, "-m", *words]
+    return subprocess.run(command, cwd=folder, env=ours, capture_output=True, text=True, timeout=240)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a technique, the suite and a baseline."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "test_mine.py").write_text(SUITE)
+    for line in (
+        "new-technique my-shadows",
+        "run stairs -t my-shadows:size=256 --plugin my-shadows.py --view-size 64 --rounds 0 -o shadows",
+        "check shadows --baseline baseline --update --plugin my-shadows.py",
+    ):
+        done = call(folder, "shadowbench", *line.split())
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_a_suite_is_scored_and_timed_in_frames_of_the_reference(folder: Path) -> None:
+    done = call(folder, "pytest", "-rs", "-p", "no:cacheprovider", "--benchmark-json=found.json", "--tb=short")
+    out = done.stdout
+    assert "3 failed, 1 passed, 1 skipped" in out and "1 error" in out, out
+    assert "my-shadows:size=16 on stairs: iou is " in out and "; min_iou is 0.999" in out
+    assert "my-shadows:size=256 on stairs: " in out and " in baseline, now " in out
+    assert "baseline: no row of stairs my-shadows:fit=visible,size=64,bias=0.02; it has stairs my-shadows:" in out
+    assert "my-shadows on room-with-lamp: unsupported" in out
+    assert "`benchmark` stands before `shadow_benchmark`" in out
+    assert "Name (time in reference frames)" in out and "benchmark 'stairs'" in out
+    entries = {one["name"]: one for one in json.loads((folder / "found.json").read_text())["benchmarks"]}
+    row, stats = entries["test_mine"]["extra_info"], entries["test_mine"]["stats"]
+    assert stats["rounds"] == 5 and stats["median"] == pytest.approx(row["ratio"]) and row["reference_ms"] > 0
+    assert {*METRICS, "work_fragments", "gpu_bytes", "renderer", "frame_ms", "added_ms"} <= row.keys()
+
+
+def test_disabled_benchmarks_still_score(folder: Path) -> None:
+    done = call(folder, "pytest", "-p", "no:cacheprovider", "--benchmark-disable", "-k", "lamp or regressed")
+    assert "1 failed, 1 skipped" in done.stdout, done.stdout
