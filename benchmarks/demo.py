@@ -26,17 +26,18 @@ def main() -> None:
     parser.add_argument("-o", "--output", metavar="DIR", type=Path, default=Path("results/demo"))
     folder = parser.parse_args().output
     with Worker() as worker, Reporter(False) as reporter:
-        study = read_study(find_study("demo"), techniques())
+        study, law = read_study(find_study("demo"), techniques()), law_on_record()
         for count in range(1, len(study.scenes) + 1):
-            note = f"{count} of {len(study.scenes)} scenes" if count < len(study.scenes) else None
-            part = study.with_(scenes=study.scenes[:count], notes=tuple(filter(None, [note])))
+            progress = f"{count} of {len(study.scenes)} scenes"
+            notes = (progress,) if count < len(study.scenes) else ()
+            part = study.with_(scenes=study.scenes[:count], notes=notes)
             with campaign_in(folder, reporter, worker=worker) as campaign:
                 run = measure(part, campaign).run.last
-            shown = summaries(run, law_on_record())
+            shown = summaries(run, law)
             write_report([(run, shown)], [], REPORT, "html")
             for line in verdict(shown[-1]):
                 print(f"{shown[-1].title}: {line}")
-            print(f"{REPORT}: {count} of {len(study.scenes)} scenes", flush=True)
+            print(f"{REPORT}: {progress}", flush=True)
 
 
 if __name__ == "__main__":

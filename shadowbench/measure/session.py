@@ -239,7 +239,6 @@ def compile_loops() -> None:
 
     `python -m shadowbench.measure.session` does so beside the first command, since Numba compiles on one core.
     """
-    from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order
     from shadowbench.scores import loops
     from shadowbench.scores.comparison import C1, C2, WEIGHTS
     from shadowbench.truths.hard import find_nearest
@@ -253,8 +252,7 @@ def compile_loops() -> None:
     image, pixels = np.zeros((1, 1), np.float32), np.ones((1, 1), np.bool_)
     loops.ssim_map(image, image, pixels, WEIGHTS, C1, C2)
     loops.squared_distance(pixels)
-    faces = np.arange(3, dtype=np.int32).reshape(1, 3)
-    by_first_use(faces[in_reuse_order(faces)])
+    load_for_builds()
 
 
 class Session:

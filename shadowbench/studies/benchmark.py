@@ -1,6 +1,7 @@
 """A cell for the fixture `shadow_benchmark`: scored, and timed in turn with the floor and a reference."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -59,12 +60,11 @@ def measure_cell(
             raise ShadowbenchError(f"{spec} on {view.scene.name} {result.status}")
         if not rounds:
             return Measured(result, ())
-        timed = Block(view, (cell,), rounds=rounds, reference=divisor)
+        timed = replace(block, rounds=rounds)
         times = dict(campaign.drawer.time(timed, {cell: int(result.score["gpu_bytes"])}))[cell]
     if isinstance(times, str) or times.ratios is None:
-        raise ShadowbenchError(
-            f"{spec} on {view.scene.name}: no time: {times if isinstance(times, str) else times.no_ratio}"
-        )
+        reason = times if isinstance(times, str) else times.no_ratio
+        raise ShadowbenchError(f"{spec} on {view.scene.name}: no time: {reason}")
     return Measured(Result(result.score, time_row(times, "", "", "")), times.ratios)
 
 
