@@ -23,7 +23,7 @@ from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.plugin.base import Technique
-from shadowbench.plugin.params import Component, TechniqueParams, allowed
+from shadowbench.plugin.params import Component, SubjectParams, allowed
 from shadowbench.plugin.registry import own_techniques, source_file
 from shadowbench.plugin.spec import format_value
 from shadowbench.scenes.model import View
@@ -223,7 +223,7 @@ def _family(family: type[Component]) -> str:
 
 
 def _parameters(
-    model: type[TechniqueParams] | type[Component], above: dict[str, tuple[str, str]] | None = None
+    model: type[SubjectParams] | type[Component], above: dict[str, tuple[str, str]] | None = None
 ) -> list[str]:
     """A line for each parameter: name, default, allowed values, meaning. above: those of the page so far, by name."""
     above = {} if above is None else above

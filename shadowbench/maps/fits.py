@@ -22,8 +22,8 @@ from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space,
 from shadowbench.gl.clock import Changes
 from shadowbench.gl.device import moderngl
 from shadowbench.gl.program import Drawable, Sampling, Textures
-from shadowbench.plugin.base import Frame, Stage
-from shadowbench.plugin.params import Component, TechniqueParams, param
+from shadowbench.plugin.base import Frame, Stage, TechniqueParams
+from shadowbench.plugin.params import Component, param
 from shadowbench.scenes.model import Light, Placement, View
 from shadowbench.scenes.vectors import Floats
 
