@@ -3,6 +3,7 @@ uniform sampler2D surface_depth;    // of the nearest pixel
 uniform sampler2D surface_between;  // the same, bilinear
 uniform mat4 world_to_clip;
 uniform vec4 world_to_depth;  // to the distance along the view
+uniform vec4 eye;  // or with w = 0 the direction of parallel views
 uniform float view_far;
 uniform float contact_length, contact_reach, contact_stride, contact_thickness, contact_share, contact_first, contact_jitter, contact_bend, contact_soft, contact_border;
 
@@ -13,21 +14,22 @@ vec3 ray_direction(Receiver r) {
     return cos(angle) * r.to_light + sin(angle) * normalize(r.normal - r.cosine * r.to_light);
 }
 
-// How far a point is behind the surface that is visible at its place; negative in front.
+// How far a point is behind the surface that the view shows at its place, along the view; not positive in front.
 float behind_surface(vec3 point, float depth, vec2 at) {
 #ifdef CONTACT_DEPTH_PLANE
     vec4 seen = textureLod(surface_position, at, 0.0);
-    if (seen.w == 0.0) return -1.0;
+    if (seen.w == 0.0) return 0.0;
     vec3 normal = textureLod(surface_normal, at, 0.0).xyz;
-    float behind = depth - dot(world_to_depth, vec4(seen.xyz, 1.0));
-    return dot(normal, point - seen.xyz) < 0.0 ? behind : -1.0;
+    vec3 view = point * eye.w - eye.xyz;
+    float other = dot(normal, point - seen.xyz) / dot(normal, view) * dot(world_to_depth.xyz, view);
+    float nearest = depth - dot(world_to_depth, vec4(seen.xyz, 1.0));
 #else
-    float behind = depth - view_far * textureLod(surface_depth, at, 0.0).r;
+    float nearest = depth - view_far * textureLod(surface_depth, at, 0.0).r, other = nearest;
 #ifdef CONTACT_DEPTH_BOTH
-    behind = min(behind, depth - view_far * textureLod(surface_between, at, 0.0).r);
+    other = depth - view_far * textureLod(surface_between, at, 0.0).r;
 #endif
-    return behind;
 #endif
+    return min(nearest, other);
 }
 
 float contact_shadow(Receiver r) {

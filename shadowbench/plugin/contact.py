@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from shadowbench.gl.device import moderngl
 from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.program import Sampling
@@ -92,6 +94,7 @@ class ContactPass:
                 light=frame.light_uniform,
                 world_to_clip=to_clip,
                 world_to_depth=to_depth,
+                eye=tuple(np.linalg.inv(to_clip)[:, 2].tolist()),
                 view_far=frame.view.near_far[1],
             )
             self._triangle.draw(self._target, {**frame.surface.inputs, **more})

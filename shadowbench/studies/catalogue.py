@@ -90,7 +90,7 @@ def _parameters(model: type[SubjectParams] | type[Component]) -> list[Entry]:
         listed.append({"name": name, "default": default, "allowed": allowed(info), "help": info.description})
         if isinstance(info.default, Component):
             listed[-1]["values"] = [
-                {"name": one.name, "help": _help(one), "parameters": _parameters(one)}
+                {"name": one.name, "help": _help(one), "parameters": _parameters(one), "presets": one.presets}
                 for one in info.default.family().table.values()
             ]
     return listed

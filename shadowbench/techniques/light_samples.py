@@ -109,8 +109,9 @@ class LightSamples(Technique):
     def _draw_point(self, frame: Frame, light: Light) -> moderngl.Texture:
         """Visibility of a point of the light."""
         visibility = self.draw_technique(replace(frame, view=replace(frame.view, light=light)))
-        for name, count in self.technique.facts().items():
-            if name in ("reads", "rays"):
+        contact = self.technique.params.contact.reads * math.prod(visibility.size)
+        for name, count in (*self.technique.facts().items(), ("reads", contact)):
+            if name in ("reads", "rays") and count:
                 self.work[name] = self.work.get(name, 0.0) + count
         return visibility
 

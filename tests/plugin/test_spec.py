@@ -67,7 +67,7 @@ MISTAKES = {
     "shadow-map:bias=slope+heavy": "bias.second: unknown bias 'heavy'; allowed: none, constant",
     "shadow-map:fit=scene+view": r"fit: unknown fit '\+'; allowed: fixed, scene",
     "shadow-map:bias=slope(0.1": r"expected '\)'",
-    "shadow-map:siz=512": r"unknown field 'siz'; did you mean 'size'\? allowed: fit, size",
+    "shadow-map:siz=512": r"unknown field 'siz'; did you mean 'size'\? allowed: contact, fit, size",
     "shadow-map:size=512,size=1024": "size is given twice",
     "shadow-map:preset=nobody": "unknown preset 'nobody'; presets of shadow-map: course",
     "unshadowed:size=512": "unknown field 'size'; allowed: none at all",
