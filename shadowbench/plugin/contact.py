@@ -36,10 +36,10 @@ class ScreenSpace(Contact):
 
     A point is hidden if it lies behind the surface that the view shows in its pixel, by less than a thickness, which a
     view does not tell. Hence false shadows behind what is thinner, and light behind what is thicker, outside the view
-    or hidden in it. `depth=plane` compares with the plane of the pixel's triangle, so that no plane shadows itself;
-    `nearest` with the pixel's depth, a stair that does on slopes; `both` with that and the bilinear depth, hidden if
-    behind both (Stachowiak 2023, in Bevy). `bend` turns rays towards the normal: fully for N·L below 0.25, not at all
-    above 0.45 (bevyengine/bevy #25355). Of a light with a size the ray points to the centre.
+    or hidden in it. `depth=plane` compares with the plane of the pixel's triangle too, so that no plane shadows itself;
+    `nearest` with the pixel's depth alone, a stair that does on slopes; `both` with that and the bilinear depth
+    (Stachowiak 2023, in Bevy). `bend` turns rays towards the normal: fully for N·L below 0.25, not at all above 0.45
+    (bevyengine/bevy #25355). Towards a light with a size the ray ends at its centre: penumbrae get a hard edge.
     """
 
     name = "screen-space"
@@ -51,8 +51,9 @@ class ScreenSpace(Contact):
     # Bend Studio 2023, bend_sss_gpu.h: 60 samples, SurfaceThickness 0.005 to both sides of its middle, ShadowContrast
     # 4. Left out here: the mean of four samples, the last eight that fade, and the near end that does.
     presets = {
-        "filament": "steps=8,thickness=0.075,share=0,reach=0,stride=0,depth=nearest,first=0.5,jitter=1,border=0.08333",
-        "bevy": "steps=16,thickness=0.1,share=0,reach=0,stride=0,depth=both,first=0,jitter=1,soft=0.5",
+        "filament": "steps=8,length=0.3,thickness=0.075,share=0,reach=0,stride=0,depth=nearest,first=0.5,jitter=1,"
+        "border=0.08333",
+        "bevy": "steps=16,length=0.3,thickness=0.1,share=0,reach=0,stride=0,depth=both,first=0,jitter=1,soft=0.5",
         "three": "steps=512,length=0.1,thickness=0.01,share=0,reach=0,stride=2,depth=nearest,first=0,jitter=1",
         "bend-studio": "steps=60,length=0,reach=60,share=0.01,depth=both,soft=0.125",
     }
