@@ -65,6 +65,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_suite_is_scored_and_timed_in_frames_of_the_reference(folder: Path) -> None:
     done = call(folder, "-rs", "--benchmark-json=found.json", "--tb=short")
     assert "3 failed, 1 passed, 1 skipped" in (out := done.stdout) and "1 error" in out, out
