@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import re
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -51,17 +50,6 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         edges, light = np.zeros((0, 4), np.int64), np.zeros(4)
         cap_weights(geometry.vertices, edges[:, :3].copy(), light, 0, 0)
         wall_weights(geometry.vertices, edges, light, 0, 0)
-
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Keep what `--durations=0` lists: seconds of each test of the last such run on several processes."""
-    if getattr(config.option, "numprocesses", None):
-        phases = [one for some in terminalreporter.stats.values() for one in some if hasattr(one, "duration")]
-        lines = [f"{one.duration:8.2f} {one.when:8} {one.nodeid}\n" for one in phases]
-        name = "-".join(re.findall(r"\w+", f"{config.option.markexpr} {' '.join(config.args)}"))
-        file = config.rootpath / "build" / "durations" / f"{name}.txt"
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text("".join(sorted(lines, reverse=True)), encoding="utf-8")
 
 
 @pytest.fixture(scope="session")

@@ -301,8 +301,7 @@ def serve(handle: str, parent: str) -> None:
         pipe.send(("error", error))
         return
     pipe.send(("answer", session.info()))
-    if not pipe.connection.poll(_POLL_S):
-        import scipy.spatial  # noqa: F401  # for hulls of casters: while the parent works on
+    import scipy.spatial  # noqa: F401  # for hulls of casters: while the parent works on
 
     while True:
         try:

@@ -86,11 +86,11 @@ def test_a_large_view_needs_what_its_sampled_pixels_say() -> None:
 
 
 def test_the_command_prints_a_table_and_json(shadowbench: Callable[..., Any]) -> None:
-    table = shadowbench("needs", "cube-on-plane", "--view-size", "600")
+    table = shadowbench("needs", "cube-on-plane", "--view-size", "1024")
     assert table.code == 0 and "map size, edges" in table.out
     assert "note: 25.0% of the pixels were sampled" in table.err
-    assert table.out.startswith("cube-on-plane, 600 × 600 pixels: ")
-    answer = shadowbench("needs", "cube-on-plane", "--view-size", "600", "--json")
+    assert table.out.startswith("cube-on-plane, 1024 × 1024 pixels: ")
+    answer = shadowbench("needs", "cube-on-plane", "--view-size", "1024", "--json")
     needed = json.loads(answer.out)
     assert f": {needed['verdict']}\n" in table.out
     assert answer.code == 0 and needed["casters"]["silhouette"] == 10 and needed["casters"]["triangles"] == 14
