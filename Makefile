@@ -15,7 +15,8 @@ gl_4_1 := MESA_GL_VERSION_OVERRIDE=4.1FC MESA_GLSL_VERSION_OVERRIDE=410
 # With it in the environment, each of the many processes that tests start would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 two_cores := -n 2 --dist worksteal
-# What --junit-xml writes has the seconds of each test. Of the fast tests, many wait for a process to end or to hang: a third worker uses that time.
+# Of the fast tests, many wait for a process to end or to hang: a third worker uses that time. Files of --junit-xml have
+# the seconds of each test.
 fast := -n 3 --dist worksteal
 # What another version of OpenGL may break: state and targets, shaders, and what every technique must keep.
 of_4_1 := tests/gl tests/techniques/test_contract.py
