@@ -221,6 +221,7 @@ class _BuiltCell:
 @cache
 def load_for_builds() -> None:
     """Import what building a technique imports, and compile or load its loops, for which no timed build then waits."""
+    import scipy.sparse.csgraph
     import scipy.spatial  # noqa: F401
 
     from shadowbench.geometry import facing  # noqa: F401
