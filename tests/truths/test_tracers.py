@@ -95,6 +95,19 @@ def test_a_truth_of_another_processor_decides_the_same(instructions, width, view
     assert (embree.computed_digest() == digest) == np.array_equal(other.blocker, truth.blocker)
 
 
+def test_how_embree_rounds_is_kept_for_a_processor_and_computed_for_another(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(embree, "_PROCESSOR", processor := tmp_path / "cpuinfo")
+    digest = embree.computed_digest()
+    for flags, kept in (("flags : avx", "0" * 64), ("flags : avx2", "damaged")):
+        processor.write_text(flags)
+        assert embree.answers_digest.__wrapped__() == digest
+        (file,) = (tmp_path / "cache" / "truth").glob("*.answers")
+        file.write_text(kept)
+        assert embree.answers_digest.__wrapped__() == (digest if kept == "damaged" else kept)
+        file.unlink()
+
+
 def test_an_unknown_instruction_set_is_refused_where_embree_would_take_its_slowest_code(monkeypatch) -> None:
     monkeypatch.setenv("SHADOWBENCH_ISA", "avx3")
     with pytest.raises(InputError, match=r"SHADOWBENCH_ISA: 'avx3'; allowed: .* of sse2, .*, avx512"):
