@@ -47,14 +47,14 @@ class ScreenSpace(Contact):
     # google/filament: LightManager.h, stepCount 8, maxShadowDistance 0.3; surface_shadowing.fs,
     # screenSpaceContactShadow: twice the tolerance is two steps along the view, to first order; faded towards the edge.
     # bevyengine/bevy 0.19: contact_shadows.rs; pbr_functions.wgsl, raymarch.wgsl.
-    # mrdoob/three.js: SSSNode.js, maxDistance, thickness, quality 0.5. Left out here: its second noise.
+    # mrdoob/three.js: SSSNode.js, maxDistance, thickness, quality 0.5. Left out here: a second noise, steps after 128.
     # Bend Studio 2023, bend_sss_gpu.h: 60 samples, SurfaceThickness 0.005 to both sides of its middle, ShadowContrast
     # 4. Left out here: the mean of four samples, the last eight that fade, and the near end that does.
     presets = {
         "filament": "steps=8,length=0.3,thickness=0.075,share=0,reach=0,stride=0,depth=nearest,first=0.5,jitter=1,"
         "border=0.08333",
         "bevy": "steps=16,length=0.3,thickness=0.1,share=0,reach=0,stride=0,depth=both,first=0,jitter=1,soft=0.5",
-        "three": "steps=512,length=0.1,thickness=0.01,share=0,reach=0,stride=2,depth=nearest,first=0,jitter=1",
+        "three": "steps=128,length=0.1,thickness=0.01,share=0,reach=0,stride=2,depth=nearest,first=0,jitter=1",
         "bend-studio": "steps=60,length=0,reach=60,share=0.01,depth=both,soft=0.125",
     }
     steps: int = param(32, "points of the ray, at most", ge=1, le=1024)
