@@ -70,7 +70,7 @@ MISTAKES = {
     "shadow-map:siz=512": r"unknown field 'siz'; did you mean 'size'\? allowed: contact, fit, size",
     "shadow-map:size=512,size=1024": "size is given twice",
     "shadow-map:preset=nobody": "unknown preset 'nobody'; presets of shadow-map: course",
-    "unshadowed:size=512": "unknown field 'size'; allowed: none at all",
+    "unshadowed:size=512": "unknown field 'size'; allowed: contact",
     "shadow-map:size=0": "size: .*greater than or equal to 1",
     "shadow-map:depth=d8": "depth: .*'d16', 'd24' or 'd32f'",
     "shadow-map:bias=0.005": "unknown bias '0.005'; allowed: none, constant",
