@@ -1,12 +1,17 @@
 """Light space, and light views: the part of light space that a shadow map covers."""
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
+
+ORIENTED = False
+"""Whether, by default, maps are rotated about the light's axis to the least area, and `needs` says the size of such."""
+_SAME = 0.01  # radians between two angles, of which the better stands for both
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,10 +21,15 @@ class Box:
     low: Floats
     high: Floats
 
+    @property
+    def area(self) -> float:
+        """Of the rectangle in x and y."""
+        return float(np.prod((self.high - self.low)[:2]))
+
 
 @dataclass(frozen=True, eq=False)
 class LightSpace:
-    """A coordinate system that depends on the light only, so that a moving camera cannot rotate the map.
+    """A coordinate system that depends on the light only, so that a moving camera cannot rotate the map, or `rotated`.
 
     basis: (3, 3) rows right, up, back, with −back the light's direction; perspective: True for a spot; half: tangent of
     its half angle, inf for a directional light.
@@ -38,12 +48,45 @@ class LightSpace:
         matrix[:3, 3] = -self.basis @ self.origin
         return matrix
 
-    def box(self, points: Floats) -> Box:
-        """Bounds of (N, 3) points, which for a spot must be in front of it."""
+    def coords(self, points: Floats) -> Floats:
+        """(N, 3) coordinates, as in `Box`, of (N, 3) points, which for a spot must be in front of it."""
         x, y, back = ((points - self.origin) @ self.basis.T).T
         flat = np.column_stack([x, y]) / (-back[:, None] if self.perspective else 1.0)
-        bounds = np.column_stack([flat, -back])
-        return Box(bounds.min(axis=0), bounds.max(axis=0))
+        return np.column_stack([flat, -back])
+
+    def box(self, points: Floats) -> Box:
+        """Bounds of (N, 3) points, which for a spot must be in front of it."""
+        coords = self.coords(points)
+        return Box(coords.min(axis=0), coords.max(axis=0))
+
+    def rotated(self, angle: float) -> "LightSpace":
+        """This space with x and y rotated about the light's axis."""
+        turn = np.eye(3)
+        turn[:2] = np.pad(_axes(angle), ((0, 0), (0, 1)))
+        return replace(self, basis=turn @ self.basis)
+
+    def oriented(self, points: Floats) -> "list[LightSpace]":
+        """This space rotated to each side of the convex hull of (N, 3) points, by the area of their box there.
+
+        The first has the least of all angles, as a least rectangle has a side on the hull's (Freeman and Shapira 1975).
+        """
+        from scipy.spatial import ConvexHull, QhullError  # the import takes 0.3 s; the worker has done it at its start
+
+        flat = self.coords(points)[:, :2]
+        with suppress(QhullError):  # of points on a line, all differences have its direction
+            flat = flat[ConvexHull(flat).vertices]
+        x, y = (np.roll(flat, 1, axis=0) - flat).T
+        angles = (np.arctan2(y, x) + np.pi / 4) % (np.pi / 2) - np.pi / 4
+        areas = np.ptp(_axes(angles) @ flat.T, axis=-1).prod(axis=-1)
+        order = np.lexsort((np.abs(angles), areas))
+        _, first = np.unique(np.round(angles[order] / _SAME), return_index=True)
+        return [self.rotated(angle) for angle in angles[order][np.sort(first)]]
+
+
+def _axes(angle: Floats | float) -> Floats:
+    """(..., 2, 2) rows x and y, rotated by angles."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)
 
 
 def light_space(light: Light) -> LightSpace:

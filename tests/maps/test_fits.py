@@ -73,7 +73,7 @@ def test_the_reduction_is_the_least_and_greatest_over_the_g_buffer_of_any_size(
 
 def assert_bounds_are_of_the_receivers(shot, build, device) -> None:
     one, space = build("shadow-map:size=16", shot), light_space(shot.view.light)
-    result = VisibleBounds(one.stage)(Frame(shot.view, Phase(), 0, shot.surface, Clock(device)), space)
+    (result,) = VisibleBounds(one.stage)(Frame(shot.view, Phase(), 0, shot.surface, Clock(device)), [space])
     expected = space.box(receivers(shot))
     assert result.low == pytest.approx(expected.low, abs=2e-6) and result.high == pytest.approx(expected.high, abs=2e-6)
 
