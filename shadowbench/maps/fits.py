@@ -5,6 +5,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -107,7 +108,7 @@ class SceneFit(Fit):
     invalidated_by = "light"
 
     def receiver_bounds(self, spaces: Sequence[LightSpace], context: FitContext) -> list[Box]:
-        points = _region(spaces[0], context) if spaces[0].perspective else context.hull.points
+        points = _scene(spaces[0], context)
         return [space.box(points) for space in spaces if len(points)]
 
 
@@ -119,8 +120,11 @@ class ViewFit(Fit):
 
     def light_spaces(self, context: FitContext) -> list[LightSpace]:
         (level,) = super().light_spaces(context)
-        points = _region(level, context, view_planes(context.view))
-        return [level, *level.oriented(points)][:RECTANGLES] if self.oriented and len(points) else [level]
+        if not self.oriented:
+            return [level]
+        outlines = _region(level, context, view_planes(context.view)), _scene(level, context)
+        rotated = (level.oriented(points)[: RECTANGLES // 2] for points in outlines if len(points))
+        return [level, *chain.from_iterable(rotated)]
 
     def receiver_bounds(self, spaces: Sequence[LightSpace], context: FitContext) -> list[Box]:
         points = _region(spaces[0], context, view_planes(context.view))
@@ -130,7 +134,7 @@ class ViewFit(Fit):
 class VisibleFit(ViewFit):
     """The bounding box of the visible receivers, reduced from the G-buffer (Lauritzen, Salvi and Lefohn 2011).
 
-    Oriented, it is the least of those with a side of the hull of the scene's bounds inside the camera's frustum.
+    Oriented, it is the least of those with a side of the scene's hull, or of its bounds inside the camera's frustum.
     """
 
     name = "visible"
@@ -184,6 +188,11 @@ def widened(box: Box, space: LightSpace, hull: SceneHull, light: Light, light_ra
     low[:2] = np.maximum(low[:2] - reach, np.minimum(low, casters.low)[:2])
     high[:2] = np.minimum(high[:2] + reach, np.maximum(high, casters.high)[:2])
     return Box(low, high)
+
+
+def _scene(space: LightSpace, context: FitContext) -> Floats:
+    """(N, 3) hull points of all casters and receivers, for a spot corners of their bounds inside its cone."""
+    return _region(space, context) if space.perspective else context.hull.points
 
 
 def _region(space: LightSpace, context: FitContext, *more: Floats) -> Floats:
