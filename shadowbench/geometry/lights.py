@@ -10,7 +10,7 @@ from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 
 ORIENTED = False
-"""Whether, by default, maps are rotated about the light's axis to the least area, and `needs` says the size of such."""
+"""Whether `fit=visible` and cascades are `oriented` by default, and `needs` says the sizes of such maps."""
 _SAME = 0.01  # radians between two angles, of which the better stands for both
 
 

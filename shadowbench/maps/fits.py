@@ -116,7 +116,7 @@ class ViewFit(Fit):
     """The bounding box of the scene's bounds inside the camera's frustum."""
 
     name = "view"
-    oriented: bool = param(ORIENTED, "rotates the map about the light's axis, to a rectangle of least area")
+    oriented: bool = param(False, "rotates the map about the light's axis, to the rectangle of least area")
 
     def light_spaces(self, context: FitContext) -> list[LightSpace]:
         (level,) = super().light_spaces(context)
@@ -138,6 +138,7 @@ class VisibleFit(ViewFit):
     """
 
     name = "visible"
+    oriented: bool = param(ORIENTED, "rotates the map about the light's axis, to a rectangle of little area")
 
     def receiver_bounds(self, spaces: Sequence[LightSpace], context: FitContext) -> list[Box]:
         return context.visible_bounds(spaces)

@@ -62,7 +62,7 @@ class Cascades(Technique):
             "map bounds: of the slice's part inside the scene's bounds, of the slice, or of its bounding sphere",
         )
         oriented: bool = param(
-            ORIENTED, "rotates each map about the light's axis, to a rectangle of least area; not with box=sphere"
+            ORIENTED, "rotates each map about the light's axis, to the rectangle of least area; not with box=sphere"
         )
         stable: bool = param(False, "moves a map by whole texels only; needs box=sphere")
         depth_clamp: bool = param(True, "clamps casters in front of the near plane to it")
