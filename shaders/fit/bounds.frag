@@ -57,16 +57,17 @@ bool may_extend(vec2 start, vec2 depths) {
         if (!right || !left || !above || !below) return false;
     }
     if (low[0].x > high[0].x) return true;  // no receiver in the sample
+    bool extends = perspective > 0.5 && may_exceed(-z, 1.0, start, depths);  // behind the light
     for (int i = 0; i < GROUPS; ++i)
         for (int j = 0; j < 4; ++j) {
             vec3 direction = vec3(directions[i][0][j], directions[i][1][j], directions[i][2][j]);
             vec4 along = direction.x * x + direction.y * y + direction.z * z;
             vec4 unit = direction.z > 0.0 ? vec4(0.0, 0.0, 0.0, 1.0) : one;
             float largest = direction.z > 0.0 ? 1.0 : 1.0 + max(abs(low[i][j]), abs(high[i][j]));
-            if (may_exceed(low[i][j] * unit - along, largest, start, depths)) return true;
-            if (may_exceed(along - high[i][j] * unit, largest, start, depths)) return true;
+            extends = extends || may_exceed(low[i][j] * unit - along, largest, start, depths)
+                || may_exceed(along - high[i][j] * unit, largest, start, depths);
         }
-    return perspective > 0.5 && may_exceed(-z, 1.0, start, depths);  // behind the light
+    return extends;
 }
 
 // The result is that of reading all receivers.

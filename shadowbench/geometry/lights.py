@@ -61,32 +61,26 @@ class LightSpace:
 
     def rotated(self, angle: float) -> "LightSpace":
         """This space with x and y rotated about the light's axis."""
-        turn = np.eye(3)
-        turn[:2] = np.pad(_axes(angle), ((0, 0), (0, 1)))
+        cosine, sine = np.cos(angle), np.sin(angle)
+        turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         return replace(self, basis=turn @ self.basis)
 
-    def oriented(self, points: Floats) -> "list[LightSpace]":
-        """This space rotated to each side of the convex hull of (N, 3) points, by the area of their box there.
+    def oriented(self, points: Floats, count: int = 1) -> "list[LightSpace]":
+        """This space rotated to sides of the hull of (N, 3) points, up to `count`, by the area of the points' box there.
 
-        The first has the least of all angles, as a least rectangle has a side on the hull's (Freeman and Shapira 1975).
+        At no angle is it less than in the first: a least rectangle has a side on the hull's (Freeman and Shapira 1975).
         """
         from scipy.spatial import ConvexHull, QhullError  # the import takes 0.3 s; the worker has done it at its start
 
         flat = self.coords(points)[:, :2]
         with suppress(QhullError):  # of points on a line, all differences have its direction
             flat = flat[ConvexHull(flat).vertices]
-        x, y = (np.roll(flat, 1, axis=0) - flat).T
-        angles = (np.arctan2(y, x) + np.pi / 4) % (np.pi / 2) - np.pi / 4
-        areas = np.ptp(_axes(angles) @ flat.T, axis=-1).prod(axis=-1)
-        order = np.lexsort((np.abs(angles), areas))
+        hull = flat @ np.array([1.0, 1j])
+        angles = (np.angle(np.roll(hull, 1) - hull) + np.pi / 4) % (np.pi / 2) - np.pi / 4
+        rotated = np.exp(-1j * angles)[:, None] * hull
+        order = np.lexsort((np.abs(angles), np.ptp(rotated.real, axis=1) * np.ptp(rotated.imag, axis=1)))
         _, first = np.unique(np.round(angles[order] / _SAME), return_index=True)
-        return [self.rotated(angle) for angle in angles[order][np.sort(first)]]
-
-
-def _axes(angle: Floats | float) -> Floats:
-    """(..., 2, 2) rows x and y, rotated by angles."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)
+        return [self.rotated(angle) for angle in angles[order][np.sort(first)[:count]]]
 
 
 def light_space(light: Light) -> LightSpace:

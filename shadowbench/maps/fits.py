@@ -123,7 +123,7 @@ class ViewFit(Fit):
         if not self.oriented:
             return [level]
         outlines = _region(level, context, view_planes(context.view)), _scene(level, context)
-        rotated = (level.oriented(points)[: RECTANGLES // 2] for points in outlines if len(points))
+        rotated = (level.oriented(points, RECTANGLES // 2) for points in outlines if len(points))
         return [level, *chain.from_iterable(rotated)]
 
     def receiver_bounds(self, spaces: Sequence[LightSpace], context: FitContext) -> list[Box]:
