@@ -1,7 +1,7 @@
-// One step of a min-max reduction of REACH² texels to one, with REACH even, of GROUPS of four values: positions in light
-// space along as many directions, one group to a layer. Input: FROM_SAMPLE, the receiver of one pixel; FROM_RECEIVERS, all visible receivers, but read only where the depths of REACH² pixels say that these may
-// extend the bounds of the sample (Lauritzen, Salvi and Lefohn 2011 read all); FROM_VALUES, a texture; else the results of
-// the previous step.
+// One step of a min-max reduction of REACH² texels to one, with REACH even, of GROUPS of four values, one to a layer:
+// positions along four directions each. Input: FROM_SAMPLE, the receiver of one pixel; FROM_RECEIVERS, all visible
+// receivers, but read only where the depths of REACH² pixels say that these may extend the bounds of the sample
+// (Lauritzen, Salvi and Lefohn 2011 read all); FROM_VALUES, a texture; else the results of the previous step.
 layout(location = 0) out vec4 low[GROUPS];
 layout(location = GROUPS) out vec4 high[GROUPS];
 const float nothing = 3.0e38;
@@ -14,9 +14,9 @@ void include(int group, vec4 a, vec4 b) {
 #if defined(FROM_SAMPLE) || defined(FROM_RECEIVERS)
 #include "receiver.glsl"
 uniform mat4 world_to_light;
-uniform float perspective;     // 1: x and y are divided by the distance along the axis
-uniform float cos_half_angle;  // of a spot's cone; −1 for other lights
-uniform mat4 directions[GROUPS];  // rows: in x and y, or along the light's axis
+uniform float perspective;        // 1: x and y are divided by the distance along the axis
+uniform float cos_half_angle;     // of a spot's cone; −1 for other lights
+uniform mat4 directions[GROUPS];  // rows: unit vectors in light space across the light's axis, or (0, 0, 1, 0) along it
 
 void include_receiver(ivec2 pixel) {
     Receiver r = receiver_at(min(pixel, textureSize(surface_position, 0) - 1));
@@ -72,7 +72,10 @@ bool may_extend(vec2 start, vec2 depths) {
 
 // The result is that of reading all receivers.
 void include_texels(ivec2 start) {
-    for (int i = 0; i < GROUPS; ++i) include(i, textureLod(lows, vec3(0.5, 0.5, i), 0.0), textureLod(highs, vec3(0.5, 0.5, i), 0.0));
+    for (int i = 0; i < GROUPS; ++i) {
+        low[i] = textureLod(lows, vec3(0.5, 0.5, i), 0.0);
+        high[i] = textureLod(highs, vec3(0.5, 0.5, i), 0.0);
+    }
     vec2 size = vec2(textureSize(surface_depth, 0)), depths = vec2(1.0, 0.0);
     for (int y = 1; y < REACH; y += 2)
         for (int x = 1; x < REACH; x += 2) {

@@ -66,7 +66,7 @@ class LightSpace:
         return replace(self, basis=turn @ self.basis)
 
     def oriented(self, points: Floats, count: int = 1) -> "list[LightSpace]":
-        """This space rotated to sides of the hull of (N, 3) points, up to `count`, by the area of the points' box there.
+        """This space rotated to sides of the hull of (N, 3) points, up to `count`, by the area of their box there.
 
         At no angle is it less than in the first: a least rectangle has a side on the hull's (Freeman and Shapira 1975).
         """
