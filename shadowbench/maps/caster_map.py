@@ -22,7 +22,7 @@ from shadowbench.maps.biases import Bias, NoBias
 from shadowbench.maps.culling import CasterChunks
 from shadowbench.maps.filters import Contents, Filter, Kernel
 from shadowbench.plugin.base import Frame
-from shadowbench.plugin.params import TechniqueParams
+from shadowbench.plugin.params import SubjectParams
 from shadowbench.plugin.stage import Stage
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats, vec3
@@ -38,7 +38,7 @@ class ResolvePass:
         self,
         stage: Stage,
         fragment: Path | str,
-        params: TechniqueParams | None = None,
+        params: SubjectParams | None = None,
         defines: Mapping[str, int | str] = {},
         includes: Mapping[str, str] = {},
         components: int = 1,
@@ -135,7 +135,7 @@ class MapContents:
     def __init__(
         self,
         stage: Stage,
-        params: TechniqueParams,
+        params: SubjectParams,
         contents: Contents,
         layout: MapLayout,
         defines: Mapping[str, int],

@@ -24,8 +24,8 @@ from shadowbench.gl.clock import Changes
 from shadowbench.gl.device import moderngl
 from shadowbench.gl.program import Drawable, Sampling, Textures
 from shadowbench.gl.targets import Color
-from shadowbench.plugin.base import Frame, Stage
-from shadowbench.plugin.params import Component, TechniqueParams, param
+from shadowbench.plugin.base import Frame, Stage, TechniqueParams
+from shadowbench.plugin.params import Component, param
 from shadowbench.scenes.model import Light, Placement, View
 from shadowbench.scenes.vectors import Floats
 

@@ -27,12 +27,14 @@ from shadowbench.gl.program import arithmetic
 from shadowbench.maps.filters import Filter
 from shadowbench.measure.rows import renderer_of
 from shadowbench.measure.worker import DeviceInfo
-from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
+from shadowbench.plugin.base import Frame, Phase, Stage, Technique, build, surface_of
 from shadowbench.plugin.registry import shader_folder, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
 from shadowbench.scores.masks import quantise
+
+Draw = Callable[[Frame], moderngl.Texture]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +113,8 @@ def declared_work(technique: Technique, pixels: int, facts: dict[str, float]) ->
     chosen = getattr(technique.params, "filter", None)
     if "reads" not in work and isinstance(chosen, Filter):
         work["reads"] = pixels * chosen.reads
+    if more := technique.params.contact.reads:
+        work["reads"] = work.get("reads", 0) + pixels * more
     return work
 
 
@@ -150,8 +154,8 @@ class LoadedScene:
         if self.facet_pass is not None and not technique.lifts(technique.params):
             self.facet_pass.draw(checked_texture(spec, texture, view.size), surface, view)
 
-    def build(self, spec: Spec, size: int, room: int = sys.maxsize) -> tuple[Technique, Stage]:
-        """A technique built for images of size × size pixels. Raises any exception of the technique.
+    def build(self, spec: Spec, size: int, room: int = sys.maxsize) -> tuple[Technique, Stage, Draw]:
+        """A technique built for images of size × size pixels, and what draws it. Raises any exception of the technique.
 
         room: most bytes that its textures and buffers may take. Raises Unsupported if they would take more.
         """
@@ -159,12 +163,12 @@ class LoadedScene:
         stage = Stage(self.scene, self.device, (size, size), self.geometry, self.placement, folder, room)
         technique = spec.drawn_here(spec.params)
         try:
-            technique.build(stage)
+            draw = build(technique, stage)
             self.device.check(f"building {spec.full_text}")
         except BaseException:
             stage.release()
             raise
-        return technique, stage
+        return technique, stage, draw
 
     def release(self) -> None:
         """Free GPU memory."""
@@ -214,6 +218,7 @@ class _BuiltCell:
 
     technique: Technique
     stage: Stage
+    draw: Draw
     frame: Frame
     prepare_ms: float
 
@@ -355,7 +360,7 @@ class Session:
     ) -> Rendering:
         technique, frame, view = built.technique, built.frame, open_view.view
         self.device.reset()
-        texture, work = with_work(self.device, lambda: technique.draw(frame))
+        texture, work = with_work(self.device, lambda: built.draw(frame))
         self.device.reset()
         self.device.check(f"drawing {request.spec}")
         open_view.loaded.darken_facets(request.spec, technique, texture, open_view.surface, view)
@@ -414,7 +419,7 @@ class Session:
         """The next draw call of a prepared cell. Frame indices count up from 0, the first draw after the build."""
         built = self._timed[index]
         self._timed[index] = replace(built, frame=replace(built.frame, index=built.frame.index + 1))
-        return partial(built.technique.draw, built.frame)
+        return partial(built.draw, built.frame)
 
     @contextmanager
     def _isolated_draw(self, index: int) -> Iterator[Callable[[], object]]:
@@ -439,10 +444,10 @@ class Session:
             )
         if reason := spec.drawn_here.declines(spec.params, open_view.view, self.device):
             raise Unsupported(reason)
-        technique, stage = open_view.loaded.build(spec, open_view.view.size, request.room)
+        technique, stage, draw = open_view.loaded.build(spec, open_view.view.size, request.room)
         frame = Frame(open_view.view, Phase(request.phase), 0, surface_of(technique, open_view.surface), self.clock)
         self.device.context.finish()
-        return _BuiltCell(technique, stage, frame, (time.perf_counter() - start) * 1e3)
+        return _BuiltCell(technique, stage, draw, frame, (time.perf_counter() - start) * 1e3)
 
 
 if __name__ == "__main__":

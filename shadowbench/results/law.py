@@ -65,7 +65,10 @@ class Law:
 
 def kind_of(spec: str) -> str:
     """The technique of a spec, with the parameters that change its passes: `shadow-map fit=scene`."""
-    return " ".join([spec.partition(":")[0], *re.findall(r"\b(?:fit|rest|where)=\w+", spec)])
+    name, named = spec.partition(":")[0], "fit|rest|where"
+    if name == FLOOR:  # which costs nothing alone
+        named += "|contact"
+    return " ".join([name, *re.findall(rf"\b(?:{named})=\w+", spec)])
 
 
 def counts_of(row: Record, triangles: int) -> dict[str, float]:

@@ -16,7 +16,7 @@ from pydantic.fields import FieldInfo
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import NoBias, Sum
 from shadowbench.plugin.base import Subject, Technique
-from shadowbench.plugin.params import Component, TechniqueParams, allowed, parse_value
+from shadowbench.plugin.params import Component, SubjectParams, allowed, parse_value
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.plugin.spec import Spec, format_value, parse_spec, spec_of
 from shadowbench.scenes.assumed import sun_direction
@@ -317,7 +317,7 @@ def _edited(model: Model) -> Model:
         if new != shown:
             return with_value(model, key, new)
         inner = value.params if isinstance(value, Spec) else value
-        if isinstance(inner, TechniqueParams | Component) and type(inner).model_fields:
+        if isinstance(inner, SubjectParams | Component) and type(inner).model_fields:
             imgui.indent()
             imgui.push_id(key)
             changed = _edited(inner)

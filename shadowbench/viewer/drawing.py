@@ -15,7 +15,7 @@ from shadowbench.errors import ShadowbenchError, message
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
-from shadowbench.measure.session import LoadedScene, checked_texture, visibility_of
+from shadowbench.measure.session import Draw, LoadedScene, checked_texture, visibility_of
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
@@ -31,6 +31,7 @@ SMOOTH_MS = 50.0
 """Time of a frame that is not too long for motion, in milliseconds."""
 LEAST_SIZE = 64
 Number = TypeVar("Number", np.float32, np.bool_)
+_Built = tuple[Technique, Stage, Draw]
 _RAISED = (Exception, SystemExit)  # what a technique may raise while the window lives
 
 
@@ -86,7 +87,7 @@ class Drawing:
     def __init__(self, device: Device) -> None:
         self.device, self.clock = device, Clock(device)
         self._loaded: LoadedScene | None = None
-        self._built: dict[tuple[Spec, int], tuple[Technique, Stage]] = {}
+        self._built: dict[tuple[Spec, int], _Built] = {}
 
     def draw(self, state: ViewerState, size: int) -> Drawn:
         """Draw a state's G-buffer and masks, of size × size pixels. Raises InputError if the camera shows nothing."""
@@ -148,7 +149,7 @@ class Drawing:
             self._loaded = LoadedScene(self.device, state.scene, state.coordinates)
         return self._loaded
 
-    def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> Technique | str:
+    def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> _Built | str:
         """A built technique; or why there is none. It may raise anything, which is shown in place of its picture."""
         key = (spec, view.size)
         try:
@@ -158,14 +159,15 @@ class Drawing:
                 self._built[key] = loaded.build(spec, view.size)
         except _RAISED as error:
             return reason_of(error)
-        return self._built[key][0] if reason is None else f"unsupported: {reason}"
+        return self._built[key] if reason is None else f"unsupported: {reason}"
 
-    def _mask(self, loaded: LoadedScene, spec: Spec, technique: Technique | str, frame: Frame) -> Mask:
-        if isinstance(technique, str):
-            return Mask(spec, failure=technique)
+    def _mask(self, loaded: LoadedScene, spec: Spec, built: _Built | str, frame: Frame) -> Mask:
+        if isinstance(built, str):
+            return Mask(spec, failure=built)
+        technique, _, draw = built
         self._recover()
         try:
-            visibility = technique.draw(replace(frame, surface=surface_of(technique, frame.surface)))
+            visibility = draw(replace(frame, surface=surface_of(technique, frame.surface)))
             self.device.reset()
             self.device.check(f"drawing {spec.text}")
             loaded.darken_facets(spec.text, technique, visibility, frame.surface, frame.view)
