@@ -25,12 +25,16 @@ def box_planes(bounds: Floats) -> Floats:
     return np.vstack([np.column_stack([np.eye(3), -low]), np.column_stack([-np.eye(3), high])])
 
 
-def frustum_planes(eye: Floats, basis: Floats, slope: float, near: float, far: float) -> Floats:
-    """(6, 4) planes of a square frustum between two depths; basis: rows right, up, back; slope: of its sides."""
+def frustum_planes(eye: Floats, basis: Floats, slope: float, near: float, far: float, half: float = 0.0) -> Floats:
+    """(6, 4) planes of a square frustum between two depths.
+
+    basis: rows right, up, back; slope: of its sides, which are `half` from the axis at the eye, the tip by default.
+    """
     right, up, back = basis
-    sides = [slope * -back + sign * axis for axis in (right, up) for sign in (1, -1)]
+    outward = [sign * axis for axis in (-right, -up) for sign in (1, -1)]
+    sides = [slope * -back - side for side in outward]
     normals = np.array([*(side / np.linalg.norm(side) for side in sides), -back, back])
-    points = np.array([eye, eye, eye, eye, eye - near * back, eye - far * back])
+    points = np.array([*(eye + half * side for side in outward), eye - near * back, eye - far * back])
     return np.column_stack([normals, -np.einsum("ij,ij->i", normals, points)])
 
 
@@ -101,16 +105,17 @@ class Slice:
     @property
     def planes(self) -> Floats:
         """(6, 4) planes."""
-        slope = float(np.tan(self.camera.fov_y / 2))
-        return frustum_planes(np.array(self.camera.position), self.camera.basis(), slope, self.near, self.far)
+        camera = self.camera
+        shape = camera.slope, self.near, self.far, camera.height / 2
+        return frustum_planes(np.array(camera.position), camera.basis(), *shape)
 
     @property
     def corners(self) -> Floats:
         """(8, 3) corners, the near ones first."""
-        right, up, back = self.camera.basis()
-        slope = np.tan(self.camera.fov_y / 2)
+        (right, up, back), slope, half = self.camera.basis(), self.camera.slope, self.camera.height / 2
         rays = np.array([x * slope * right + y * slope * up - back for x in (-1, 1) for y in (-1, 1)])
-        return np.array(self.camera.position) + np.vstack([self.near * rays, self.far * rays])
+        starts = np.array([x * half * right + y * half * up for x in (-1, 1) for y in (-1, 1)])
+        return np.array(self.camera.position) + np.vstack([starts + self.near * rays, starts + self.far * rays])
 
     def corners_within(self, bounds: Floats, extent: float) -> Floats:
         """(N, 3) corners of the slice's intersection with a (2, 3) box; its own corners if that is empty."""
@@ -120,9 +125,9 @@ class Slice:
     @property
     def sphere(self) -> tuple[Floats, float]:
         """(3,) centre and radius of the smallest bounding sphere; the radius is independent of the camera's pose."""
-        slope = 2 * np.tan(self.camera.fov_y / 2) ** 2  # squared slope of the frustum's edges
+        slope = 2 * self.camera.slope**2  # squared slope of the frustum's edges
         along = min((self.near + self.far) / 2 * (1 + slope), self.far)
-        radius = np.hypot(along - self.far, self.far * np.sqrt(slope))
+        radius = np.hypot(along - self.far, self.far * np.sqrt(slope) + self.camera.height / np.sqrt(2))
         return np.array(self.camera.position) - self.camera.basis()[2] * along, float(radius)
 
 

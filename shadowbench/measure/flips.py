@@ -1,7 +1,6 @@
 """Temporal stability: pixels that flip between lit and shadowed from frame to frame while the truth does not."""
 
 import itertools
-import math
 from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -76,9 +75,11 @@ def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
 class Stepped:
     """A view after a small step; `count` compares it with the view before the step.
 
-    A step of the camera turns it by a fraction of a pixel, so that all surfaces stay visible. The image after it is
+    A step of the camera turns it by a fraction of a pixel, so that all surfaces stay visible; an orthographic one moves
+    aside by that. The image after it is
     FINER times as fine: pixels show other points of a surface than before, and would flip along every edge, even of a
-    shadow map that does not move, if the nearest one were compared. A step of the light moves it by the same angle.
+    shadow map that does not move, if the nearest one were compared. A step of the light moves it by the same
+    angle, seen from a view's height away if the camera is orthographic.
     """
 
     before: View
@@ -89,12 +90,13 @@ class Stepped:
         """The view after the step."""
         before = self.before
         camera, light = before.camera, before.light
-        pixel = 2 * math.tan(camera.fov_y / 2) / before.size  # as an angle
-        distance = float(np.linalg.norm(np.subtract(camera.position, camera.target)))
+        pixel = (2 * camera.slope or 1.0) / before.size  # as an angle
+        distance = camera.height or float(np.linalg.norm(np.subtract(camera.position, camera.target)))
         if self.step == "camera":
             offset = distance * pixel * (np.array([RIGHT, UP, 0.0]) @ camera.basis())
-            turned = replace(camera, target=vec3(np.add(camera.target, offset)))
-            return replace(before, camera=turned, size=SIZE_AFTER[self.step] * before.size)
+            position = np.add(camera.position, (1 - camera.converging) * offset)
+            moved = replace(camera, position=vec3(position), target=vec3(np.add(camera.target, offset)))
+            return replace(before, camera=moved, size=SIZE_AFTER[self.step] * before.size)
         across = pixel * (np.array([RIGHT, UP, 0.0]) @ perpendicular_basis(-unit(light.direction), camera.up))
         if light.kind == "directional":
             return replace(before, light=replace(light, direction=vec3(unit(light.direction) + across)))
@@ -128,10 +130,12 @@ class Stepped:
         (N, N) each; also whether all four pixels around the point are inside the image.
         """
         size, fine = self.before.size, self.view.size
-        half = math.tan(self.before.camera.fov_y / 2)
+        camera, turned = self.before.camera, self.view.camera
+        half = camera.half_height(1.0)
         x, y = np.meshgrid(*(half * (1 - (2 * np.arange(size) + 1) / size) * sign for sign in (-1, 1)))
-        to_turned = self.before.camera.basis() @ self.view.camera.basis().T
-        right, up, back = np.moveaxis(np.stack([x, y, -np.ones_like(x)], axis=-1) @ to_turned, -1, 0)
+        to_turned = camera.basis() @ turned.basis().T
+        moved = np.subtract(turned.position, camera.position) @ turned.basis().T
+        right, up, back = np.moveaxis(np.stack([x, y, -np.ones_like(x)], axis=-1) @ to_turned - moved, -1, 0)
         column, row = (
             np.floor((1 + side / half) / 2 * fine - 0.5).astype(np.intp) for side in (-right / back, up / back)
         )

@@ -22,22 +22,24 @@ def prepare_truth(truth: Truth) -> PreparedTruth:
 
 
 def positions(view: View, triangle: NDArray[np.int32]) -> Floats:
-    """(N, N, 3) points at the pixels' centres, in metres from the eye, on the planes of triangles (N, N); 0 for misses.
+    """(N, N, 3) points at the pixels' centres, on the planes of triangles (N, N), in metres from the camera.
 
-    A plane seen edge-on, which receivers cannot be, has points anywhere.
+    0 for misses. A plane seen edge-on, which receivers cannot be, has points anywhere.
     """
     camera, geometry = view.camera, view.scene.geometry
-    slope = np.tan(camera.fov_y / 2) * ((np.arange(view.size) + 0.5) * (2 / view.size) - 1)
+    grid = (np.arange(view.size) + 0.5) * (2 / view.size) - 1
+    slope, side = camera.slope * grid, camera.height / 2 * grid
     right, up, back = camera.basis()
     points = np.empty((*triangle.shape, 3))
     for row, hit in enumerate(triangle):
         rays = slope[:, np.newaxis] * right - slope[row] * up - back  # of length 1 along the camera's axis
+        starts = side[:, np.newaxis] * right - side[row] * up
         corners = geometry.corners(np.maximum(hit, 0))
         normals = facet_normals(corners)
         toward = np.einsum("ix,ix->i", normals, rays)
-        away = np.einsum("ix,ix->i", normals, corners[:, 0] - camera.position)
+        away = np.einsum("ix,ix->i", normals, corners[:, 0] - camera.position - starts)
         depth = np.where(hit < 0, 0, away / np.where(toward == 0, 1, toward))
-        points[row] = rays * depth[:, np.newaxis]
+        points[row] = np.where(hit[:, np.newaxis] < 0, 0, starts + rays * depth[:, np.newaxis])
     return points
 
 

@@ -32,7 +32,9 @@ export async function load({ glb, view: { camera: pose, meshes } }) {
       renderables.setReceiveShadows(renderables.getInstance(entity), receives);
     }
   }
-  camera.setProjectionFov(pose.fov_y, 1, pose.near, pose.far, Filament.Camera$Fov.VERTICAL);
+  const half = pose.height / 2;
+  if (half) camera.setProjection(Filament.Camera$Projection.ORTHO, -half, half, -half, half, pose.near, pose.far);
+  else camera.setProjectionFov(pose.fov_y, 1, pose.near, pose.far, Filament.Camera$Fov.VERTICAL);
   camera.lookAt(pose.position, pose.target, pose.up);
 }
 

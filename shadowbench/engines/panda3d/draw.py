@@ -37,8 +37,13 @@ def load(model, view):
     scene.set_shader_auto()
     scene.set_bin("unsorted", 0)  # in this order where surfaces meet
     camera.reparent_to(scene)
-    pose, lens = view["camera"], camera.node().get_lens()
-    lens.set_fov(pose["fov_y"], pose["fov_y"])
+    pose = view["camera"]
+    if height := pose["height"]:
+        lens = core.OrthographicLens()
+        lens.set_film_size(height, height)
+    else:
+        lens = core.PerspectiveLens(pose["fov_y"], pose["fov_y"])
+    camera.node().set_lens(lens)
     lens.set_near_far(pose["near"], pose["far"])
     place(camera, pose["position"], pose["target"], pose["up"])
 

@@ -23,7 +23,11 @@ def load(model, view):
         elif isinstance(node, pygfx.Mesh):
             node.cast_shadow = node.receive_shadow = True
     pose = view["camera"]
-    camera = pygfx.PerspectiveCamera(pose["fov_y"], 1, depth_range=(pose["near"], pose["far"]))
+    planes, height = (pose["near"], pose["far"]), pose["height"]
+    if height:
+        camera = pygfx.OrthographicCamera(height, height, depth_range=planes)
+    else:
+        camera = pygfx.PerspectiveCamera(pose["fov_y"], 1, depth_range=planes)
     camera.local.position = pose["position"]
     camera.local.reference_up = pose["up"]
     camera.look_at(pose["target"])
