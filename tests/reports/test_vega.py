@@ -8,7 +8,9 @@ import vl_convert
 from shadowbench.reports import report
 
 FILE = Path(report.__file__).parent / "page" / "vega.js.gz"
-LICENCES = "/* Vega, Vega-Lite: BSD 3-Clause, © University of Washington Interactive Data Lab; D3: ISC, © Mike Bostock */\n"
+LICENCES = (
+    "/* Vega, Vega-Lite: BSD 3-Clause, © University of Washington Interactive Data Lab; D3: ISC, © Mike Bostock */\n"
+)
 
 
 def made() -> str:
