@@ -79,10 +79,10 @@ def visibility(view: View, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(P,) visibility of the light at the centres of some pixels, and its variance of a sample."""
     (scene, light), camera = mitsuba_scenes(view), view.camera
     right, up, back = camera.basis()
-    row, column = np.divmod(pixels, view.size)
-    x, y = (2 * (column + 0.5) / view.size - 1), (1 - 2 * (row + 0.5) / view.size)
-    half = math.tan(camera.fov_y / 2)
-    toward = half * (x[:, None] * right + y[:, None] * up) - back
+    row, column = np.divmod(pixels, view.size.width)
+    x, y = (2 * (column + 0.5) / view.size.width - 1), (1 - 2 * (row + 0.5) / view.size.height)
+    across, upwards = view.slopes
+    toward = across * x[:, None] * right + upwards * y[:, None] * up - back
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
     count = len(pixels) * SAMPLES
     index = dr.arange(mi.UInt32, count) // SAMPLES

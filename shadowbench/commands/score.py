@@ -34,9 +34,7 @@ def score(
     scene: options.Scene,
     mask: Annotated[
         Path | None,
-        options.argument(
-            "MASK.png", "Shadow mask: linear grey, 8 or 16 bit, square, white is lit; its size is the view size."
-        ),
+        options.argument("MASK.png", "Shadow mask: linear grey, 8 or 16 bit, white is lit; its size is the view size."),
     ] = None,
     *,
     scoring: ScoreOptions,
@@ -98,7 +96,7 @@ def _print(accuracy: "Accuracy") -> None:
     from shadowbench.scores.metrics import METRICS, is_soft
 
     view = accuracy.view
-    title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
+    title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}"
     soft = is_soft(accuracy.metrics)
     first = ("rmse", "rmse_pen") if soft else ()
     rows = []

@@ -1,6 +1,5 @@
 """What maps cover: fits, the part of light space of one map; splits, the view depths between cascades."""
 
-import math
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -171,7 +170,7 @@ def _region(space: LightSpace, context: FitContext, *more: Floats) -> Box | None
     planes = [box_planes(context.hull.bounds), *more]
     if space.perspective:
         reach = 2 * context.hull.extent + float(np.abs(space.origin).max())
-        planes.append(frustum_planes(space.origin, space.basis, space.half, reach * 1e-6, 4 * reach))
+        planes.append(frustum_planes(space.origin, space.basis, (space.half, space.half), reach * 1e-6, 4 * reach))
     points = corners(np.vstack(planes), context.hull.extent)
     return space.box(points) if len(points) else None
 
@@ -295,7 +294,7 @@ class VisibleBounds:
                 cos_half_angle=frame.light.cos_half_angle,
             )
         to_light = _pixel_to_light(frame.view, space)
-        reach = np.abs(to_light[:3, 2]) + frame.view.size * np.abs(to_light[:3, :2]).sum(axis=1)
+        reach = np.abs(to_light[:3, 2]) + np.abs(to_light[:3, :2]) @ frame.view.size
         rounding = _ROUNDING * float((reach + np.abs(to_light[:3, 3])).max())
         self._bounds.first.set(pixel_to_light=to_light, rounding=rounding)
         inputs = frame.surface.inputs
@@ -310,8 +309,10 @@ def _pixel_to_light(view: View, space: LightSpace) -> Floats:
     """
     camera, far = view.camera, view.near_far[1]
     right, up, back = camera.basis()
-    slope = math.tan(camera.fov_y / 2) * far
-    corner = -back * far + (right + up) * slope * (1 / view.size - 1)  # the centre of the pixel at the lower left
-    columns = np.column_stack([*(axis * slope * 2 / view.size for axis in (right, up)), corner, camera.position])
+    (_, slope), (width, height) = view.slopes, view.size
+    corner = (
+        far * slope / height * ((1 - width) * right + (1 - height) * up) - far * back
+    )  # the lower left pixel's centre
+    columns = np.column_stack([*(2 * far * slope / height * axis for axis in (right, up)), corner, camera.position])
     result: Floats = np.diag([1.0, 1.0, -1.0, 1.0]) @ space.matrix @ np.vstack([columns, [0.0, 0.0, 0.0, 1.0]])
     return result

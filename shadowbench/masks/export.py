@@ -100,9 +100,9 @@ def nearest_depth(view: View) -> float:
     """
     camera, (near, far) = view.camera, view.near_far
     right, up, back = camera.basis()
-    slope, eye = math.tan(camera.fov_y / 2), np.asarray(camera.position)
+    (across, upwards), eye = view.slopes, np.asarray(camera.position)
     vertices, faces = view.scene.geometry.vertices, view.scene.geometry.faces
-    for normal in (right, -right, up, -up):
+    for normal, slope in ((right, across), (-right, across), (up, upwards), (-up, upwards)):
         cut = trimesh.intersections.slice_faces_plane(  # type: ignore[no-untyped-call]
             vertices, faces, normal - slope * back, eye
         )
@@ -130,7 +130,7 @@ def describe(view: View, scene_name: str, sides: "Sides" = "double", options: Sc
             "clip x / w = (2 column + 1) / width − 1, clip y / w = 1 − (2 row + 1) / height",
             "angles": "degrees",
         },
-        "image": {"width": view.size, "height": view.size},
+        "image": view.size._asdict(),
         "camera": {
             "name": camera.name,
             "position": list(camera.position),
@@ -259,7 +259,7 @@ def glb_of(view: View, *, sides: "Sides" = "double") -> bytes:
             written["name"] = mesh.name
             written["primitives"][0]["material"] = distinct.index(material)
         near, far = view.near_far
-        lens = {"yfov": camera.fov_y, "aspectRatio": 1.0, "znear": near, "zfar": far}
+        lens = {"yfov": camera.fov_y, "aspectRatio": view.size.width / view.size.height, "znear": near, "zfar": far}
         tree["cameras"] = [{"name": camera.name, "type": "perspective", "perspective": lens}]
         tree["extensions"] = {"KHR_lights_punctual": {"lights": [_lamp(light)]}}
         tree["extensionsUsed"] = ["KHR_lights_punctual"]

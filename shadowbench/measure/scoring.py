@@ -22,16 +22,18 @@ def prepare_truth(truth: Truth) -> PreparedTruth:
 
 
 def positions(view: View, triangle: NDArray[np.int32]) -> Floats:
-    """(N, N, 3) points at the pixels' centres, in metres from the eye, on the planes of triangles (N, N); 0 for misses.
+    """(H, W, 3) points at the pixels' centres, in metres from the eye, on the planes of triangles (H, W); 0 for misses.
 
     A plane seen edge-on, which receivers cannot be, has points anywhere.
     """
     camera, geometry = view.camera, view.scene.geometry
-    slope = np.tan(camera.fov_y / 2) * ((np.arange(view.size) + 0.5) * (2 / view.size) - 1)
+    (_, half), (width, height) = view.slopes, view.size
+    x = half * ((np.arange(width) + 0.5) * (2 / height) - width / height)
+    y = half * ((np.arange(height) + 0.5) * (2 / height) - 1)
     right, up, back = camera.basis()
     points = np.empty((*triangle.shape, 3))
     for row, hit in enumerate(triangle):
-        rays = slope[:, np.newaxis] * right - slope[row] * up - back  # of length 1 along the camera's axis
+        rays = x[:, np.newaxis] * right - y[row] * up - back  # of length 1 along the camera's axis
         corners = geometry.corners(np.maximum(hit, 0))
         normals = facet_normals(corners)
         toward = np.einsum("ix,ix->i", normals, rays)
@@ -46,7 +48,7 @@ def mask_record(
 ) -> dict[str, Any]:
     """Fields of a score record that describe a mask: metrics, digest and pixel counts.
 
-    visibility: (N, N), quantised to 16 bits; prepared: `prepare_truth(truth)`, shared by many masks; surface: (N, N)
+    visibility: (H, W), quantised to 16 bits; prepared: `prepare_truth(truth)`, shared by many masks; surface: (H, W)
     triangle ids of the G-buffer that the mask was drawn over, None if there is none. Row 0 is at the top.
     A soft truth adds its own error, root mean square over receivers and over the penumbra, what widths are from, and
     whether they are too wide or too narrow.

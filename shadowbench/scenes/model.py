@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.options import ViewSize, ViewSizeLike
 from shadowbench.scenes.cutouts import Cutout, cutout_faces
 from shadowbench.scenes.triangles import Geometry, bounds_of, mirrors, turned, used_by
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
@@ -283,12 +284,12 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A scene, camera, light and image size (size × size pixels): the input of truth and techniques."""
+    """A scene, camera, light and image size in pixels: the input of truth and techniques."""
 
     scene: Scene
     camera: Camera
     light: Light
-    size: int
+    size: ViewSize
 
     @property
     def name(self) -> str:
@@ -303,14 +304,25 @@ class View:
         return self.camera.near, self.camera.far
 
     @property
+    def slopes(self) -> tuple[float, float]:
+        """Tangents of half the horizontal and half the vertical field of view; pixels are square."""
+        slope = float(np.tan(self.camera.fov_y / 2))
+        return slope * (self.size.width / self.size.height), slope
+
+    @property
+    def pixel(self) -> float:
+        """Side of a pixel at unit view depth."""
+        return 2 * float(np.tan(self.camera.fov_y / 2)) / self.size.height
+
+    @property
     def projection(self) -> Floats:
         """(4, 4) float64 camera-to-clip matrix for column vectors, in OpenGL's clip space, −w ≤ x, y, z ≤ w."""
         near, far = self.near_far
-        slope = float(np.tan(self.camera.fov_y / 2))
+        right, up = self.slopes
         return np.array(
             [
-                [1 / slope, 0, 0, 0],
-                [0, 1 / slope, 0, 0],
+                [1 / right, 0, 0, 0],
+                [0, 1 / up, 0, 0],
                 [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)],
                 [0, 0, -1, 0],
             ]
@@ -323,8 +335,8 @@ class View:
         return View(scene, placement.camera(self.camera), placement.light(self.light), self.size), placement
 
 
-def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
-    """The view, with near and far plane of the camera set.
+def view_of(scene: Scene, camera: Camera, light: Light, size: ViewSizeLike) -> View:
+    """The view, with near and far plane of the camera set; size: as by `ViewSize.of`.
 
     By default they enclose the scene's bounds: far is the distance to the farthest corner, near the view depth, in the
     image's corner, of a point at the distance of the nearest point, but at least far/10⁴; both with a margin of 0.1%
@@ -340,7 +352,9 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
         raise InputError(f"camera {camera.name!r} of {scene.name}: {apart}")
     farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
     nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
-    nearest /= np.sqrt(1 + 2 * np.tan(camera.fov_y / 2) ** 2)
+    view = View(scene, camera, light, ViewSize.of(size))
+    right, up = view.slopes
+    nearest /= np.sqrt(1 + (right**2 + up**2))
     nearest, farthest = float(max(nearest, farthest / 1e4)) * 0.999, farthest * 1.001
     near = min(max(camera.near or nearest, nearest), farthest)
     far = min(max(camera.far or farthest, nearest), farthest)
@@ -349,7 +363,7 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
             f"camera {camera.name!r} of {scene.name} shows nothing: its near and far planes, {camera.near} and "
             f"{camera.far} m, exclude the scene, which lies between {nearest:.4g} and {farthest:.4g} m"
         )
-    view = View(scene, replace(camera, near=near, far=far), light, size)
+    view = replace(view, camera=replace(camera, near=near, far=far))
     if (taken := len(view.name.encode())) > LONGEST_VIEW_NAME:
         raise InputError(
             f"scene {scene.name!r}, camera {camera.name!r}, light {light.name!r}: their names, which are parts of "

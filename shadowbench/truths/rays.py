@@ -84,7 +84,7 @@ class ViewRays:
 
         camera = view.camera
         right, up, back = camera.basis()[:, :, None]
-        slope = np.tan(camera.fov_y / 2)
+        _, slope = view.slopes
         self._right, self._up, self._ahead = right * slope, up * slope, -back
         self.eye = np.array(camera.position)[:, None]
         low, high = geometry.bounds
@@ -115,8 +115,9 @@ class ViewRays:
 
     def directions(self, rows: slice, across: float = 0.5, down: float = 0.5) -> Floats:
         """(3, N) camera rays through a point of each pixel of some rows; the ray parameter is view depth."""
-        x = (np.arange(self.size) + across) * (2 / self.size) - 1
-        y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / self.size)
+        width, height = self.size
+        x = (np.arange(width) + across) * (2 / height) - width / height
+        y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / height)
         row = self._ahead + x * self._right
         grid: Floats = row[:, None, :] + (y * self._up)[:, :, None]
         return grid.reshape(3, -1)

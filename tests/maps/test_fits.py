@@ -162,7 +162,7 @@ def test_corners_of_a_frustum_in_a_box(eye, ahead, slope, near, depth, seed) -> 
     right = unit(np.cross([0.3, 0.9, 0.2], back))
     basis = np.stack([right, np.cross(back, right), back])
     far = near + depth
-    planes = np.vstack([box_planes(bounds), frustum_planes(np.asarray(eye), basis, slope, near, far)])
+    planes = np.vstack([box_planes(bounds), frustum_planes(np.asarray(eye), basis, (slope, slope), near, far)])
     result = corners(planes, 1.0)
 
     # Brute force: points of the box that lie in the frustum, by its definition.

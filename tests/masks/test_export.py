@@ -19,6 +19,7 @@ from shadowbench.masks.export import (
     light_box,
 )
 from shadowbench.measure.scoring import positions
+from shadowbench.options import ViewSize
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.masks import read_mask
@@ -28,7 +29,7 @@ from shadowbench.truths.trace import Truth, trace
 SIZE = 128
 
 
-def read_back(folder: Path, size: int) -> View:
+def read_back(folder: Path, size: ViewSize) -> View:
     """The view of scene.glb; not through load_scene, which gives a ground to what has none."""
     contents = read_meshes(folder / "scene.glb")
     scene = Scene("read", contents.meshes, contents.cameras, contents.lights)

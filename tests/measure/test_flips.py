@@ -49,7 +49,7 @@ def test_only_a_window_that_follows_the_camera_shimmers_when_it_turns_unless_it_
 
 
 def directions(view: View) -> np.ndarray:
-    return ViewRays(view).directions(slice(0, view.size)).reshape(3, view.size, view.size)
+    return ViewRays(view).directions(slice(0, view.size.height)).reshape(3, *view.size.shape)
 
 
 @pytest.fixture

@@ -13,9 +13,9 @@ const FILTERS = {
 const vector = ([x, y, z]) => new BABYLON.Vector3(-x, y, z); // scenes are left-handed: the loader of glTF mirrors x
 let engine, scene, meshes;
 
-export function open({ canvas, size }) {
+export function open({ canvas, width, height }) {
   engine = new BABYLON.Engine(canvas, false, { preserveDrawingBuffer: true });
-  engine.setSize(size, size);
+  engine.setSize(width, height);
   return BABYLON.Engine.Version;
 }
 

@@ -6,10 +6,10 @@ const FILTERS = { basic: THREE.BasicShadowMap, pcf: THREE.PCFShadowMap, vsm: THR
 const SIDES = { shipped: null, front: THREE.FrontSide, back: THREE.BackSide, both: THREE.DoubleSide };
 let renderer, scene, camera, light, meshes;
 
-export function open({ canvas, size }) {
+export function open({ canvas, width, height }) {
   renderer = new THREE.WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
   renderer.setPixelRatio(1);
-  renderer.setSize(size, size, false);
+  renderer.setSize(width, height, false);
   renderer.toneMapping = THREE.NoToneMapping;
   renderer.shadowMap.enabled = true;
   return THREE.REVISION;
@@ -33,7 +33,7 @@ export async function load({ glb, view }) {
     mesh.receiveShadow = mesh.userData.receives ?? true;
   }
   const { fov_y, near, far, position, up, target } = view.camera;
-  camera = new THREE.PerspectiveCamera(fov_y, 1, near, far);
+  camera = new THREE.PerspectiveCamera(fov_y, view.image.width / view.image.height, near, far);
   camera.position.set(...position);
   camera.up.set(...up);
   camera.lookAt(...target);
