@@ -61,14 +61,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_suite_is_scored_and_timed_in_frames_of_the_reference(folder: Path) -> None:
-    done = call(folder, "pytest", "-rs", "-p", "no:cacheprovider", "--benchmark-json=found.json", "--tb=short")
+    options = ("--benchmark-json=rows.json", "--benchmark-histogram=drawn")
+    done = call(folder, "pytest", "-rs", "-p", "no:cacheprovider", "--tb=short", *options)
     assert "3 failed, 1 passed, 1 skipped" in (out := done.stdout) and "1 error" in out, out
     assert "my-shadows:size=16 on stairs: iou is " in out and "; min_iou is 0.999" in out
     assert "my-shadows:size=256 on stairs: " in out and " in baseline, now " in out
     assert "baseline: no row of stairs my-shadows:fit=visible,size=64,bias=0.02; it has stairs my-shadows:" in out
     assert "my-shadows on room-with-lamp: unsupported" in out
     assert "Name (time in reference frames)" in out and "benchmark 'stairs'" in out
-    entries = {one["name"]: one for one in json.loads((folder / "found.json").read_text())["benchmarks"]}
+    assert "Speed in frames of the reference of stairs" in (folder / "drawn-stairs.svg").read_text()
+    entries = {one["name"]: one for one in json.loads((folder / "rows.json").read_text())["benchmarks"]}
     row, stats = entries["test_mine"]["extra_info"], entries["test_mine"]["stats"]
     assert stats["rounds"] == 5 and stats["median"] == pytest.approx(row["ratio"]) and row["reference_ms"] > 0
     assert {*METRICS, "work_fragments", "gpu_bytes", "renderer", "frame_ms", "added_ms"} <= row.keys()
