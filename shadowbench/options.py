@@ -64,6 +64,11 @@ class ViewSize(NamedTuple):
         return {"view_size": self.height, "view_width": self.width}
 
     @property
+    def aspect(self) -> float:
+        """Width over height; pixels are square."""
+        return self.width / self.height
+
+    @property
     def pixels(self) -> int:
         """Number of pixels."""
         return self.width * self.height

@@ -80,9 +80,8 @@ def visibility(view: View, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     (scene, light), camera = mitsuba_scenes(view), view.camera
     right, up, back = camera.basis()
     row, column = np.divmod(pixels, view.size.width)
-    x, y = (2 * (column + 0.5) / view.size.width - 1), (1 - 2 * (row + 0.5) / view.size.height)
-    across, upwards = view.slopes
-    toward = across * x[:, None] * right + upwards * y[:, None] * up - back
+    x, y = column + 0.5 - view.size.width / 2, view.size.height / 2 - row - 0.5
+    toward = view.pixel * (x[:, None] * right + y[:, None] * up) - back
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
     count = len(pixels) * SAMPLES
     index = dr.arange(mi.UInt32, count) // SAMPLES

@@ -25,12 +25,25 @@ def box_planes(bounds: Floats) -> Floats:
     return np.vstack([np.column_stack([np.eye(3), -low]), np.column_stack([-np.eye(3), high])])
 
 
-def frustum_planes(eye: Floats, basis: Floats, slopes: tuple[float, float], near: float, far: float) -> Floats:
-    """(6, 4) planes of a frustum between two depths; basis: rows right, up, back; slopes: of its sides, as a view's."""
+def frustum_planes(
+    eye: Floats, basis: Floats, slope: float, near: float, far: float, half: float = 0.0, aspect: float = 1.0
+) -> Floats:
+    """(6, 4) planes of a frustum between two depths.
+
+    basis: rows right, up, back; slope: of its upper and lower side, which are `half` from the axis at the eye, the tip
+    by default; aspect: its width over its height.
+    """
     right, up, back = basis
-    sides = [slope * -back + sign * axis for axis, slope in zip((right, up), slopes, strict=True) for sign in (1, -1)]
+    outward, scales = [sign * axis for axis in (-right, -up) for sign in (1, -1)], (aspect, aspect, 1.0, 1.0)
+    sides = [scale * slope * -back - side for scale, side in zip(scales, outward, strict=True)]
     normals = np.array([*(side / np.linalg.norm(side) for side in sides), -back, back])
-    points = np.array([eye, eye, eye, eye, eye - near * back, eye - far * back])
+    points = np.array(
+        [
+            *(eye + scale * half * side for scale, side in zip(scales, outward, strict=True)),
+            eye - near * back,
+            eye - far * back,
+        ]
+    )
     return np.column_stack([normals, -np.einsum("ij,ij->i", normals, points)])
 
 
@@ -102,14 +115,17 @@ class Slice:
     def planes(self) -> Floats:
         """(6, 4) planes."""
         camera = self.view.camera
-        return frustum_planes(np.array(camera.position), camera.basis(), self.view.slopes, self.near, self.far)
+        shape = camera.slope, self.near, self.far, camera.height / 2, self.view.size.aspect
+        return frustum_planes(np.array(camera.position), camera.basis(), *shape)
 
     @property
     def corners(self) -> Floats:
         """(8, 3) corners, the near ones first."""
-        (right, up, back), (across, upwards) = self.view.camera.basis(), self.view.slopes
-        rays = np.array([x * across * right + y * upwards * up - back for x in (-1, 1) for y in (-1, 1)])
-        return np.array(self.view.camera.position) + np.vstack([self.near * rays, self.far * rays])
+        camera, aspect = self.view.camera, self.view.size.aspect
+        (right, up, back), slope, half = camera.basis(), camera.slope, camera.height / 2
+        rays = np.array([x * slope * right + y * slope * up - back for x in (-aspect, aspect) for y in (-1, 1)])
+        starts = np.array([x * half * right + y * half * up for x in (-aspect, aspect) for y in (-1, 1)])
+        return np.array(camera.position) + np.vstack([starts + self.near * rays, starts + self.far * rays])
 
     def corners_within(self, bounds: Floats, extent: float) -> Floats:
         """(N, 3) corners of the slice's intersection with a (2, 3) box; its own corners if that is empty."""
@@ -119,11 +135,11 @@ class Slice:
     @property
     def sphere(self) -> tuple[Floats, float]:
         """(3,) centre and radius of the smallest bounding sphere; the radius is independent of the camera's pose."""
-        across, upwards = self.view.slopes
-        slope = across**2 + upwards**2  # squared, of the frustum's edges
+        camera, edges = self.view.camera, 1 + self.view.size.aspect**2
+        slope = edges * camera.slope**2  # squared slope of the frustum's edges
         along = min((self.near + self.far) / 2 * (1 + slope), self.far)
-        radius = np.hypot(along - self.far, self.far * np.sqrt(slope))
-        return np.array(self.view.camera.position) - self.view.camera.basis()[2] * along, float(radius)
+        radius = np.hypot(along - self.far, self.far * np.sqrt(slope) + camera.height / 2 * np.sqrt(edges))
+        return np.array(camera.position) - camera.basis()[2] * along, float(radius)
 
 
 def view_planes(view: View) -> Floats:

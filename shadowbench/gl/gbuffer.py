@@ -11,7 +11,7 @@ from pyglm import glm
 from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import SHADERS, Drawable, Program, Sampling, State, Textures, compose, fullscreen, link
 from shadowbench.scenes.cutouts import CutoutFaces, PackedCutouts
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import Camera, View
 from shadowbench.scenes.triangles import Faces, Geometry
 from shadowbench.scenes.vectors import Floats
 
@@ -188,13 +188,15 @@ def download(texture: moderngl.Texture, dtype: str = "f4") -> NDArray[np.generic
     return values[::-1]
 
 
+def _world_to_camera(camera: Camera) -> Floats:
+    _, up, back = camera.basis()
+    position = glm.dvec3(*camera.position)  # glm rounds a tuple to float32
+    return np.array(glm.lookAt(position, position - glm.dvec3(*back), glm.dvec3(*up)))
+
+
 def view_projection(view: View) -> Floats:
     """(4, 4) float64 world-to-clip matrix of a view's camera, for column vectors."""
-    camera = view.camera
-    _, up, back = camera.basis()
-    eye = glm.dvec3(*camera.position)  # glm rounds a tuple to float32
-    world_to_camera = np.array(glm.lookAt(eye, eye - glm.dvec3(*back), glm.dvec3(*up)))
-    world_to_clip: Floats = view.projection @ world_to_camera
+    world_to_clip: Floats = view.projection @ _world_to_camera(view.camera)
     return world_to_clip
 
 
@@ -227,7 +229,8 @@ class GBufferPass:
         target.clear(depth=1.0)
         triangle.write(np.full(size.shape, -1, dtype=np.int32).tobytes())  # moderngl's clear writes floats
         far = view.near_far[1]
-        self.program.set(world_to_clip=view_projection(view), far=far, eye=view.camera.position)
+        to_depth = tuple((-_world_to_camera(view.camera)[2]).tolist())
+        self.program.set(world_to_clip=view_projection(view), world_to_depth=to_depth, far=far, eye=view.camera.eye)
         textures = {"normals": (self.geometry.normals, Sampling()), **self.geometry.smooth}
         self.drawable.draw(target, textures, State(depth_test="<"))
         self.device.check("the G-buffer")

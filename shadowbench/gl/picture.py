@@ -38,7 +38,7 @@ class PicturePass:
         xyz, w = view.light.homogeneous
         self._shade.program.set(
             light=(*xyz, w),
-            eye=view.camera.position,
+            eye=view.camera.eye,
             cone_axis=vec3(unit(view.light.direction)),
             cos_half_angle=view.light.cos_half_angle,
         )

@@ -57,9 +57,9 @@ class ResolvePass:
             side = frame.view.pixel
             self.program.set(pixel_right=vec3(right * side), pixel_up=vec3(up * side), forward=vec3(-back))
         if self.program.has("eye"):
-            self.program.set(eye=frame.camera.position)
+            self.program.set(eye=frame.camera.eye)
         if self.program.has("view_far"):
-            self.program.set(view_far=frame.view.near_far[1])
+            self.program.set(view_far=frame.view.near_far[1], view_position=frame.camera.position)
         self.program.set(light=frame.light_uniform, **uniforms)
         return self.draw({**frame.surface.inputs, **textures})
 

@@ -170,7 +170,7 @@ def _region(space: LightSpace, context: FitContext, *more: Floats) -> Box | None
     planes = [box_planes(context.hull.bounds), *more]
     if space.perspective:
         reach = 2 * context.hull.extent + float(np.abs(space.origin).max())
-        planes.append(frustum_planes(space.origin, space.basis, (space.half, space.half), reach * 1e-6, 4 * reach))
+        planes.append(frustum_planes(space.origin, space.basis, space.half, reach * 1e-6, 4 * reach))
     points = corners(np.vstack(planes), context.hull.extent)
     return space.box(points) if len(points) else None
 
@@ -296,23 +296,23 @@ class VisibleBounds:
         to_light = _pixel_to_light(frame.view, space)
         reach = np.abs(to_light[:3, 2]) + np.abs(to_light[:3, :2]) @ frame.view.size
         rounding = _ROUNDING * float((reach + np.abs(to_light[:3, 3])).max())
-        self._bounds.first.set(pixel_to_light=to_light, rounding=rounding)
+        self._bounds.first.set(pixel_to_light=to_light, rounding=rounding, eye=frame.camera.eye)
         inputs = frame.surface.inputs
         low, high = self._bounds({**inputs, **self._sample.reduce(inputs)})
         return Box(low, high) if (low <= high).all() else None
 
 
 def _pixel_to_light(view: View, space: LightSpace) -> Floats:
-    """(4, 4) from (pixel · depth, depth, 1) to light space, z being the distance along the axis.
+    """(4, 4) from (pixel · spread, depth, 1) to light space, z being the distance along the axis.
 
-    pixel: column and row from the lower left; depth: as a share of the far plane's.
+    pixel: column and row from the lower left; depth: as a share of the far plane's; spread: the depth, or 1 where rays
+    are parallel.
     """
     camera, far = view.camera, view.near_far[1]
     right, up, back = camera.basis()
-    (_, slope), (width, height) = view.slopes, view.size
-    corner = (
-        far * slope / height * ((1 - width) * right + (1 - height) * up) - far * back
-    )  # the lower left pixel's centre
-    columns = np.column_stack([*(2 * far * slope / height * axis for axis in (right, up)), corner, camera.position])
+    (width, height), half = view.size, camera.half_height(far)
+    corner = half / height * ((1 - width) * right + (1 - height) * up)  # the centre of the pixel at the lower left
+    depth, start = -back * far + camera.converging * corner, camera.position + (1 - camera.converging) * corner
+    columns = np.column_stack([*(axis * half * 2 / height for axis in (right, up)), depth, start])
     result: Floats = np.diag([1.0, 1.0, -1.0, 1.0]) @ space.matrix @ np.vstack([columns, [0.0, 0.0, 0.0, 1.0]])
     return result

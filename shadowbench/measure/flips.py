@@ -75,9 +75,11 @@ def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
 class Stepped:
     """A view after a small step; `count` compares it with the view before the step.
 
-    A step of the camera turns it by a fraction of a pixel, so that all surfaces stay visible. The image after it is
+    A step of the camera turns it by a fraction of a pixel, so that all surfaces stay visible; an orthographic one moves
+    aside by that. The image after it is
     FINER times as fine: pixels show other points of a surface than before, and would flip along every edge, even of a
-    shadow map that does not move, if the nearest one were compared. A step of the light moves it by the same angle.
+    shadow map that does not move, if the nearest one were compared. A step of the light moves it by the same
+    angle, seen from a view's height away if the camera is orthographic.
     """
 
     before: View
@@ -88,12 +90,13 @@ class Stepped:
         """The view after the step."""
         before = self.before
         camera, light = before.camera, before.light
-        pixel = before.pixel  # as an angle
-        distance = float(np.linalg.norm(np.subtract(camera.position, camera.target)))
+        pixel = (2 * camera.slope or 1.0) / before.size.height  # as an angle
+        distance = camera.height or float(np.linalg.norm(np.subtract(camera.position, camera.target)))
         if self.step == "camera":
             offset = distance * pixel * (np.array([RIGHT, UP, 0.0]) @ camera.basis())
-            turned = replace(camera, target=vec3(np.add(camera.target, offset)))
-            return replace(before, camera=turned, size=before.size.times(SIZE_AFTER[self.step]))
+            position = np.add(camera.position, (1 - camera.converging) * offset)
+            moved = replace(camera, position=vec3(position), target=vec3(np.add(camera.target, offset)))
+            return replace(before, camera=moved, size=before.size.times(SIZE_AFTER[self.step]))
         across = pixel * (np.array([RIGHT, UP, 0.0]) @ perpendicular_basis(-unit(light.direction), camera.up))
         if light.kind == "directional":
             return replace(before, light=replace(light, direction=vec3(unit(light.direction) + across)))
@@ -126,15 +129,17 @@ class Stepped:
 
         (H, W) each; also whether all four pixels around the point are inside the image.
         """
-        extents = self.before.slopes
+        camera, turned = self.before.camera, self.view.camera
+        extents = [side * self.before.pixel / 2 for side in self.before.size]
         x, y = np.meshgrid(
             *(
                 sign * extent * (1 - (2 * np.arange(side) + 1) / side)
                 for sign, extent, side in zip((-1, 1), extents, self.before.size, strict=True)
             )
         )
-        to_turned = self.before.camera.basis() @ self.view.camera.basis().T
-        right, up, back = np.moveaxis(np.stack([x, y, -np.ones_like(x)], axis=-1) @ to_turned, -1, 0)
+        to_turned = camera.basis() @ turned.basis().T
+        moved = np.subtract(turned.position, camera.position) @ turned.basis().T
+        right, up, back = np.moveaxis(np.stack([x, y, -np.ones_like(x)], axis=-1) @ to_turned - moved, -1, 0)
         column, row = (
             np.floor((1 + side / extent) / 2 * count - 0.5).astype(np.intp)
             for side, extent, count in zip((-right / back, up / back), extents, self.view.size, strict=True)

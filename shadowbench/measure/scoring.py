@@ -22,24 +22,25 @@ def prepare_truth(truth: Truth) -> PreparedTruth:
 
 
 def positions(view: View, triangle: NDArray[np.int32]) -> Floats:
-    """(H, W, 3) points at the pixels' centres, in metres from the eye, on the planes of triangles (H, W); 0 for misses.
+    """(H, W, 3) points at the pixels' centres, on the planes of triangles (H, W), in metres from the camera.
 
-    A plane seen edge-on, which receivers cannot be, has points anywhere.
+    0 for misses. A plane seen edge-on, which receivers cannot be, has points anywhere.
     """
     camera, geometry = view.camera, view.scene.geometry
-    (_, half), (width, height) = view.slopes, view.size
-    x = half * ((np.arange(width) + 0.5) * (2 / height) - width / height)
-    y = half * ((np.arange(height) + 0.5) * (2 / height) - 1)
+    width, height = view.size
+    x = (np.arange(width) + 0.5) * (2 / height) - width / height
+    y = (np.arange(height) + 0.5) * (2 / height) - 1
     right, up, back = camera.basis()
     points = np.empty((*triangle.shape, 3))
     for row, hit in enumerate(triangle):
-        rays = x[:, np.newaxis] * right - y[row] * up - back  # of length 1 along the camera's axis
+        beside = x[:, np.newaxis] * right - y[row] * up
+        rays, starts = camera.slope * beside - back, camera.height / 2 * beside  # of length 1 along the camera's axis
         corners = geometry.corners(np.maximum(hit, 0))
         normals = facet_normals(corners)
         toward = np.einsum("ix,ix->i", normals, rays)
-        away = np.einsum("ix,ix->i", normals, corners[:, 0] - camera.position)
+        away = np.einsum("ix,ix->i", normals, corners[:, 0] - camera.position - starts)
         depth = np.where(hit < 0, 0, away / np.where(toward == 0, 1, toward))
-        points[row] = rays * depth[:, np.newaxis]
+        points[row] = np.where(hit[:, np.newaxis] < 0, 0, starts + rays * depth[:, np.newaxis])
     return points
 
 

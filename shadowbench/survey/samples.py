@@ -94,17 +94,19 @@ def sample_view(view: View) -> Samples:
     triangle = truth.triangle.ravel()[pixel].astype(np.intp)
     a, b, c = placed.scene.geometry.corners(triangle).transpose(1, 2, 0)
     right, up, back = placed.camera.basis()[:, :, None]
-    eye, extent, step = np.array(placed.camera.position)[:, None], placed.pixel, view.size.height / height
-    moves = extent * right, -extent * up
+    position, extent, step = np.array(placed.camera.position)[:, None], placed.pixel, view.size.height / height
+    moves, converging = (extent * right, -extent * up), placed.camera.converging
     y, x = np.divmod(pixel, width)
-    rays = (x + 0.5 - width / 2) * moves[0] + (y + 0.5 - height / 2) * moves[1] - back
+    beside = (x + 0.5 - width / 2) * moves[0] + (y + 0.5 - height / 2) * moves[1]
+    starts, rays = position + (1 - converging) * beside, converging * beside - back
     normal = np.cross(b - a, c - a, axis=0)
     normal *= -np.sign(dot(normal, rays)) / np.sqrt(dot(normal, normal))
     slant = np.minimum(dot(normal, rays), -EDGE_ON)
-    depth = dot(normal, a - eye) / slant
-    # Derivatives of P = eye + t·d, t = N·(A − eye)/(N·d), along the image's axes.
-    across, down = (depth / step * (move - rays * (dot(normal, move) / slant)) for move in moves)
-    point = eye + rays * depth
+    depth = dot(normal, a - starts) / slant
+    # Derivatives of P = S + t·d, t = N·(A − S)/(N·d), along the image's axes. Pixels are as large as at depth `spread`.
+    spread = converging * depth + (1 - converging)
+    across, down = (spread / step * (move - rays * (dot(normal, move) / slant)) for move in moves)
+    point = starts + rays * depth
     source, w = placed.light.homogeneous
     to_light = np.array(source)[:, None] - w * point
     length = np.sqrt(dot(to_light, to_light))

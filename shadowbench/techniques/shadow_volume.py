@@ -82,6 +82,8 @@ def _before_near(view: View) -> Floats:
     """(P, 4) planes of the region between the eye and the near plane, and of its light rays if they can be bounded."""
     near, far = view.near_far
     planes = view_planes(replace(view, camera=replace(view.camera, near=_AT_EYE * far, far=near)))
+    if not view.camera.converging:
+        return np.delete(planes, 4, axis=0)  # from infinity on, where the eye is: that of the depth
     points = corners(planes, float(np.abs(view.camera.position).max()) + far)
     planes = np.vstack([planes, box_planes(bounds_of(points))])
     xyz, w = view.light.homogeneous
@@ -165,7 +167,7 @@ class Volumes:
         for program in self.programs.values():
             program.set(world_to_clip=world_to_clip)
         if self.programs["wall"].has("eye"):
-            self.programs["wall"].set(eye=frame.camera.position)
+            self.programs["wall"].set(eye=frame.camera.eye)
         capped = next((batch.parts for batch in batches if batch.behind), np.zeros(len(self.boxes), dtype=bool))
         chosen = np.repeat(capped, np.diff(self._face_ends, prepend=0))
         faces = self.faces[chosen]

@@ -143,10 +143,10 @@ def _receivers(
     """Receivers at one point of each pixel, and (pixels,) triangles hit, which are traced unless given."""
 
     def work(rows: slice) -> tuple[Receivers, Indices]:
-        directions = rays.directions(rows, across, down)
+        lines = rays.camera_rays(rows, across, down)
         first = rows.start * rays.size.width
-        hit = rays.nearest(directions) if triangle is None else triangle[first : rows.stop * rays.size.width]
-        found = rays.receivers(directions, hit)
+        hit = rays.nearest(lines) if triangle is None else triangle[first : rows.stop * rays.size.width]
+        found = rays.receivers(lines, hit)
         return found._replace(rays=found.rays + first), hit
 
     parts, hits = zip(*over_rows(work, rays.size), strict=True)

@@ -120,13 +120,13 @@ def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float
     geometry = view.scene.geometry
 
     def trace_rows(rows: slice) -> tuple[Indices, Mask, Floats]:
-        directions = rays.directions(rows)
-        triangle = rays.nearest(directions)
+        lines = rays.camera_rays(rows)
+        triangle = rays.nearest(lines)
         seen = np.flatnonzero(triangle >= 0)
         seen = seen[geometry.receives[triangle[seen]]]
-        points = rays.points(directions.take(seen, axis=1), triangle[seen])
+        points = rays.points(lines.take(seen), triangle[seen])
         ends = np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
-        return triangle, rays.edge_on(directions, triangle), ends
+        return triangle, rays.edge_on(lines, triangle), ends
 
     triangles, edge_on, ends = zip(*over_rows(trace_rows, view.size), strict=True)
     triangle = np.concatenate(triangles)
@@ -175,7 +175,7 @@ def terminator(
         part = slice(rows.start * rays.size.width, rows.stop * rays.size.width)
         hit = triangle[part]
         seen = np.flatnonzero((hit >= 0) & smooth[hit])
-        own, point = hit[seen], rays.points(rays.directions(rows).take(seen, axis=1), hit[seen])
+        own, point = hit[seen], rays.points(rays.camera_rays(rows).take(seen), hit[seen])
         to_light, distance = rays.toward_light(point)
         normals = rays.normals(own)
         flat = Receivers(seen, own, point, to_light, distance, dot(normals, to_light))

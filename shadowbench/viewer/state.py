@@ -130,8 +130,9 @@ def save_state(state: ViewerState, file: Path) -> ViewerState:
     check_outputs(".toml", file)
     if state.origin is None or state.coordinates != "relative":
         raise InputError(f"{file}: the scene of a sweep, and absolute coordinates, are not for a scene file")
-    camera = asdict(state.camera) | {"fov_y": math.degrees(state.camera.fov_y)}
-    camera = {name: value for name, value in camera.items() if value is not None}
+    camera = asdict(state.camera) | {"fov_y": math.degrees(state.camera.fov_y) or None}
+    camera |= {} if state.camera.converging else {"kind": "orthographic"}
+    camera = {name: value for name, value in camera.items() if value}
     angles = {"angle": math.degrees(state.light.angle), "angular_radius": math.degrees(state.light.radius)}
     light = asdict(state.light) | angles
     light = {name: light[name] for name in LIGHT_TABLES[state.light.kind].model_fields}

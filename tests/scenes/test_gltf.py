@@ -62,14 +62,15 @@ def test_a_camera_looks_along_minus_z_of_its_node(gltf_file: Gltf) -> None:
         assert load_scene(path).cameras == (down, ahead)
 
 
-def test_an_orthographic_camera_is_a_note(gltf_file: Gltf) -> None:
-    lens = {"xmag": 1, "ymag": 1, "znear": 0.1, "zfar": 10}
+def test_an_orthographic_camera_is_twice_its_magnification_high(gltf_file: Gltf) -> None:
+    lens = {"xmag": 2, "ymag": 1.5, "znear": 0.0, "zfar": 10}
     path = gltf_file(
         nodes=[{"mesh": 0, "camera": 0}], cameras=[{"type": "orthographic", "orthographic": lens}], scene=0
     )
     scene = load_scene(path)
-    assert any("orthographic" in note for note in scene.notes)
-    assert any("no camera in" in note for note in scene.notes)
+    (camera,) = scene.cameras
+    assert (camera.height, camera.fov_y, camera.near, camera.far) == (3.0, 0.0, None, 10.0)
+    assert any("xmag 2 is not ymag 1.5" in note for note in scene.notes)
 
 
 def test_lights_shine_along_minus_z_of_their_node(gltf_file: Gltf) -> None:

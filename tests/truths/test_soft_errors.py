@@ -35,8 +35,8 @@ def panelled(name: str, size: int) -> View:
 def receivers_of(view: View) -> tuple[ViewRays, Receivers]:
     placed, _ = view.placed()
     rays = ViewRays(placed)
-    directions = rays.directions(slice(0, view.size.height))
-    return rays, rays.receivers(directions, rays.nearest(directions))
+    lines = rays.camera_rays(slice(0, view.size.height))
+    return rays, rays.receivers(lines, rays.nearest(lines))
 
 
 def neighbours(errors: Floats, pixels: np.ndarray, width: int) -> float:

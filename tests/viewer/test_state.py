@@ -45,6 +45,9 @@ def test_what_is_shown_after_saving_is_read_to_the_bit(tmp_path: Path) -> None:
     assert replace(read, scene=state.scene, origin=state.origin) == kept
     assert replace(kept, camera=moved.camera, light=sun) == moved
     assert kept.camera.fov_y == pytest.approx(moved.camera.fov_y, rel=1e-15)
+    isometric = replace(state, camera=replace(state.camera, fov_y=0.0, height=turn))
+    save_state(isometric, tmp_path / "state.toml")
+    assert read_state(tmp_path / "state.toml", KNOWN).camera == isometric.camera
     assert np.array_equal(read.scene.geometry.vertices, state.scene.geometry.vertices)
 
 

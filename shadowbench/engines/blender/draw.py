@@ -26,7 +26,11 @@ def load(model, view):
     scene, pose = bpy.context.scene, view["camera"]
     camera = scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.matrix_world = Y_UP @ Matrix(pose["view"]).inverted()
-    camera.data.sensor_fit, camera.data.angle = "VERTICAL", math.radians(pose["fov_y"])
+    camera.data.sensor_fit = "VERTICAL"
+    if pose["height"]:
+        camera.data.type, camera.data.ortho_scale = "ORTHO", pose["height"]
+    else:
+        camera.data.angle = math.radians(pose["fov_y"])
     camera.data.clip_start, camera.data.clip_end = pose["near"], pose["far"]
     scene.collection.objects.link(camera)
     scene.world = None

@@ -32,7 +32,9 @@ export async function load({ glb, view: { camera: pose, image, meshes } }) {
       renderables.setReceiveShadows(renderables.getInstance(entity), receives);
     }
   }
-  camera.setProjectionFov(pose.fov_y, image.width / image.height, pose.near, pose.far, Filament.Camera$Fov.VERTICAL);
+  const half = pose.height / 2, aspect = image.width / image.height, sides = [-aspect * half, aspect * half, -half, half];
+  if (half) camera.setProjection(Filament.Camera$Projection.ORTHO, ...sides, pose.near, pose.far);
+  else camera.setProjectionFov(pose.fov_y, aspect, pose.near, pose.far, Filament.Camera$Fov.VERTICAL);
   camera.lookAt(pose.position, pose.target, pose.up);
 }
 

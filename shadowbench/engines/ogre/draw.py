@@ -48,7 +48,12 @@ def load(model, view):
     node.setOrientation(Ogre.Quaternion(*(Ogre.Vector3(*row[:3]) for row in pose["view"][:3])))
     camera.setNearClipDistance(0.99 * pose["nearest"])  # volumes need all of the 24 bits
     camera.setFarClipDistance(0)  # infinite, as volumes set it
-    camera.setFOVy(Ogre.Radian(Ogre.Degree(pose["fov_y"])))
+    if pose["height"]:
+        camera.setProjectionType(Ogre.PT_ORTHOGRAPHIC)
+        camera.setOrthoWindow(pose["height"] * camera.getAspectRatio(), pose["height"])
+    else:
+        camera.setProjectionType(Ogre.PT_PERSPECTIVE)
+        camera.setFOVy(Ogre.Radian(Ogre.Degree(pose["fov_y"])))
 
 
 def draw(light, params, shadows, exposure, **_):

@@ -37,9 +37,14 @@ def load(model, view):
     scene.set_shader_auto()
     scene.set_bin("unsorted", 0)  # in this order where surfaces meet
     camera.reparent_to(scene)
-    pose, size, lens = view["camera"], view["image"], camera.node().get_lens()
-    across = np.tan(np.radians(pose["fov_y"]) / 2) * size["width"] / size["height"]
-    lens.set_fov(2 * np.degrees(np.arctan(across)), pose["fov_y"])
+    pose, aspect = view["camera"], view["image"]["width"] / view["image"]["height"]
+    if height := pose["height"]:
+        lens = core.OrthographicLens()
+        lens.set_film_size(aspect * height, height)
+    else:
+        across = 2 * np.arctan(aspect * np.tan(np.radians(pose["fov_y"]) / 2))
+        lens = core.PerspectiveLens(np.degrees(across), pose["fov_y"])
+    camera.node().set_lens(lens)
     lens.set_near_far(pose["near"], pose["far"])
     place(camera, pose["position"], pose["target"], pose["up"])
 

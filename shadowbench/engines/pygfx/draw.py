@@ -23,10 +23,13 @@ def load(model, view):
         elif isinstance(node, pygfx.Mesh):
             node.cast_shadow = node.receive_shadow = True
     pose = view["camera"]
+    planes, height = (pose["near"], pose["far"]), pose["height"]
     aspect = view["image"]["width"] / view["image"]["height"]
-    mean = np.tan(np.radians(pose["fov_y"]) / 2) * (1 + aspect) / 2  # of width and height, which its angle is of
-    lens = 2 * np.degrees(np.arctan(mean)), aspect
-    camera = pygfx.PerspectiveCamera(*lens, depth_range=(pose["near"], pose["far"]))
+    if height:
+        camera = pygfx.OrthographicCamera(aspect * height, height, depth_range=planes)
+    else:
+        mean = np.tan(np.radians(pose["fov_y"]) / 2) * (1 + aspect) / 2  # of width and height, which its angle is of
+        camera = pygfx.PerspectiveCamera(2 * np.degrees(np.arctan(mean)), aspect, depth_range=planes)
     camera.local.position = pose["position"]
     camera.local.reference_up = pose["up"]
     camera.look_at(pose["target"])

@@ -32,8 +32,11 @@ export async function load({ glb, view }) {
     mesh.castShadow = mesh.userData.casts ?? true;
     mesh.receiveShadow = mesh.userData.receives ?? true;
   }
-  const { fov_y, near, far, position, up, target } = view.camera;
-  camera = new THREE.PerspectiveCamera(fov_y, view.image.width / view.image.height, near, far);
+  const { fov_y, height, near, far, position, up, target } = view.camera;
+  const half = height / 2, aspect = view.image.width / view.image.height;
+  camera = height
+    ? new THREE.OrthographicCamera(-aspect * half, aspect * half, half, -half, near, far)
+    : new THREE.PerspectiveCamera(fov_y, aspect, near, far);
   camera.position.set(...position);
   camera.up.set(...up);
   camera.lookAt(...target);

@@ -35,7 +35,11 @@ def load(model, view):
     camera.SetPosition(pose["position"])
     camera.SetFocalPoint(pose["target"])
     camera.SetViewUp(pose["up"])
-    camera.SetViewAngle(pose["fov_y"])
+    camera.SetParallelProjection(bool(pose["height"]))
+    if pose["height"]:
+        camera.SetParallelScale(pose["height"] / 2)
+    else:
+        camera.SetViewAngle(pose["fov_y"])
     camera.SetClippingRange(pose["near"], pose["far"])
 
 
