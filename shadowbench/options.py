@@ -47,7 +47,7 @@ class ViewSize(NamedTuple):
         text = str(value) if isinstance(value, (Integral, str, ViewSize)) and not isinstance(value, bool) else ""
         sides = [int(side) for side in text.split("x") if re.fullmatch("[0-9]{1,9}", side)]
         if len(sides) != 1 + text.count("x") or len(sides) > 2 or not all(SIDE.least <= n <= SIDE.most for n in sides):
-            raise _wrong(value, "view size", f"{SIDE.least} to {SIDE.most}, or WIDTHxHEIGHT, such as 1280x720")
+            raise _wrong(value, "view_size", f"{SIDE.least} to {SIDE.most}, or WIDTHxHEIGHT, such as 1280x720")
         return cls(sides[0], sides[-1])
 
     def __repr__(self) -> str:

@@ -68,7 +68,7 @@ def _view_size(value: Any) -> ViewSize:
     try:
         return ViewSize.of(value)
     except InputError as error:
-        raise ValueError(str(error).removeprefix("view size: ")) from None
+        raise ValueError(str(error).removeprefix("view_size: ")) from None
 
 
 ViewSizeField = Annotated[ViewSize, PlainValidator(_view_size)]

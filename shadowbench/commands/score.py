@@ -44,7 +44,7 @@ def score(
     """Score another renderer's mask or screenshots.
 
     Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
-    draw. A mask that is flipped, inverted or not square is refused; one that seems shifted, sRGB-encoded or lit by
+    draw. A mask that is flipped, turned or inverted is refused; one that seems shifted, sRGB-encoded or lit by
     ambient light is scored unchanged, with a warning. Below the metrics the errors are said in words, the leading one
     first. The column `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or both.
     """
