@@ -3,10 +3,11 @@
 import math
 from dataclasses import replace
 
+from shadowbench.options import ViewSizeLike
 from shadowbench.scenes.model import Scene, View, view_of
 
 
-def parallel(scene: Scene, size: int) -> View:
+def parallel(scene: Scene, size: ViewSizeLike) -> View:
     """The first view of a scene by parallel rays, as high as it is at the camera's target."""
     camera = scene.cameras[0]
     height = 2 * camera.half_height(math.dist(camera.position, camera.target))

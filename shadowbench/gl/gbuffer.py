@@ -142,7 +142,7 @@ def _cutout_textures(device: Device, packed: PackedCutouts) -> dict[str, moderng
 
 @dataclass(frozen=True, eq=False)
 class GBuffer:
-    """Textures of one view, size × size, row 0 at the bottom (OpenGL order).
+    """Textures of a view's size, row 0 at the bottom (OpenGL order).
 
     position: RGBA32F, local xyz, w = 1 where a surface is visible. normal: RGBA32F, geometric, towards the camera,
     w = 1 for triangles that receive shadows. triangle: R32I, index of the triangle in the scene, −1 for none.
@@ -172,7 +172,7 @@ class GBuffer:
         return {f"surface_{name}": (texture, Sampling()) for name, texture in textures.items()}
 
     def triangles(self) -> NDArray[np.int32]:
-        """(size, size) int32 indices of triangles in the scene, −1 for none, row 0 at the top."""
+        """(height, width) int32 indices of triangles in the scene, −1 for none, row 0 at the top."""
         return download(self.triangle, "i4")[..., 0].astype(np.int32)
 
     def release(self) -> None:
@@ -218,7 +218,7 @@ class GBufferPass:
 
     def draw(self, view: View) -> GBuffer:
         """The G-buffer of a view, which is in the same coordinates as the uploaded geometry."""
-        context, size = self.device.context, (view.size, view.size)
+        context, size = self.device.context, view.size
         position, normal = (context.texture(size, 4, dtype="f4") for _ in range(2))
         triangle = context.texture(size, 1, dtype="i4")
         depth = context.depth_texture(size)
@@ -227,7 +227,7 @@ class GBufferPass:
             smooth = context.texture(size, 4, dtype="f4"), context.texture(size, 4, dtype="f4")
         target = context.framebuffer([position, normal, triangle, *(smooth or ())], depth)
         target.clear(depth=1.0)
-        triangle.write(np.full(size, -1, dtype=np.int32).tobytes())  # moderngl's clear writes floats
+        triangle.write(np.full(size.shape, -1, dtype=np.int32).tobytes())  # moderngl's clear writes floats
         far = view.near_far[1]
         to_depth = tuple((-_world_to_camera(view.camera)[2]).tolist())
         self.program.set(world_to_clip=view_projection(view), world_to_depth=to_depth, far=far, eye=view.camera.eye)

@@ -54,8 +54,8 @@ class ResolvePass:
         """Draw with these textures besides the G-buffer's, and these uniforms besides `light`; returns `texture`."""
         if self.program.has("pixel_right"):
             right, up, back = frame.camera.basis()
-            width = 2 * frame.camera.half_height(1.0) / frame.view.size
-            self.program.set(pixel_right=vec3(right * width), pixel_up=vec3(up * width), forward=vec3(-back))
+            side = frame.view.pixel
+            self.program.set(pixel_right=vec3(right * side), pixel_up=vec3(up * side), forward=vec3(-back))
         if self.program.has("eye"):
             self.program.set(eye=frame.camera.eye)
         if self.program.has("view_far"):

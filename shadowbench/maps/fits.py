@@ -294,7 +294,7 @@ class VisibleBounds:
                 cos_half_angle=frame.light.cos_half_angle,
             )
         to_light = _pixel_to_light(frame.view, space)
-        reach = np.abs(to_light[:3, 2]) + frame.view.size * np.abs(to_light[:3, :2]).sum(axis=1)
+        reach = np.abs(to_light[:3, 2]) + np.abs(to_light[:3, :2]) @ frame.view.size
         rounding = _ROUNDING * float((reach + np.abs(to_light[:3, 3])).max())
         self._bounds.first.set(pixel_to_light=to_light, rounding=rounding, eye=frame.camera.eye)
         inputs = frame.surface.inputs
@@ -310,9 +310,9 @@ def _pixel_to_light(view: View, space: LightSpace) -> Floats:
     """
     camera, far = view.camera, view.near_far[1]
     right, up, back = camera.basis()
-    half = camera.half_height(far)
-    corner = (right + up) * half * (1 / view.size - 1)  # the centre of the pixel at the lower left
+    (width, height), half = view.size, camera.half_height(far)
+    corner = half / height * ((1 - width) * right + (1 - height) * up)  # the centre of the pixel at the lower left
     depth, start = -back * far + camera.converging * corner, camera.position + (1 - camera.converging) * corner
-    columns = np.column_stack([*(axis * half * 2 / view.size for axis in (right, up)), depth, start])
+    columns = np.column_stack([*(axis * half * 2 / height for axis in (right, up)), depth, start])
     result: Floats = np.diag([1.0, 1.0, -1.0, 1.0]) @ space.matrix @ np.vstack([columns, [0.0, 0.0, 0.0, 1.0]])
     return result

@@ -100,11 +100,11 @@ def nearest_depth(view: View) -> float:
     """
     camera, (near, far) = view.camera, view.near_far
     right, up, back = camera.basis()
-    position = np.asarray(camera.position)
+    position, aspect = np.asarray(camera.position), view.size.aspect
     vertices, faces = view.scene.geometry.vertices, view.scene.geometry.faces
-    for normal in (right, -right, up, -up):
+    for normal, scale in ((right, aspect), (-right, aspect), (up, 1.0), (-up, 1.0)):
         cut = trimesh.intersections.slice_faces_plane(  # type: ignore[no-untyped-call]
-            vertices, faces, normal - camera.slope * back, position - camera.height / 2 * normal
+            vertices, faces, normal - scale * camera.slope * back, position - scale * camera.height / 2 * normal
         )
         vertices, faces = cut[:2]
     depths = (vertices[np.unique(faces)] - position) @ -back
@@ -130,7 +130,7 @@ def describe(view: View, scene_name: str, sides: "Sides" = "double", options: Sc
             "clip x / w = (2 column + 1) / width − 1, clip y / w = 1 − (2 row + 1) / height",
             "angles": "degrees",
         },
-        "image": {"width": view.size, "height": view.size},
+        "image": view.size._asdict(),
         "camera": {
             "name": camera.name,
             "position": list(camera.position),
@@ -263,9 +263,9 @@ def glb_of(view: View, *, sides: "Sides" = "double") -> bytes:
         near, far = view.near_far
         kind = "perspective" if camera.converging else "orthographic"
         lens = (
-            {"yfov": camera.fov_y, "aspectRatio": 1.0}
+            {"yfov": camera.fov_y, "aspectRatio": view.size.aspect}
             if camera.converging
-            else dict.fromkeys(("xmag", "ymag"), camera.height / 2)
+            else {"xmag": view.size.aspect * camera.height / 2, "ymag": camera.height / 2}
         )
         tree["cameras"] = [{"name": camera.name, "type": kind, kind: {**lens, "znear": near, "zfar": far}}]
         tree["extensions"] = {"KHR_lights_punctual": {"lights": [_lamp(light)]}}

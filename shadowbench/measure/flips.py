@@ -56,7 +56,7 @@ def row_metrics(row: Mapping[str, Any]) -> dict[str, float | None]:
 def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
     """Largest share, over pairs of frames, of edge pixels that flip between lit and shadowed while the truth does not.
 
-    masks: (N, N) visibility of each frame. Edge pixels are decided receivers within EDGE pixels of a true edge in both
+    masks: (H, W) visibility of each frame. Edge pixels are decided receivers within EDGE pixels of a true edge in both
     frames; None if there are none. A share of all receivers would depend on the length of the edges. None also under
     a light with a size: each step changes the truth throughout the penumbra, so that hardly a pixel is left to compare.
     """
@@ -90,13 +90,13 @@ class Stepped:
         """The view after the step."""
         before = self.before
         camera, light = before.camera, before.light
-        pixel = (2 * camera.slope or 1.0) / before.size  # as an angle
+        pixel = (2 * camera.slope or 1.0) / before.size.height  # as an angle
         distance = camera.height or float(np.linalg.norm(np.subtract(camera.position, camera.target)))
         if self.step == "camera":
             offset = distance * pixel * (np.array([RIGHT, UP, 0.0]) @ camera.basis())
             position = np.add(camera.position, (1 - camera.converging) * offset)
             moved = replace(camera, position=vec3(position), target=vec3(np.add(camera.target, offset)))
-            return replace(before, camera=moved, size=SIZE_AFTER[self.step] * before.size)
+            return replace(before, camera=moved, size=before.size.times(SIZE_AFTER[self.step]))
         across = pixel * (np.array([RIGHT, UP, 0.0]) @ perpendicular_basis(-unit(light.direction), camera.up))
         if light.kind == "directional":
             return replace(before, light=replace(light, direction=vec3(unit(light.direction) + across)))
@@ -127,20 +127,26 @@ class Stepped:
     def _surroundings(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
         """Row and column of the pixel after a step of the camera that lies above and left of each surface point.
 
-        (N, N) each; also whether all four pixels around the point are inside the image.
+        (H, W) each; also whether all four pixels around the point are inside the image.
         """
-        size, fine = self.before.size, self.view.size
         camera, turned = self.before.camera, self.view.camera
-        half = camera.half_height(1.0)
-        x, y = np.meshgrid(*(half * (1 - (2 * np.arange(size) + 1) / size) * sign for sign in (-1, 1)))
+        extents = [side * self.before.pixel / 2 for side in self.before.size]
+        x, y = np.meshgrid(
+            *(
+                sign * extent * (1 - (2 * np.arange(side) + 1) / side)
+                for sign, extent, side in zip((-1, 1), extents, self.before.size, strict=True)
+            )
+        )
         to_turned = camera.basis() @ turned.basis().T
         moved = np.subtract(turned.position, camera.position) @ turned.basis().T
         right, up, back = np.moveaxis(np.stack([x, y, -np.ones_like(x)], axis=-1) @ to_turned - moved, -1, 0)
         column, row = (
-            np.floor((1 + side / half) / 2 * fine - 0.5).astype(np.intp) for side in (-right / back, up / back)
+            np.floor((1 + side / extent) / 2 * count - 0.5).astype(np.intp)
+            for side, extent, count in zip((-right / back, up / back), extents, self.view.size, strict=True)
         )
-        inside = (row >= 0) & (column >= 0) & (row < fine - 1) & (column < fine - 1)
-        return row.clip(0, fine - 2), column.clip(0, fine - 2), inside
+        width, height = self.view.size
+        inside = (row >= 0) & (column >= 0) & (row < height - 1) & (column < width - 1)
+        return row.clip(0, height - 2), column.clip(0, width - 2), inside
 
 
 def _near_edge(truth: Truth) -> NDArray[np.bool_]:

@@ -226,7 +226,7 @@ def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
 
 
 def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera], list[str]]:
-    """The cameras of the scene, and a note for each orthographic one that is not of a square."""
+    """The cameras of the scene, and a note for each that is not of a square picture."""
     cameras: list[Camera] = []
     notes = []
     for node in nodes:
@@ -239,10 +239,13 @@ def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera
         pose = name, vec3(position), target
         if (lens := camera.perspective) is not None:
             cameras.append(Camera(*pose, lens.yfov, up, lens.znear, lens.zfar))
+            aspect = lens.aspectRatio or 1.0
         elif (box := camera.orthographic) is not None:
             cameras.append(Camera(*pose, 0.0, up, box.znear or None, box.zfar, height=2 * box.ymag))
-            if not math.isclose(box.xmag, box.ymag, rel_tol=1e-6):
-                notes.append(f"{where}: camera {name}: xmag {box.xmag:g} is not ymag {box.ymag:g}; views are square")
+            aspect = box.xmag / box.ymag
+        if not math.isclose(aspect, 1.0, rel_tol=1e-6):
+            made_for = f"made for pictures {aspect:.4g} times as wide as high"
+            notes.append(f"{where}: camera {name}: {made_for}; --view-size sets the shape")
     return cameras, notes
 
 

@@ -369,6 +369,7 @@ class _Image(JsonObject):
 
 
 class _Perspective(JsonObject):
+    aspectRatio: Number | None = Field(None, gt=0.0)
     yfov: Number = Field(ge=math.radians(NARROWEST), lt=math.pi)
     znear: Number = Field(gt=0.0)
     zfar: Number | None = Field(None, gt=0.0)

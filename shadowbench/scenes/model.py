@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.options import ViewSize, ViewSizeLike
 from shadowbench.scenes.cutouts import Cutout, cutout_faces
 from shadowbench.scenes.triangles import Geometry, bounds_of, mirrors, turned, used_by
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
@@ -221,8 +222,8 @@ class Camera:
         """(3, 3) rows right, up, back in world space."""
         return perpendicular_basis(unit(np.subtract(self.position, self.target)), self.up)
 
-    def depths_of(self, bounds: Floats) -> tuple[float, float]:
-        """Bounds of the view depth of what is visible in (2, 3) bounds.
+    def depths_of(self, bounds: Floats, aspect: float) -> tuple[float, float]:
+        """Bounds of the view depth of what is visible in (2, 3) bounds; aspect: of the image.
 
         Of a perspective, the depth in the image's corner of a point as near as the nearest, and the farthest distance.
         """
@@ -233,7 +234,7 @@ class Camera:
             return max(float(depths.min()), 0.0), float(depths.max())
         farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
         nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
-        return nearest / np.sqrt(1 + 2 * self.slope**2), farthest
+        return nearest / np.sqrt(1 + (1 + aspect**2) * self.slope**2), farthest
 
 
 @dataclass(frozen=True)
@@ -327,12 +328,12 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A scene, camera, light and image size (size × size pixels): the input of truth and techniques."""
+    """A scene, camera, light and image size in pixels: the input of truth and techniques."""
 
     scene: Scene
     camera: Camera
     light: Light
-    size: int
+    size: ViewSize
 
     @property
     def name(self) -> str:
@@ -347,13 +348,18 @@ class View:
         return self.camera.near, self.camera.far
 
     @property
+    def pixel(self) -> float:
+        """Side of a pixel at a view depth of 1."""
+        return 2 * self.camera.half_height(1.0) / self.size.height
+
+    @property
     def projection(self) -> Floats:
         """(4, 4) float64 camera-to-clip matrix for column vectors, in OpenGL's clip space, −w ≤ x, y, z ≤ w."""
         (near, far), scale, converging = self.near_far, 1 / self.camera.half_height(1.0), self.camera.converging
         w_near, w_far = (converging * depth + (1 - converging) for depth in (near, far))
         return np.array(
             [
-                [scale, 0, 0, 0],
+                [scale / self.size.aspect, 0, 0, 0],
                 [0, scale, 0, 0],
                 [0, 0, (w_far + w_near) / (near - far), (far * w_near + near * w_far) / (near - far)],
                 [0, 0, -converging, 1 - converging],
@@ -367,13 +373,14 @@ class View:
         return View(scene, placement.camera(self.camera), placement.light(self.light), self.size), placement
 
 
-def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
-    """The view, with near and far plane of the camera set.
+def view_of(scene: Scene, camera: Camera, light: Light, size: ViewSizeLike) -> View:
+    """The view, with near and far plane of the camera set; size: as by `ViewSize.of`.
 
     By default they enclose the scene's bounds (`depths_of`), near being at least far/10⁴, both with a margin of 0.1%
     against rounding. Planes given by a file are clamped to that range, so as not to waste depth range. Raises
     InputError for planes that exclude the scene, a target too close to the position, and names too long for files.
     """
+    view = View(scene, camera, light, ViewSize.of(size))
     low, high = scene.geometry.bounds
     position, target = np.asarray(camera.position), np.asarray(camera.target)
     distance = float(np.abs(position - target).max())
@@ -381,7 +388,7 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     if distance < least:
         apart = f"position and target are {distance:.3g} m apart; allowed here: {least:.3g} m or more"
         raise InputError(f"camera {camera.name!r} of {scene.name}: {apart}")
-    nearest, farthest = camera.depths_of(scene.geometry.bounds)
+    nearest, farthest = camera.depths_of(scene.geometry.bounds, view.size.aspect)
     if farthest <= 0.0:
         raise InputError(f"camera {camera.name!r} of {scene.name} shows nothing: the scene is behind it")
     nearest, farthest = float(max(nearest, farthest / 1e4)) * 0.999, farthest * 1.001
@@ -392,7 +399,7 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
             f"camera {camera.name!r} of {scene.name} shows nothing: its near and far planes, {camera.near} and "
             f"{camera.far} m, exclude the scene, which lies between {nearest:.4g} and {farthest:.4g} m"
         )
-    view = View(scene, replace(camera, near=near, far=far), light, size)
+    view = replace(view, camera=replace(camera, near=near, far=far))
     if (taken := len(view.name.encode())) > LONGEST_VIEW_NAME:
         raise InputError(
             f"scene {scene.name!r}, camera {camera.name!r}, light {light.name!r}: their names, which are parts of "

@@ -384,7 +384,7 @@ def _extents(view: View, bounds: Floats, space: LightSpace, coords: Floats, coun
     """(2, R) width and height of the first cascade that contains each of (3, R) light-space coordinates."""
     extents = np.zeros((2, coords.shape[1]))
     remaining = np.arange(coords.shape[1])
-    parts = slices(view.camera, practical_depths(*view.near_far, count), 0.0)
+    parts = slices(view, practical_depths(*view.near_far, count), 0.0)
     for part in parts:
         box = space.box(part.corners_within(bounds, float(np.abs(bounds).max())))
         inside = np.full(len(remaining), True)

@@ -33,7 +33,7 @@ LEAST = 1e-30  # of a direction's part along an axis, which is divided by
 def hard_shadows(
     rays: ViewRays, geometry: Geometry, triangle: Indices, delta: float, pixel_samples: int
 ) -> dict[str, NDArray[Any]]:
-    """Truth's per-pixel arrays except `triangle`, flattened, in local lengths; triangle: (size²,), −1 for a miss."""
+    """Truth's per-pixel arrays except `triangle`, flattened, in local lengths; triangle: (pixels,), −1 for a miss."""
     work = partial(_decide, rays, NearCasters(geometry), triangle, delta, pixel_samples)
     parts = list(over_rows(work, rays.size))
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -43,7 +43,7 @@ def _decide(
     rays: ViewRays, near: "NearCasters", triangle: Indices, delta: float, pixel_samples: int, rows: slice
 ) -> dict[str, NDArray[Any]]:
     """Truth's per-pixel arrays except `triangle`, for some rows, flattened, in local lengths."""
-    triangle = triangle[rows.start * rays.size : rows.stop * rays.size]
+    triangle = triangle[rows.start * rays.size.width : rows.stop * rays.size.width]
     centres = rays.receivers(rays.camera_rays(rows), triangle)
     shadow_rays = rays.shadow_rays(centres, delta)
     blocked = rays.occluded(shadow_rays)

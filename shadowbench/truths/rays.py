@@ -129,8 +129,9 @@ class ViewRays:
 
     def camera_rays(self, rows: slice, across: float = 0.5, down: float = 0.5) -> CameraRays:
         """The rays through a point of each pixel of some rows."""
-        x = (np.arange(self.size) + across) * (2 / self.size) - 1
-        y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / self.size)
+        width, height = self.size
+        x = (np.arange(width) + across) * (2 / height) - width / height
+        y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / height)
 
         def grid(middle: Floats, reach: float) -> Floats:
             row = middle + x * (self._right * reach)

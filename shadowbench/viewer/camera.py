@@ -1,4 +1,4 @@
-"""Camera and light moved by hand, and lights of other kinds. Lengths in a square picture are in [−2, 2], y up."""
+"""Camera and light moved by hand, and lights of other kinds. Lengths are in halves of the picture's height, y up."""
 
 import math
 from dataclasses import replace

@@ -19,6 +19,7 @@ from shadowbench.masks.export import (
     light_box,
 )
 from shadowbench.measure.scoring import positions
+from shadowbench.options import ViewSize
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light, Scene, View, view_of
@@ -30,7 +31,7 @@ from tests.parallel import parallel
 SIZE = 128
 
 
-def read_back(folder: Path, size: int) -> View:
+def read_back(folder: Path, size: ViewSize) -> View:
     """The view of scene.glb; not through load_scene, which gives a ground to what has none."""
     contents = read_meshes(folder / "scene.glb")
     scene = Scene("read", contents.meshes, contents.cameras, contents.lights)
@@ -49,7 +50,7 @@ def assert_same_shadows(view: View, folder: Path, truth: Truth | None = None) ->
 
 @pytest.mark.parametrize("name", ["stairs", "spot-lamp", "room-with-lamp", "terrain"])
 def test_a_scene_that_is_read_back_has_the_same_shadows(builtin: Callable[..., View], name: str, tmp_path) -> None:
-    assert_same_shadows(builtin(name, SIZE), tmp_path)
+    assert_same_shadows(builtin(name, "96x54"), tmp_path)
 
 
 def test_a_scene_a_thousand_kilometres_away_keeps_its_shadows(builtin: Callable[..., View], tmp_path: Path) -> None:
@@ -67,7 +68,11 @@ def test_a_scene_a_thousand_kilometres_away_keeps_its_shadows(builtin: Callable[
 @pytest.fixture(scope="module")
 def seen(builtin: Callable[..., View]) -> Callable[..., View]:
     """The view of a built-in scene, or by parallel rays that of NAME's."""
-    return lambda name: parallel(load_scene(name[:-2]), SIZE) if name.endswith("'s") else builtin(name, SIZE)
+
+    def view(name: str, size: int | str = SIZE) -> View:
+        return parallel(load_scene(name[:-2]), size) if name.endswith("'s") else builtin(name, size)
+
+    return view
 
 
 @pytest.mark.parametrize("name", ["stairs", "stairs's", "spot-lamp", "lamp-by-wall's"])
@@ -146,19 +151,20 @@ def test_the_nearest_surface_is_the_nearest_that_is_seen(seen: Callable[..., Vie
     assert 0.99 * nearest < describe(view, name)["camera"]["nearest"] <= nearest * (1 + 1e-12)
 
 
+@pytest.mark.parametrize("size", [SIZE, "64x36", "20x64"])
 @pytest.mark.parametrize("name", ["stairs", "stairs's"])
 def test_the_written_matrices_lead_to_the_pixel_centres_that_are_traced(
-    seen: Callable[..., View], name: str, tmp_path: Path
+    seen: Callable[..., View], name: str, size: int | str, tmp_path: Path
 ) -> None:
-    view = seen(name)
+    view = seen(name, size)
     export_view(view, trace(view, 1), tmp_path, "stairs")
     found = json.loads((tmp_path / "view.json").read_text(encoding="utf-8"))
     matrix = np.array(found["camera"]["projection"]) @ np.array(found["camera"]["view"])
-    rays = ViewRays(view).camera_rays(slice(0, SIZE))
+    rays = ViewRays(view).camera_rays(slice(0, view.size.height))
     points = (rays.origins + 3 * rays.directions).T
     clip = np.c_[points, np.ones(len(points))] @ matrix.T
     x, y = (clip[:, :2] / clip[:, 3:]).T
-    rows, columns = np.divmod(np.arange(SIZE * SIZE), SIZE)
+    rows, columns = np.divmod(np.arange(view.size.pixels), view.size.width)
     np.testing.assert_allclose(x, (2 * columns + 1) / found["image"]["width"] - 1, atol=1e-9)
     np.testing.assert_allclose(y, 1 - (2 * rows + 1) / found["image"]["height"], atol=1e-9)
 

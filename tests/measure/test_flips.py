@@ -51,10 +51,10 @@ def test_only_a_window_that_follows_the_camera_shimmers_when_it_turns_unless_it_
 
 
 def ahead(view: View) -> np.ndarray:
-    """(3, N, N) points at a depth of 1 on the camera's rays, from its position."""
-    rays = ViewRays(view).camera_rays(slice(0, view.size))
+    """(3, H, W) points at a depth of 1 on the camera's rays, from its position."""
+    rays = ViewRays(view).camera_rays(slice(0, view.size.height))
     points = rays.origins + rays.directions - np.array(view.camera.position)[:, np.newaxis]
-    return points.reshape(3, view.size, view.size)
+    return points.reshape(3, *view.size.shape)
 
 
 @pytest.fixture(params=["perspective", "orthographic"])

@@ -65,9 +65,11 @@ def pixel_rays() -> Callable[[View], tuple[Floats, Floats]]:
             raise ValueError("a test's camera does not look along its up")
         right /= np.linalg.norm(right)
         above = np.cross(right, ahead)
-        steps = (np.arange(view.size) + 0.5) / view.size * 2 - 1
+        width, height = view.size
         half = math.tan(view.camera.fov_y / 2)
-        down, across = np.meshgrid(steps, steps, indexing="ij")
+        down, across = np.meshgrid(
+            (2 * np.arange(height) + 1 - height) / height, (2 * np.arange(width) + 1 - width) / height, indexing="ij"
+        )
         beside = (across[..., None] * right - down[..., None] * above).reshape(-1, 3)
         return eye + view.camera.height / 2 * beside, ahead + half * beside
 
@@ -76,11 +78,11 @@ def pixel_rays() -> Callable[[View], tuple[Floats, Floats]]:
 
 @pytest.fixture(scope="session")
 def on_ground(pixel_rays: Callable[[View], tuple[Floats, Floats]]) -> Callable[[View], Floats]:
-    """(size, size, 3) where pixels' rays meet y = 0."""
+    """(height, width, 3) where pixels' rays meet y = 0."""
 
     def make(view: View) -> Floats:
         starts, rays = pixel_rays(view)
-        return (starts - rays * (starts[:, 1:2] / rays[:, 1:2])).reshape(view.size, view.size, 3)
+        return (starts - rays * (starts[:, 1:2] / rays[:, 1:2])).reshape(*view.size.shape, 3)
 
     return make
 

@@ -44,6 +44,21 @@ def test_orthographic_view_agrees_with_every_triangle_against_every_ray(name, ju
     assert_agrees(parallel(load_scene(name), 256), judged)
 
 
+@pytest.mark.parametrize(("name", "size"), [("stairs", "400x225"), ("spot-lamp", "150x400")])
+def test_rectangle_agrees_with_every_triangle_against_every_ray(name, size, judged) -> None:
+    scene = load_scene(name)
+    assert_agrees(view_of(scene, scene.cameras[0], scene.lights[0], size), judged)
+    assert_agrees(parallel(scene, size), judged)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["inside-volume", "lamp-by-wall", "railings", "spot-lamp", "stairs"])
+def test_a_screen_agrees_with_every_triangle_against_every_ray(name, judged) -> None:
+    scene = load_scene(name)
+    assert_agrees(view_of(scene, scene.cameras[0], scene.lights[0], "1280x720"), judged)
+    assert_agrees(parallel(scene, "1280x720"), judged)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "size"), [("armadillo.obj", 256), ("2CylinderEngine.glb", 1024), ("bgfx_tree.obj", 1024)]

@@ -13,7 +13,7 @@ from PIL import Image
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
-from shadowbench.options import SceneOptions
+from shadowbench.options import SceneOptions, ViewSize
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
@@ -31,7 +31,7 @@ LEAF = "mtllib leaf.mtl\nv 0 0 0\nv 1 0 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nusem
 def shown(source: str, options: SceneOptions | None = None, **others: Any) -> ViewerState:
     origin = Origin(source, options or SceneOptions())
     scene, spec = origin.load(), parse_spec("shadow-map:size=64,bias=constant(0.01)+normal-offset", KNOWN)
-    return replace(ViewerState(scene, scene.cameras[0], scene.lights[0], (spec,), 64, origin), **others)
+    return replace(ViewerState(scene, scene.cameras[0], scene.lights[0], (spec,), ViewSize(64, 36), origin), **others)
 
 
 def test_what_is_shown_after_saving_is_read_to_the_bit(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ const FILTERS = {
 };
 let app, root, camera, light, asset;
 
-export async function open({ canvas, size }) {
+export async function open({ canvas, width, height }) {
   const device = { deviceTypes: [pc.DEVICETYPE_WEBGL2], antialias: false, preserveDrawingBuffer: true };
   const options = new pc.AppOptions();
   options.graphicsDevice = await pc.createGraphicsDevice(canvas, device);
@@ -20,7 +20,7 @@ export async function open({ canvas, size }) {
   app = new pc.AppBase(canvas);
   app.init(options);
   app.setCanvasFillMode(pc.FILLMODE_NONE);
-  app.setCanvasResolution(pc.RESOLUTION_FIXED, size, size);
+  app.setCanvasResolution(pc.RESOLUTION_FIXED, width, height);
   app.autoRender = false;
   app.scene.ambientLight = new pc.Color(0, 0, 0);
   app.start();

@@ -9,12 +9,12 @@ from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer, vtkRenderWindow, 
 window = renderer = None
 
 
-def open(size):
+def open(width, height):
     global window
     window = vtkRenderWindow()
     window.SetOffScreenRendering(True)
     window.SetMultiSamples(0)
-    window.SetSize(size, size)
+    window.SetSize(width, height)
     window.Render()
     lines = window.ReportCapabilities().splitlines()
     return vtkVersion.GetVTKVersion(), next(line.split(": ")[1].strip() for line in lines if "renderer string" in line)
@@ -69,4 +69,6 @@ def draw(light, params, shadows, exposure, **_):
     grabbed.SetInput(window)
     grabbed.Update()
     pixels = vtk_to_numpy(grabbed.GetOutput().GetPointData().GetScalars())
-    return (pixels.reshape(*window.GetSize(), 3)[::-1] / 255).astype(np.float32) ** 2.2  # its materials' own gamma
+    return (pixels.reshape(*window.GetSize()[::-1], 3)[::-1] / 255).astype(
+        np.float32
+    ) ** 2.2  # its materials' own gamma
