@@ -72,7 +72,7 @@ def batches_of(view: View, boxes: Floats, count: Count, cull: bool) -> list[Batc
         kept |= before  # a parallel ray meets their walls on its way from infinity
     behind = kept & before if count == "z-fail" else np.zeros_like(kept)
     extent = float(np.abs([*view.scene.geometry.bounds, view.camera.position]).max())
-    starts = Slice(view.camera, 0.0, far).corners[:4]  # of the camera's rays
+    starts = Slice(view, 0.0, far).corners[:4]  # of the camera's rays
     low, high = bounds_of(np.vstack([corners(region, extent), starts]))
     margin = _MARGIN * float((high - low).max())
     planes = box_planes(np.array([low - margin, high + margin]))
@@ -247,7 +247,7 @@ class Volumes:
         volumes = np.stack([np.cross(*pair) @ ahead for pair in ((a, b), (b, c), (c, a))])
         side = np.sign(np.einsum("ij,ij->i", a, np.cross(b, c)))
         layers = int((volumes * side > 0).all(axis=0).sum())
-        square = Slice(view.camera, *view.near_far).corners[4:][[0, 1, 3, 0, 3, 2]]  # clockwise as the camera sees it
+        square = Slice(view, *view.near_far).corners[4:][[0, 1, 3, 0, 3, 2]]  # clockwise as the camera sees it
         return np.tile(square[::sign], (layers, 1))
 
 
