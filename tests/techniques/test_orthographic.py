@@ -1,4 +1,4 @@
-"""Orthographic views: exact techniques, also where near planes cut casters; a camera far away; a bias in closed form."""
+"""Orthographic views: exact techniques, near planes that cut casters, a camera far away, a bias in closed form."""
 
 import math
 
