@@ -32,9 +32,9 @@ def test_projection_onto_planes_is_exact(mask, scored) -> None:
 @pytest.mark.parametrize(
     ("away", "light", "spec"),
     by_turns(
-        [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0), (-0.32, 1.0, 0.2)],
+        [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 1.0, 1.0), (-0.32, 1.0, 0.2)],
         [None, ZENITH, Light("over", "point", position=(-0.9, 2.5, -3.2))],
-        EXACT[:3],
+        EXACT[:2],
     ),
 )
 def test_a_camera_among_casters_sees_the_shadows_of_what_its_near_plane_cuts_off(away, light, spec, mask) -> None:
