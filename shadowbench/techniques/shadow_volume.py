@@ -265,12 +265,14 @@ class ShadowVolume(Technique):
     """Shadow volumes, counted along each of the camera's rays (Crow 1977; stencil: Heidmann 1991).
 
     Volumes are counted in front of the receiver, without caps, and end beyond the visible region (Lloyd et al. 2004).
-    With `z-fail`, parts whose volume the eye may be in are counted behind it (Bilodeau and Songy 1999, Carmack 2000),
-    to infinity (Everitt and Kilgard 2002); `z-pass` does not, which is wrong if the eye is inside a volume, or a
-    caster between the eye and the near plane. Silhouettes are found on the CPU, by compiled code: closed parts extrude
-    the triangles that face the light, open parts all, with signed edge weights. With the stencil counter, a view whose
-    light rays may cross 255 layers or more is counted in a colour target instead; the row's facts say so. Exact except
-    for single pixels; `compare=depth` has more of them and is faster. The time grows with the screen area of the walls.
+    With `z-fail`, parts whose volume the eye may be in are counted behind it (Bilodeau and Songy 1999, Carmack
+    2000), to infinity (Everitt and Kilgard 2002); `z-pass` does not, which is wrong if the eye is inside a volume,
+    or a caster between the eye and the near plane. An orthographic camera's eye is infinitely far: under a lamp, a
+    silhouette edge in one plane with the lamp and the direction of view is counted wrongly. Silhouettes are found
+    on the CPU, by compiled code: closed parts extrude the triangles that face the light, open parts all, with
+    signed edge weights. With the stencil counter, a view whose light rays may cross 255 layers or more is counted
+    in a colour target instead; the row's facts say so. Exact except for single pixels; `compare=depth` has more of
+    them and is faster. The time grows with the screen area of the walls.
     """
 
     name = "shadow-volume"

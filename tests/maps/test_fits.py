@@ -14,8 +14,10 @@ from shadowbench.geometry.lights import Box, LightView, light_space, window
 from shadowbench.gl.clock import Clock
 from shadowbench.maps.fits import RECTANGLES, Fit, VisibleBounds
 from shadowbench.plugin.base import Frame, Phase
+from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene
 from shadowbench.scenes.vectors import unit
+from tests.parallel import parallel
 from tests.samples import by_turns
 
 SIZE = 128
@@ -75,6 +77,11 @@ def test_the_reduction_is_the_least_and_greatest_over_the_g_buffer_of_any_size(
     studio, build, builtin, device, name: str, size: int | str
 ) -> None:
     assert_bounds_are_of_the_receivers(studio.shot(builtin(name, size)), build, device)
+
+
+@pytest.mark.parametrize("name", ["canopy", "spot-lamp", "terrain"])
+def test_the_reduction_is_the_least_and_greatest_of_an_orthographic_view(studio, build, device, name: str) -> None:
+    assert_bounds_are_of_the_receivers(studio.shot(parallel(load_scene(name), "90x65")), build, device)
 
 
 def assert_bounds_are_of_the_receivers(shot, build, device) -> None:
