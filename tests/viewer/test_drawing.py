@@ -31,7 +31,7 @@ from shadowbench.viewer.drawing import LEAST_SIZE, Drawing, Viewer, moving_size
 from shadowbench.viewer.judge import Traced
 from shadowbench.viewer.state import ViewerState
 
-SIZE, SQUARE = ViewSize(64, 64), ViewSize(512, 512)
+SIZE, SQUARE = ViewSize(64, 48), ViewSize(512, 512)
 KNOWN = techniques()
 Settle = Callable[[Viewer], None]
 BROKEN = """
@@ -77,7 +77,7 @@ def broken(how: str, folder: Path) -> Spec:
 
 def state_of(view: View, *specs: str) -> ViewerState:
     parsed = tuple(parse_spec(text, KNOWN) for text in specs)
-    return ViewerState(view.scene, view.scene.cameras[0], view.light, parsed, view.size)
+    return ViewerState(view.scene, view.scene.cameras[0], view.light, parsed, SIZE)
 
 
 def mask_of(drawing: Drawing, state: ViewerState, size: ViewSize = SIZE) -> np.ndarray:
@@ -120,7 +120,7 @@ def test_the_mask_is_that_of_render_also_after_motion(
         ("shader", "ShaderError: fragment shader: "),
         ("exit", "SystemExit: 3"),
         ("gl", "RuntimeError: OpenGL error GL_INVALID_ENUM in drawing broken"),
-        ("size", "ValueError: broken:how=size drew 8 × 8 pixels; allowed: 64 × 64"),
+        ("size", "ValueError: broken:how=size drew 8 × 8 pixels; allowed: 64 × 48"),
     ],
 )
 def test_what_a_technique_breaks_is_shown_and_the_other_is_drawn(
@@ -138,8 +138,8 @@ def test_overlays_show_the_error_and_the_mask(device: Device, drawing: Drawing, 
     state = state_of(builtin("sphere-and-torus"), "cascades:size=64,filter=hard")
     drawn = drawing.draw(state, SIZE)
     mask = drawn.visibility(drawn.masks[0])
-    lit, facets = mask > 0.5, np.tri(*SIZE, dtype=bool)
-    wrong = Traced((~lit).astype(np.float32), np.ones(SIZE, bool), facets, soft=False)
+    lit, facets = mask > 0.5, np.tri(*SIZE.shape, dtype=bool)
+    wrong = Traced((~lit).astype(np.float32), np.ones(SIZE.shape, bool), facets, soft=False)
 
     def pane(source: Any, **how: Any) -> np.ndarray:
         texture = drawing.picture(drawn, replace(state, **how), source, wrong)
