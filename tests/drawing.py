@@ -49,8 +49,9 @@ def build(device: Device, studio) -> Iterator[Callable[..., Built]]:
 
     def make(spec: str, shot, known=KNOWN) -> Built:
         parsed = parse_spec(spec, known)
-        size = (shot.view.size, shot.view.size)
-        stage = Stage(shot.view.scene, device, size, shot.geometry, shot.placement, shader_folder(parsed.technique))
+        stage = Stage(
+            shot.view.scene, device, shot.view.size, shot.geometry, shot.placement, shader_folder(parsed.technique)
+        )
         stages[:] = [*(one for one in stages if one.bytes), stage]  # without those released, which hold shader texts
         technique = parsed.technique(parsed.params)
         draw = build_technique(technique, stage)

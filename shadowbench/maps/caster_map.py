@@ -4,7 +4,6 @@ A technique with one 2-D map uses `FittedView`, then `CasterMap`, then a `Resolv
 `map_uniforms` for `map.glsl`. A `FilteredMap` is looked up by `shadow_map.glsl`, with a bias and a filter.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -55,12 +54,12 @@ class ResolvePass:
         """Draw with these textures besides the G-buffer's, and these uniforms besides `light`; returns `texture`."""
         if self.program.has("pixel_right"):
             right, up, back = frame.camera.basis()
-            width = 2 * math.tan(frame.camera.fov_y / 2) / frame.view.size
-            self.program.set(pixel_right=vec3(right * width), pixel_up=vec3(up * width), forward=vec3(-back))
+            side = frame.view.pixel
+            self.program.set(pixel_right=vec3(right * side), pixel_up=vec3(up * side), forward=vec3(-back))
         if self.program.has("eye"):
-            self.program.set(eye=frame.camera.position)
+            self.program.set(eye=frame.camera.eye)
         if self.program.has("view_far"):
-            self.program.set(view_far=frame.view.near_far[1])
+            self.program.set(view_far=frame.view.near_far[1], view_position=frame.camera.position)
         self.program.set(light=frame.light_uniform, **uniforms)
         return self.draw({**frame.surface.inputs, **textures})
 

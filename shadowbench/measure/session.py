@@ -27,6 +27,7 @@ from shadowbench.gl.program import arithmetic
 from shadowbench.maps.filters import Filter
 from shadowbench.measure.rows import renderer_of
 from shadowbench.measure.worker import DeviceInfo
+from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique, build, surface_of
 from shadowbench.plugin.registry import shader_folder, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
@@ -41,12 +42,12 @@ Draw = Callable[[Frame], moderngl.Texture]
 class Rendering:
     """Images and measurements of one draw; row 0 of images is at the top.
 
-    visibility: (N, N) float32, 0 in shadow to 1 lit, quantised to 16 bits; picture: (N, N, 3) uint8 sRGB, shaded with
-    the visibility; map: (H, W) float32 linear depth, None if not requested or the technique has none; gpu_bytes: of its
+    visibility: (H, W) float32, 0 in shadow to 1 lit, quantised to 16 bits; picture: (H, W, 3) uint8 sRGB, shaded with
+    the visibility; map: float32 linear depth, None if not requested or the technique has none; gpu_bytes: of its
     textures and buffers; work: counts by name; facts: numbers reported by the technique, by name.
 
     Of another engine, gpu_bytes is None; engine: its version, its renderer, whose light box it is (`given`, `own`), and
-    what a phase shifts (`box`, `none`); measurable: (N, N) bool, where its pictures are bright enough.
+    what a phase shifts (`box`, `none`); measurable: (H, W) bool, where its pictures are bright enough.
     """
 
     visibility: NDArray[np.float32]
@@ -60,9 +61,9 @@ class Rendering:
 
     def __repr__(self) -> str:
         """One line: the sizes of its images."""
-        size = len(self.visibility)
+        height, width = self.visibility.shape
         shadow_map = "no map" if self.map is None else f"a map of {self.map.shape[1]} × {self.map.shape[0]} texels"
-        return f"<Rendering of {size} × {size} pixels, {(self.visibility < 0.5).mean():.1%} in shadow, {shadow_map}>"
+        return f"<Rendering of {width} × {height} pixels, {(self.visibility < 0.5).mean():.1%} in shadow, {shadow_map}>"
 
     def _repr_png_(self) -> bytes:
         """PNG of the picture, for notebooks."""
@@ -72,7 +73,7 @@ class Rendering:
 class Surface(NamedTuple):
     """What masks of a view are drawn over; row 0 is at the top.
 
-    triangle: (N, N) int32 triangle ids, None if the renderer does not tell; lit, ambient: pictures, (N, N, 3) uint8
+    triangle: (H, W) int32 triangle ids, None if the renderer does not tell; lit, ambient: pictures, (H, W, 3) uint8
     sRGB, with visibility 1 everywhere and 0 everywhere, from which a mask's picture is blended.
     """
 
@@ -81,19 +82,20 @@ class Surface(NamedTuple):
     ambient: NDArray[np.uint8]
 
 
-def checked_texture(spec: str, texture: object, size: int) -> moderngl.Texture:
-    """What a technique drew. TypeError or ValueError unless it is a texture, size × size, with one component."""
+def checked_texture(spec: str, texture: object, size: ViewSize) -> moderngl.Texture:
+    """What a technique drew. TypeError or ValueError unless it is a texture of the view's size, with one component."""
     if not isinstance(texture, moderngl.Texture):
         raise TypeError(f"{spec} drew {type(texture).__name__}; allowed: a texture")
-    if texture.size != (size, size):
-        raise ValueError(f"{spec} drew {' × '.join(map(str, texture.size))} pixels; allowed: {size} × {size}")
+    if texture.size != size:
+        drew, allowed = (" × ".join(map(str, sides)) for sides in (texture.size, size))
+        raise ValueError(f"{spec} drew {drew} pixels; allowed: {allowed}")
     if texture.components != 1:
         raise ValueError(f"{spec} drew {texture.components} components; allowed: 1, the visibility")
     return texture
 
 
-def visibility_of(spec: str, texture: object, size: int) -> NDArray[np.float32]:
-    """(size, size) quantised visibility that a technique drew, row 0 at the top.
+def visibility_of(spec: str, texture: object, size: ViewSize) -> NDArray[np.float32]:
+    """(height, width) quantised visibility that a technique drew, row 0 at the top.
 
     Raises as `checked_texture` does, and ValueError for values that are not finite or not in [0, 1].
     """
@@ -154,13 +156,13 @@ class LoadedScene:
         if self.facet_pass is not None and not technique.lifts(technique.params):
             self.facet_pass.draw(checked_texture(spec, texture, view.size), surface, view)
 
-    def build(self, spec: Spec, size: int, room: int = sys.maxsize) -> tuple[Technique, Stage, Draw]:
-        """A technique built for images of size × size pixels, and what draws it. Raises any exception of the technique.
+    def build(self, spec: Spec, size: ViewSize, room: int = sys.maxsize) -> tuple[Technique, Stage, Draw]:
+        """A technique built for images of a size, and what draws it. Raises any exception of the technique.
 
         room: most bytes that its textures and buffers may take. Raises Unsupported if they would take more.
         """
         folder = shader_folder(spec.drawn_here)
-        stage = Stage(self.scene, self.device, (size, size), self.geometry, self.placement, folder, room)
+        stage = Stage(self.scene, self.device, size, self.geometry, self.placement, folder, room)
         technique = spec.drawn_here(spec.params)
         try:
             draw = build(technique, stage)
@@ -369,7 +371,7 @@ class Session:
         picture = open_view.loaded.picture_pass.draw(open_view.surface, view, texture, tint)
         depths = technique.map_image() if with_map else None
         facts = finite_facts(request.spec, technique.facts())
-        work = with_cost(work | declared_work(technique, view.size**2, facts))
+        work = with_cost(work | declared_work(technique, view.size.pixels, facts))
         return Rendering(visibility, picture, depths, built.stage.bytes, work, facts)
 
     def prepare_timing(self, view: View, request: CellRequest) -> float:

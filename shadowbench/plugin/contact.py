@@ -95,7 +95,7 @@ class ContactPass:
                 light=frame.light_uniform,
                 world_to_clip=to_clip,
                 world_to_depth=to_depth,
-                eye=tuple(np.linalg.inv(to_clip)[:, 2].tolist()),
+                eye=frame.camera.eye,
                 view_far=frame.view.near_far[1],
             )
             self._triangle.draw(self._target, {**frame.surface.inputs, **more})

@@ -16,6 +16,7 @@ from shadowbench.gl.device import Device, Releasable, moderngl
 from shadowbench.gl.gbuffer import CUTOUTS, DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, Textures, compose, link
 from shadowbench.gl.targets import FACES, Color, DepthFormat, DepthTarget, DepthTexture, Kind, StencilTarget
+from shadowbench.options import ViewSize
 from shadowbench.plugin.params import Component, SubjectParams, components_of, in_metres
 from shadowbench.scenes.model import Placement, Scene
 
@@ -46,7 +47,7 @@ class Stage:
         self,
         scene: Scene,
         device: Device,
-        size: tuple[int, int],
+        size: ViewSize,
         geometry: DeviceGeometry,
         placement: Placement,
         shaders: Path | None = None,

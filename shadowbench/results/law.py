@@ -14,7 +14,7 @@ from typing import Any
 
 from shadowbench.errors import InputError
 from shadowbench.files import data_folder
-from shadowbench.measure.rows import Record
+from shadowbench.measure.rows import Record, size_of
 from shadowbench.scores.metrics import is_soft
 
 SHARED = ("vertices", "reads", "gpu_bytes")
@@ -73,7 +73,7 @@ def kind_of(spec: str) -> str:
 
 def counts_of(row: Record, triangles: int) -> dict[str, float]:
     """The counts of a score row beyond those of `unshadowed`; triangles: of the scene."""
-    work, pixels = row["work"], row["view_size"] ** 2
+    work, pixels = row["work"], size_of(row).pixels
     return {
         "vertices": work["vertices"] + work["geometry"],
         "reads": work.get("reads", 0),

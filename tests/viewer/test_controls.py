@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import NoBias, Sum, Texel
+from shadowbench.options import ViewSize
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Light
@@ -155,6 +156,6 @@ def test_meshes_and_states_are_opened_and_other_files_are_one_line(viewer: Viewe
     opened(mesh)
     assert viewer.state.scene.name == "own"
     assert viewer.message.startswith(f"{mesh} is shown; ") and "no ground in own.obj: assumed" in viewer.message
-    save_state(replace(before, specs=before.specs[1:], overlay="error", size=96), tmp_path / "state.toml")
+    save_state(replace(before, specs=before.specs[1:], overlay="error", size=ViewSize(96, 54)), tmp_path / "state.toml")
     opened(tmp_path / "state.toml")
-    assert (viewer.state.specs, viewer.state.overlay, viewer.state.size) == (before.specs[1:], "error", 96)
+    assert (viewer.state.specs, viewer.state.overlay, viewer.state.size) == (before.specs[1:], "error", (96, 54))
