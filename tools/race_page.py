@@ -1,0 +1,79 @@
+"""Generates docs/explanation/default-bias.md from folders of `run -s race`, and of `run -s held-out` with its biases."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pages import measured
+
+from shadowbench.measure.rows import Record
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
+from shadowbench.results.frame import read_runs
+from shadowbench.results.law import law_on_record
+
+FILE = Path(__file__).resolve().parent.parent / "docs" / "explanation" / "default-bias.md"
+REFERENCE, CLEAN = "texel", 1e-3
+FILTERS = {"2×2": "hardware", "5×5": "pcf(taps=5)"}
+LEAST = 1e-5  # of errors, whose logarithms are averaged
+HEADINGS = ("bias", "1 − IoU", "worst", "at equal ms", "1 − SSIM", "contact", "acne > 0.001", "ms", "held out", "front")
+
+
+def main() -> int:
+    """Write the page."""
+    rows = [row for run in read_runs([Path(name) for name in sys.argv[1:]]) for row in run.rows]
+    cells = pd.DataFrame([_cell(row) for row in rows if row["status"] == "ok"])
+    means = cells.groupby(["filter", "bias", "held_out", "scene", "size"]).mean().sort_index()
+    text = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
+    text = text.replace("@MEASURED@", measured("shadowbench run -s race"))
+    text = text.replace("@SCENES@", str(means.xs(False, level="held_out").reset_index()["scene"].nunique()))
+    for name, written in FILTERS.items():
+        text = text.replace(f"@{name}@", "\n".join(_table(means.loc[written])))
+    FILE.write_text(text, encoding="utf-8")
+    return 0
+
+
+def _cell(row: Record) -> dict[str, object]:
+    params = parse_spec(row["full_spec"], techniques()).params
+    metrics, law = row["metrics"], law_on_record()
+    names = {"filter": params.filter.written(), "bias": params.bias.written(), "scene": row["scene"]}  # type: ignore[attr-defined]
+    errors = {"iou": max(1 - metrics["iou"], LEAST), "ssim": max(1 - metrics["ssim"], LEAST)}
+    faults = {"acne": metrics["acne"], "contact": metrics["contact"], "ms": law.of_row(row) if law else None}
+    return {**names, "size": row["map_size"], "held_out": row["scene"].startswith("held-out"), **errors, **faults}
+
+
+def _table(means: pd.DataFrame) -> Iterator[str]:
+    """Lines of a Markdown table, a line per bias, by 1 − IoU; all but contact and acne as ratios to REFERENCE."""
+    lines = {bias: _line(means.loc[bias], means.loc[REFERENCE]) for bias in means.index.unique("bias")}
+    yield f"| {' | '.join(HEADINGS)} |"
+    yield f"|---|{'---:|' * (len(HEADINGS) - 1)}"
+    for bias, (error, *others, ms, held_out) in sorted(lines.items(), key=lambda item: item[1]):
+        beaten = any(line[0] < error and line[-2] < ms for line in lines.values())
+        worst, equal, ssim, contact, acne = others
+        ratios = f"{error:.3f} | {worst:.2f} | {equal:.3f} | {ssim:.3f} | {contact:.3f} | {acne}"
+        yield f"| `{bias}` | {ratios} | {ms:.2f} | {held_out:.3f} | {'' if beaten else '●'} |"
+
+
+def _line(errors: pd.DataFrame, reference: pd.DataFrame) -> tuple[float, ...]:
+    ratios = errors / reference
+    own, held_out = (np.log(ratios[["iou", "ssim", "ms"]].xs(part, level="held_out")) for part in (False, True))
+    built_in = errors.xs(False, level="held_out")
+    iou, ssim, ms = np.exp(own.mean())
+    worst, acne = float(np.exp(own["iou"].max())), int((built_in["acne"] > CLEAN).sum())
+    equal = _at_equal_ms(built_in, reference.xs(False, level="held_out"))
+    return iou, worst, equal, ssim, float(built_in["contact"].mean()), acne, ms, float(np.exp(held_out["iou"].mean()))
+
+
+def _at_equal_ms(errors: pd.DataFrame, reference: pd.DataFrame) -> float:
+    """Ratio of 1 − IoU at the map size that costs what the reference's middle one does, between sizes by powers."""
+    logs = []
+    for scene, own in errors.groupby("scene"):
+        other = reference.loc[scene].iloc[len(own) // 2]
+        logs.append(np.interp(np.log(other["ms"]), np.log(own["ms"]), np.log(own["iou"])) - np.log(other["iou"]))
+    return float(np.exp(np.mean(logs)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
