@@ -22,7 +22,7 @@ struct ShadowCoord {
     float bias;               // how much nearer to the light it is taken to be
     vec2 gradient;            // of the depth over uv that texels are compared with
     float bias_per_texel;     // added to the bias per texel of distance to a texel's centre
-    float most;               // by which planes are extended at most, in depth
+    float longest;            // change of depth by which two planes that differ are extended at most
     vec3 axis;                // unit vector of decreasing depth, towards the light's plane, or a cube map's light
     float axis_distance;      // from the light along that axis; 1 for a directional light
     float depth_per_length;   // derivative of depth along that axis, per local length
@@ -48,7 +48,6 @@ vec2 unpacked(uint gradient) { return vec2(uintBitsToFloat(gradient << 16), uint
 //   float plane_depth(ShadowCoord p, vec2 offset)          linear depth of the receiver's plane, less the bias
 //   float receiver_at_centre(ShadowCoord p, Texel t)       depth of the receiver's plane at the texel's centre
 //   float caster_at_point(ShadowCoord p, Texel t)          depth of the stored triangle's plane at the receiver's point
-//   float change_per_texel(Texel t)                        of that plane's depth, along both sides together
 //   vec2 plane_gradient(ShadowCoord p)                     of depth over uv on the receiver's plane; 0 for a cube
 //   vec3 to_texels(ShadowCoord p, vec4 v)                  homogeneous texels of a point (w = 1) or direction (w = 0)
 #include "map/<projection>.glsl"

@@ -33,6 +33,7 @@ float resolution(ShadowCoord p) { return max(depth_step, position_step * p.depth
 // A comparison, which a bias or the filter may bring: a file that defines
 //   bool texel_lit(ShadowCoord p, Texel t)    whether the stored caster does not shadow the receiver
 //   HARDWARE_DEPTH(p, offset)                 if it defines it, the depth with which all texels around are compared
+//   float texel_sure(ShadowCoord p, Texel t)  if it defines TEXEL_SURE, the same by the depth alone: 1, 0, or ½ for unsure
 #include <comparison>
 
 #ifdef HARDWARE_DEPTH
@@ -46,10 +47,24 @@ float compare_nearest(ShadowCoord p, vec2 offset) {
     return texel_lit(p, nearest_texel(p, to_centre(p, offset))) ? 1.0 : 0.0;
 }
 
+// Whether the four texels from a corner on are lit, right first: 1 or 0, sure ones perhaps ½.
+vec4 lit_around(ShadowCoord p, vec2 corner) {
+    Texel t[4] = texels_around(p, corner);
+    return vec4(texel_lit(p, t[0]), texel_lit(p, t[1]), texel_lit(p, t[2]), texel_lit(p, t[3]));
+}
+
+vec4 sure_around(ShadowCoord p, vec2 corner) {
+#ifdef TEXEL_SURE
+    Texel t[4] = texels_around(p, corner);
+    return vec4(texel_sure(p, t[0]), texel_sure(p, t[1]), texel_sure(p, t[2]), texel_sure(p, t[3]));
+#else
+    return lit_around(p, corner);
+#endif
+}
+
 float compare_linear(ShadowCoord p, vec2 offset) {
     vec2 at = p.uv * map_size + offset - 0.5, corner = floor(at), weight = at - corner;
-    Texel t[4] = texels_around(p, corner);
-    vec4 lit = vec4(texel_lit(p, t[0]), texel_lit(p, t[1]), texel_lit(p, t[2]), texel_lit(p, t[3]));
+    vec4 lit = lit_around(p, corner);
     return mix(mix(lit.x, lit.y, weight.x), mix(lit.z, lit.w, weight.x), weight.y);
 }
 #endif

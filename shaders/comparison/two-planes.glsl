@@ -1,14 +1,33 @@
 // A texel shadows if its caster is in front of the receiver both at the texel's centre, on the receiver's plane, and at
 // the receiver's point, on the caster's plane. On a surface z of Hessian H the two are -aᵀHa/2 and aᵀHa/2, a being the way
 // to the centre: one of them is never in front.
-#include "units.glsl"
+#define TEXEL_SURE
+
+struct AtCentre {
+    float slack;
+    bool lit;   // on the receiver's plane
+    bool near;  // planes that differ are not extended without end, as that of a steep facet at a silhouette
+};
+
+float clamped_depth(ShadowCoord p) { return stored_range(p.depth, p.bias + depth_step); }
+
+AtCentre at_centre(ShadowCoord p, Texel t) {
+    // Casters in front of the near plane are stored at near; a slack larger than the receiver's depth would miss them.
+    float slack = min(p.bias + p.bias_per_texel * (abs(t.offset.x) + abs(t.offset.y)), from_near(clamped_depth(p)) - depth_step);
+    float depth = stored_range(receiver_at_centre(p, t), slack + depth_step);
+    return AtCentre(slack, depth_sign * (depth - t.depth) <= slack,
+                    depth_sign * (clamped_depth(p) - t.depth) <= p.longest + slack);
+}
+
+// Without the caster's plane: 1 lit, 0 in shadow, and one half where that plane decides.
+float texel_sure(ShadowCoord p, Texel t) {
+    AtCentre c = at_centre(p, t);
+    return 0.5 * (float(c.lit) + float(c.near));
+}
 
 bool texel_lit(ShadowCoord p, Texel t) {
-    float slack = p.bias + p.bias_per_texel * length(t.offset);
-    float depth = stored_range(p.depth, slack + depth_step);
-    float behind = depth_sign * (depth - t.depth);
-    float at_centre = depth_sign * (stored_range(receiver_at_centre(p, t), slack + depth_step) - t.depth);
-    float at_point = depth_sign * (depth - caster_at_point(p, t)) - 0.5 * subpixel * change_per_texel(t);
-    // Planes that differ are not extended without end, as that of a steep facet at a silhouette.
-    return min(at_centre, at_point) <= slack && behind <= p.most + slack || max(at_centre, at_point) <= slack;
+    AtCentre c = at_centre(p, t);
+    float at_point = depth_sign * (clamped_depth(p) - caster_at_point(p, t));
+    bool lit = at_point <= c.slack;
+    return c.near ? lit || c.lit : lit && c.lit;
 }

@@ -96,5 +96,3 @@ float caster_at_point(ShadowCoord p, Texel t) {
     float inverse = max(1.0 + dot(t.gradient, texels), 1e-6);
     return t.depth / length(centre) / (on_face.z * inverse);
 }
-
-float change_per_texel(Texel t) { return (abs(t.gradient.x) + abs(t.gradient.y)) * t.depth; }

@@ -72,7 +72,8 @@ float hardware_comparison(ShadowCoord p, vec2 offset, float depth) { return comp
 // Gradient of depth over uv on the receiver's plane: constant over the map, for a spot too. Planes transform by the inverse
 // transpose.
 vec2 plane_gradient(ShadowCoord p) {
-    vec4 plane = vec4(p.receiver.normal, -dot(p.receiver.normal, p.receiver.position)) * map_to_world[p.layer];
+    float height = PARALLEL == 1 ? 0.0 : dot(p.receiver.normal, p.receiver.position);
+    vec4 plane = vec4(p.receiver.normal, -height) * map_to_world[p.layer];
     return plane.z == 0.0 ? vec2(0.0) : -plane.xy / plane.z;
 }
 
@@ -86,6 +87,5 @@ float plane_depth(ShadowCoord p, vec2 offset) {
     return p.linear + (w - p.axis_distance) * p.linear_per_length;
 }
 
-float receiver_at_centre(ShadowCoord p, Texel t) { return p.depth + dot(p.gradient, t.offset / map_size); }
-float caster_at_point(ShadowCoord p, Texel t) { return t.depth - dot(t.gradient, t.offset / map_size); }
-float change_per_texel(Texel t) { return (abs(t.gradient.x) + abs(t.gradient.y)) / map_size; }
+float receiver_at_centre(ShadowCoord p, Texel t) { return p.depth + dot(p.gradient / map_size, t.offset); }
+float caster_at_point(ShadowCoord p, Texel t) { return t.depth - dot(t.gradient, t.offset); }

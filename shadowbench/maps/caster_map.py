@@ -214,8 +214,8 @@ class CasterMap:
             self._layer_targets = tuple(
                 stage.target(*stored, depth=self.texture, layer=layer) for layer in range(len(self._layer_targets))
             )
-        # Of triangles with the same depth at a texel, the last drawn decides what is stored besides.
-        self._chunks = chunks = CasterChunks(stage.scene, layout.cull, not stored, program.cut is not None)
+        # Of triangles with the same depth at a texel, the last drawn decides what a filter stores besides.
+        self._chunks = chunks = CasterChunks(stage.scene, layout.cull, contents is None, program.cut is not None)
         self._casters = stage.casters(program)
         if chunks.reordered:
             ordered = stage.drawable(program, {"position": chunks.vertices}, indices=chunks.faces)
@@ -245,7 +245,7 @@ class CasterMap:
         if self.contents is not None:
             samplers["map_contents"] = self.contents.texture, self.contents.sampling
         if self.gradients is not None:
-            samplers["map_gradients"] = self.gradients, Sampling(wrap=wrap, border=0.0)
+            samplers["map_gradients"] = self.gradients, Sampling(wrap="repeat" if wrap == "repeat" else "edge")
         return samplers
 
     def draw(self, frame: Frame, views: Sequence[LightView], layered: bool = False) -> None:
