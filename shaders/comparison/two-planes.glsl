@@ -4,9 +4,10 @@
 #define TEXEL_SURE
 
 struct AtCentre {
-    float slack;
-    bool lit;   // on the receiver's plane
-    bool near;  // planes that differ are not extended without end, as that of a steep facet at a silhouette
+    float slack, most;  // by which the caster may be in front if it does not shadow, and if the other plane says that it does not
+    float behind;       // by which the receiver's plane is behind the caster
+    bool near;          // what is farther in front of the receiver's point shadows it, unless both planes are about there:
+                        // that of a steep facet at a silhouette is extended no farther
 };
 
 float clamped_depth(ShadowCoord p) { return stored_range(p.depth, p.bias + depth_step); }
@@ -14,20 +15,18 @@ float clamped_depth(ShadowCoord p) { return stored_range(p.depth, p.bias + depth
 AtCentre at_centre(ShadowCoord p, Texel t) {
     // Casters in front of the near plane are stored at near; a slack larger than the receiver's depth would miss them.
     float slack = min(p.bias + p.bias_per_texel * (abs(t.offset.x) + abs(t.offset.y)), from_near(clamped_depth(p)) - depth_step);
-    float depth = stored_range(receiver_at_centre(p, t), slack + depth_step);
-    return AtCentre(slack, depth_sign * (depth - t.depth) <= slack,
-                    depth_sign * (clamped_depth(p) - t.depth) <= p.longest + slack);
+    float depth = stored_range(receiver_at_centre(p, t), slack + depth_step), most = p.longest + slack;
+    return AtCentre(slack, most, depth_sign * (depth - t.depth), depth_sign * (clamped_depth(p) - t.depth) <= most);
 }
 
 // Without the caster's plane: 1 lit, 0 in shadow, and one half where that plane decides.
 float texel_sure(ShadowCoord p, Texel t) {
     AtCentre c = at_centre(p, t);
-    return 0.5 * (float(c.lit) + float(c.near));
+    return c.near && c.behind <= c.slack ? 1.0 : c.near || c.behind <= c.most ? 0.5 : 0.0;
 }
 
 bool texel_lit(ShadowCoord p, Texel t) {
     AtCentre c = at_centre(p, t);
     float at_point = depth_sign * (clamped_depth(p) - caster_at_point(p, t));
-    bool lit = at_point <= c.slack;
-    return c.near ? lit || c.lit : lit && c.lit;
+    return min(c.behind, at_point) <= c.slack && (c.near || max(c.behind, at_point) <= c.most);
 }

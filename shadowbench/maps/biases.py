@@ -55,8 +55,8 @@ class Bias(Component):
 
     maps: the supported kinds of shadow map; swept: the parameters that a study's `bias_sweep` multiplies; effects: the
     parameters that are fields of its `effect`; comparison: its own shader, a file or its text, of the comparison of a
-    texel, by default with the receiver's depth; gradients: whether the map also stores the depth gradient of the
-    triangle in each texel. Several biases that act together are a `Sum`, written with `+`.
+    texel, by default with the receiver's depth; gradients: whether that needs the depth gradient of the triangle in
+    each texel. Several biases that act together are a `Sum`, written with `+`.
     """
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
@@ -78,6 +78,11 @@ class Bias(Component):
     def terms(self) -> "tuple[Bias, ...]":
         """The biases of a sum; else the bias itself."""
         return (self,)
+
+    @property
+    def comparing(self) -> "Bias | None":
+        """The term that has a comparison of its own."""
+        return next((term for term in self.terms if term.comparison), None)
 
     @property
     def effect(self) -> Effect:

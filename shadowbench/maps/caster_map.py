@@ -122,6 +122,8 @@ class MapLayout:
         for part in parts:
             if self.kind not in part.maps:
                 return f"{part.name} has no meaning for {names[self.kind]}"
+        if (own := bias.comparing) and own.gradients and not filter.compares:
+            return f"{own.name} compares texels, which {filter.name} does not"
         return unsupported_map(device, self.size, self.depth, self.kind, self.layers)
 
 
@@ -304,8 +306,8 @@ class FilteredMap(CasterMap):
         self.bias: Bias = params.bias
         self.filter: Filter = params.filter
         stored, contents = self.filter.contents, None
-        cube, gradients = layout.kind == "cube", any(term.gradients for term in self.bias.terms)
-        own = next((term.comparison for term in self.bias.terms if term.comparison), "")
+        cube, own = layout.kind == "cube", self.bias.comparing
+        self.stores_gradients = own is not None and own.gradients
         self.defines = {
             "LAYERS": layout.layers,
             "ARRAY": int(layout.kind == "array"),
@@ -314,12 +316,12 @@ class FilteredMap(CasterMap):
             "LIT_BEYOND": int(layout.far_rule == "lit"),
             "CUBE": int(cube),
             "CONTENTS": int(stored is not None),
-            "GRADIENTS": int(gradients),
-            "GRADIENT_OF_RECEIVER": int(self.filter.on_plane and not own),
+            "GRADIENTS": int(self.stores_gradients),
+            "GRADIENT_OF_RECEIVER": int(self.filter.on_plane and own is None),
             "MIPMAPPED": int(stored is not None and stored.mips),
             **more,
         }
-        comparison = own or f"comparison/{'plane' if self.filter.on_plane else 'depth'}.glsl"
+        comparison = own.comparison if own else f"comparison/{'plane' if self.filter.on_plane else 'depth'}.glsl"
         self.includes = {"projection": "cube" if cube else "matrix", "map": layout.kind, "comparison": comparison}
         if stored is not None:
             contents = MapContents(stage, params, stored, layout, self.defines, self.includes)
@@ -327,7 +329,7 @@ class FilteredMap(CasterMap):
         fragment = f"{folder}depth.frag" if contents is None else f"{folder}contents.frag"
         program = stage.program(vertex, fragment, geometry, params=params, defines=self.defines, includes=self.includes)
         side = (layout.size, layout.size)
-        slopes = stage.map_texture(side, layout.kind, layout.layers, 1, "u4") if gradients else None
+        slopes = stage.map_texture(side, layout.kind, layout.layers, 1, "u4") if self.stores_gradients else None
         super().__init__(stage, program, layout, self.bias, contents, slopes)
 
     def resolve_pass(self, fragment: str, components: int = 1, **defines: int) -> ResolvePass:
@@ -373,7 +375,8 @@ class FilteredMap(CasterMap):
     def facts(self, pixels: int) -> dict[str, float]:
         """Culled triangles, and texture reads: the filter's of each pixel, and those that prepare what it stores."""
         prepared = self.contents.reads if self.contents else 0
-        return {"culled_triangles": self.culled, "reads": self.filter.reads * pixels + prepared}
+        reads = self.filter.reads * (1 + self.stores_gradients)  # of a texel's depth, and of its gradient
+        return {"culled_triangles": self.culled, "reads": reads * pixels + prepared}
 
 
 def map_uniforms(light_views: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:
