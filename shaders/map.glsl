@@ -21,7 +21,7 @@ struct ShadowCoord {
     float depth;              // as stored, in [0, 1]
     float bias;               // how much nearer to the light it is taken to be
     vec2 gradient;            // of the depth over uv that texels are compared with
-    float bias_per_texel;     // added to the bias per texel of distance to a texel's centre
+    float slack;     // added to the bias for each texel along both sides to a texel's centre
     float longest;            // change of depth by which two planes that differ are extended at most
     vec3 axis;                // unit vector of decreasing depth, towards the light's plane, or a cube map's light
     float axis_distance;      // from the light along that axis; 1 for a directional light

@@ -6,7 +6,7 @@
 ShadowCoord bias(ShadowCoord p) {
     p.gradient = plane_gradient(p);
     float width = max(p.texel.x, p.texel.y) * p.depth_per_length, steep = tan_slope(p);
-    p.bias_per_texel = min(0.015 + steep * (0.08 + 0.015 * steep), 3.0) * width;
+    p.slack = min(0.015 + steep * (0.08 + 0.015 * steep), 3.0) * width;
     p.longest = (12.0 + 36.0 * light.w) * width;  // spots and lamps light all at once from square to grazing
     // Corners are snapped by up to half a step of the rasteriser's grid along each axis.
     p.bias += subpixel * steep * width + 4.0 * resolution(p);

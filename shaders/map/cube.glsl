@@ -41,12 +41,24 @@ vec3 lookup(ShadowCoord p, vec2 offset) {
     return cube_faces[p.layer] * vec3(offset * p.texel, 0.0) - p.axis * p.axis_distance;
 }
 
+// The direction to the centre of the texel at an offset, 1 along the axis of the texel's own face.
+vec3 toward_centre(ShadowCoord p, vec2 offset) {
+    vec3 toward = lookup(p, offset);
+    mat3 face = cube_faces[face_of(toward)];
+    vec3 on_face = toward * face;
+    vec2 texel = min(floor((0.5 + 0.5 * on_face.xy / on_face.z) * map_size), map_size - 1.0);  // on a seam, too
+    return face * vec3((2.0 * texel + 1.0) / map_size - 1.0, 1.0);
+}
+
 Texel nearest_texel(ShadowCoord p, vec2 offset) {
-    Texel t = Texel(textureLod(map_depths, lookup(p, offset), 0.0).r, offset, vec2(0.0));
 #if GRADIENTS == 1
-    t.gradient = unpacked(textureLod(map_gradients, lookup(p, offset), 0.0).r);
+    vec3 toward = toward_centre(p, offset);  // on a seam the hardware may choose another face
+    vec2 gradient = unpacked(textureLod(map_gradients, toward, 0.0).r);
+#else
+    vec3 toward = lookup(p, offset);
+    vec2 gradient = vec2(0.0);
 #endif
-    return t;
+    return Texel(textureLod(map_depths, toward, 0.0).r, offset, gradient);
 }
 
 Texel[4] texels_around(ShadowCoord p, vec2 corner) {
@@ -73,23 +85,15 @@ float plane_depth(ShadowCoord p, vec2 offset) {
 
 vec2 plane_gradient(ShadowCoord p) { return vec2(0.0); }  // no plane has a constant one
 
-// The direction to the centre of a texel, 1 along the axis of the texel's own face.
-vec3 toward_centre(ShadowCoord p, Texel t) {
-    vec3 toward = lookup(p, t.offset);
-    mat3 face = cube_faces[face_of(toward)];
-    vec3 on_face = toward * face;
-    return face * vec3((2.0 * floor((0.5 + 0.5 * on_face.xy / on_face.z) * map_size) + 1.0) / map_size - 1.0, 1.0);
-}
-
 float receiver_at_centre(ShadowCoord p, Texel t) {
     vec3 away = -p.axis * p.axis_distance, normal = p.receiver.normal;
-    float along = dot(normal, normalize(toward_centre(p, t))), height = dot(normal, away);
+    float along = dot(normal, normalize(toward_centre(p, t.offset))), height = dot(normal, away);
     return along * height > 0.0 ? height / along / map_far : 1.0;
 }
 
 // On a plane the inverse of the distance along the face's axis is linear over the face.
 float caster_at_point(ShadowCoord p, Texel t) {
-    vec3 centre = toward_centre(p, t);
+    vec3 centre = toward_centre(p, t.offset);
     mat3 face = cube_faces[face_of(centre)];
     vec3 on_face = -p.axis * face;
     vec2 texels = (on_face.xy / on_face.z - (centre * face).xy) * map_size / 2.0;

@@ -1,13 +1,14 @@
-"""The bias by two planes: what bends smoothly over a texel never shadows itself, and no shadow detaches from its caster."""
+"""The bias by two planes: what bends smoothly over a texel never shadows itself, and no shadow leaves its caster."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from shadowbench.maps.biases import Bias
 from shadowbench.scenes.model import Light, Mesh
-from tests.samples import by_turns, pairs
+from tests.samples import pairs
 
 SIZE = 192
 LAMP = Light("lamp", "point", position=(0.9, 3.1, 1.3))
@@ -71,24 +72,33 @@ def test_convex_bodies_shadow_only_what_faces_away(kind: str, shape, looking, su
     toward = toward / np.linalg.norm(toward, axis=-1, keepdims=True)
     facing = (shot.position[..., 3] > 0) & ((shot.normal[..., :3] * toward).sum(axis=-1) > 0.05)
     visibility = mask("shadow-map:size=512,bias=two-planes,filter=pcf(5)", view)
-    assert facing.sum() > 5000 and (visibility[facing] == 1).all()
+    assert facing.sum() > 3000 and (visibility[facing] == 1).all()
 
 
-@pytest.mark.parametrize(("light", "filter_"), by_turns(["sun", "cascades", "spot", "lamp"], ["hard", "hardware"]))
-def test_a_shadow_begins_at_the_foot_of_its_caster(lights, shape, looking, mask, studio, light, filter_) -> None:
-    """On the ground behind a box, from its walls on; by `texel` a strip is lit that is wider than two texels."""
+@pytest.mark.parametrize("light", ["sun", "cascades", "spot", "lamp"])
+def test_a_slab_of_a_few_texels_shadows_the_ground_up_to_its_foot(
+    lights, shape, looking, sun, mask, studio, light: str
+) -> None:
+    """Where the ray to the light leaves through its top, but for a texel along the edge; `texel` lights most."""
+    height, edge = 0.015, 0.012
     source, technique = lights[light]
-    view = looking([shape("plane", 4.0), shape("box", 1.0, (0.0, 0.5, 0.0))], source, 384, (-2.2, 1.6, -2.4), fov=45.0)
+    source = sun(25.0, 54.0) if source.kind == "directional" else replace(source, position=(1.7, 1.3, 2.1))
+    source = replace(source, direction=(-0.59, -0.45, -0.73)) if source.kind == "spot" else source
+    slab = shape("box", (1.0, height, 1.0), (0.0, height / 2, 0.0))
+    view = looking([shape("plane", 4.0), slab], source, 384, (-1.4, 1.4, -1.5), (-0.3, 0.0, -0.3), 40.0)
     shot = studio.shot(view)
-    x, y, z = np.moveaxis(shot.position[..., :3] / shot.placement.scale + shot.placement.center, -1, 0)
-    ground = (shot.position[..., 3] > 0) & (np.abs(y) < 1e-5)
-    # Behind the wall at x = -½, at least a fifth from where the shadow ends, which is as long as ½ or more.
-    strip = ground & (x < -0.5) & (x > -0.6) & (np.abs(z + 0.1) < 0.25)
-    lit = {
-        bias: (mask(f"{technique}size=256,bias={bias},filter={filter_}", view)[strip] >= 0.5).mean()
+    point = shot.position[..., :3] / shot.placement.scale + shot.placement.center
+    place, w = (np.asarray(source.homogeneous[0]), source.homogeneous[1])
+    toward = place - w * point
+    top = np.abs(point + toward * (height / toward[..., 1:2]))[..., [0, 2]].max(axis=-1)
+    ground = (shot.position[..., 3] > 0) & (np.abs(point[..., 1]) < 1e-5)
+    strip = ground & (np.abs(point[..., [0, 2]]).max(axis=-1) > 0.5) & (top < 0.5 - edge)
+    dark = {
+        bias: (mask(f"{technique}size=512,bias={bias},filter=pcf(5)", view)[strip] < 0.5).mean()
         for bias in ("two-planes", "texel")
     }
-    assert strip.sum() > 300 and lit["two-planes"] < 0.02 < lit["texel"]
+    assert strip.sum() > 200 and dark["two-planes"] > 0.99, dark
+    assert light != "sun" or dark["texel"] < 0.5
 
 
 def test_flat_ground_under_the_lowest_sun_is_lit(shape, looking, sun, mask) -> None:
@@ -111,7 +121,7 @@ def test_a_cube_s_face_answers_as_the_spot_that_it_is(shape, looking, mask) -> N
             ("cube-map:size=256,bias=two-planes,filter=hard", Light("lamp", "point", position=place)),
         )
     )
-    assert (one < 0.5).mean() > 0.05 and (one != other).mean() < 1e-3
+    assert (one < 0.5).mean() > 0.01 and (one != other).mean() < 1e-3
 
 
 def test_two_comparisons_of_a_texel_do_not_add_up() -> None:
@@ -147,4 +157,4 @@ def test_a_plug_in_s_comparison_sees_the_caster_s_plane(lights, shape, looking, 
         own, two = (
             mask(f"{technique}size=256,filter={filter_},bias={bias}", view) for bias in ("casters-plane", "two-planes")
         )
-        assert (two < 0.5).sum() > 300 and ((own < 0.5) != (two < 0.5)).mean() < 0.01
+        assert (two < 0.5).sum() > 90 and ((own < 0.5) != (two < 0.5)).mean() < 0.01
