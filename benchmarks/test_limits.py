@@ -6,11 +6,10 @@
 The test suite checks what of this can be counted: rays, calls, modules, primitives.
 """
 
-import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +18,13 @@ import psutil
 import pytest
 import trimesh
 from pytest_benchmark.fixture import BenchmarkFixture
-from scipy import ndimage
-from skimage.metrics import structural_similarity
 
 from shadowbench.measure.machine import MAX_NOISE, measure_noise
 from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.scores import loops
-from shadowbench.scores.comparison import C1, C2, WEIGHTS
-from shadowbench.scores.masks import greatest
 from shadowbench.survey.survey import needs
 from shadowbench.truths.cache import cached_truth
 
@@ -75,55 +68,12 @@ def fixed_work() -> Call:
     return work
 
 
-@pytest.fixture
-def one_core() -> Iterator[None]:
-    if not hasattr(os, "sched_setaffinity"):
-        pytest.skip("no way to keep to one core here")
-    allowed = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {min(allowed)})
-    yield
-    os.sched_setaffinity(0, allowed)
-
-
 def a_cell(scene_name: str, size: int) -> Call:
     """Scores a mask of a view; the truth is prepared."""
     scene = load_scene(scene_name)
     truth = cached_truth(view_of(scene, scene.cameras[0], scene.lights[0], size), 1)
     against, mask = prepare_truth(truth), np.roll(truth.visibility, (1, 2), axis=(0, 1))
     return lambda: mask_record(mask, truth, against, truth.triangle)
-
-
-def the_edges_of(image: Any) -> Any:
-    return np.abs(image - 0.5) < 0.005
-
-
-@pytest.mark.parametrize(
-    ("new", "old"),
-    [
-        (
-            lambda image: loops.squared_distance(the_edges_of(image)),
-            lambda image: ndimage.distance_transform_edt(~the_edges_of(image)),
-        ),
-        (
-            lambda image: loops.ssim_map(image, image[::-1].copy(), image >= 0, WEIGHTS, C1, C2),
-            lambda image: structural_similarity(
-                image.astype(float),
-                image[::-1].astype(float),
-                gaussian_weights=True,
-                use_sample_covariance=False,
-                data_range=1,
-            ),
-        ),
-        (lambda image: greatest(image, 8), lambda image: ndimage.maximum_filter(image, 17)),
-    ],
-    ids=["distance", "ssim", "maximum"],
-)
-@pytest.mark.benchmark(group="limits", timer=time.process_time)
-def test_compiled_loops_against_scipy(new: Any, old: Any, smallest: bool, compare: Any, one_core: None) -> None:
-    """What scores were computed with before: the distance transform and filters of SciPy, and scikit-image's SSIM."""
-    size = 64 if smallest else 1024
-    image = np.random.default_rng(2).random((size, size), dtype=np.float32)
-    compare(lambda: new(image), lambda: old(image))
 
 
 @pytest.mark.benchmark(group="limits", timer=time.process_time)
@@ -157,43 +107,6 @@ def python(*arguments: str) -> Call:
 @pytest.mark.benchmark(group="limits")
 def test_start(code: str, beside: str, compare: Any) -> None:
     compare(python("-c", code), python("-c", beside))
-
-
-FIRST_CELL = """
-import os
-from shadowbench.measure.worker import Worker
-call = Worker.call
-def until_drawn(self, method, *arguments, **options):
-    answer = call(self, method, *arguments, **options)
-    if method.__name__ == "draw":
-        self.stop()
-        os._exit(0)
-    return answer
-Worker.call = until_drawn
-from shadowbench.commands import main
-main()
-"""
-
-
-@pytest.mark.benchmark(group="limits")
-def test_start_of_a_run_until_its_first_cell_is_drawn(tmp_path: Path, compare: Any) -> None:
-    """Once the truth is in the cache. Parent and worker import at the same time: this needs two idle cores."""
-    run = python(
-        "-c", FIRST_CELL, "run", "street", "-t", "shadow-map", "-q", "--rounds", "0", "-o", str(tmp_path / "run")
-    )
-    compare(run, python("-c", "import numpy"))
-
-
-@pytest.mark.benchmark(group="limits")
-def test_silhouettes_against_all_triangles(smallest: bool, compare: Any) -> None:
-    scene = load_scene("statue")
-    session, view = Session(), view_of(scene, scene.cameras[0], scene.lights[0], 64 if smallest else 256)
-    for spec in ("shadow-volume", "shadow-volume:faces=triangle"):
-        session.prepare_timing(view, CellRequest(spec))
-    try:
-        compare(lambda: session.time_frame(0), lambda: session.time_frame(1), rounds=3)
-    finally:
-        session.release_timed()
 
 
 @pytest.mark.benchmark(group="limits")

@@ -2,9 +2,11 @@
 
 import difflib
 from collections.abc import Iterable
+from importlib import import_module
+from typing import Any
 
 NOT_INSTALLED = "{} is not installed; docs/how-to/install.md lists the platforms that have it"
-NOT_EVERYWHERE = ("embreex", "moderngl", "numba", "vl_convert")
+NOT_EVERYWHERE = ("embreex", "moderngl", "numba")
 """Modules that some platforms lack; what can do without them imports them where it calls them."""
 
 
@@ -41,6 +43,14 @@ class Unsupported(Exception):
 def how_to_install(extra: str) -> str:
     """End of a message about a missing package: what installs an extra. The name on the package index is another's."""
     return f"pip install '.[{extra}]' in a checkout of shadowbench installs it"
+
+
+def module_of_extra(module: str, extra: str, what: str) -> Any:
+    """A module that an extra installs. Raises InputError that begins with `what` if it is not installed."""
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        raise InputError(f"{what} {module}, which is not installed: {how_to_install(extra)}") from error
 
 
 def alternatives(found: object, names: Iterable[str], heading: str = "allowed", none: str = "none") -> str:

@@ -135,6 +135,9 @@ def _reference_frames() -> Callable[..., float]:
 @pytest.hookimpl(optionalhook=True, tryfirst=True)
 def pytest_benchmark_scale_unit(unit: str, benchmarks: "list[dict[str, Any]]") -> tuple[str, float] | None:
     """Tables and histograms of groups whose times are ratios say so."""
+    from pytest_benchmark.utils import TIME_UNITS  # the histogram's names of its own units
+
+    TIME_UNITS["reference frame"] = "frames of the reference"
     ratios = all("reference_ms" in bench["extra_info"] for bench in benchmarks)
     return ("reference frame", 1.0) if unit == "seconds" and ratios else None
 

@@ -20,7 +20,7 @@ from shadowbench.geometry.facing import cap_weights, wall_weights
 from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order
 from shadowbench.gl.device import Device, Releasable, open_device
 from shadowbench.gl.gbuffer import DeviceGeometry, GBuffer, GBufferPass, download
-from shadowbench.measure import machine, worker
+from shadowbench.measure import gl_drawer, machine, worker
 from shadowbench.measure.worker import Limits, Worker
 from shadowbench.plugin.registry import forget_components
 from shadowbench.scenes.library import load_scene
@@ -235,7 +235,7 @@ def shadowbench(
     lent_worker: Callable[..., object], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> Callable[..., Answer]:
     """Calls the command line in this process; a worker's output is caught too."""
-    for module in (worker, machine):
+    for module in (worker, machine, gl_drawer):
         monkeypatch.setattr(module, "Worker", lent_worker)
 
     def call(*arguments: str | Path) -> Answer:

@@ -5,21 +5,17 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pages import compare
-from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 INCLUDED = re.compile(r"(?m)^```\{include\} (.+)$")
-GENERATED = (
-    "technique_docs.py",
-    "law_docs.py",
-    "reference_docs.py",
-    "choosing_page.py",
-)  # the tools of other pages have tests of their own
+GENERATED = ("technique_docs", "law_docs", "reference_docs", "choosing_page")  # others have tests of their own
 
 
 TECHNIQUES = ROOT / "docs" / "reference" / "techniques"
@@ -45,10 +41,10 @@ def build(docs: Path, site: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("tool", GENERATED)
-def test_generated_pages_are_up_to_date(tool: str) -> None:
-    command = [sys.executable, ROOT / "tools" / tool, "--check"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+def test_generated_pages_are_up_to_date(tool: str, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys, "argv", [tool, "--check"])
+    assert import_module(tool).main() == 0, capsys.readouterr()
 
 
 def test_a_changed_default_makes_the_page_stale_and_a_changed_number_does_not(tmp_path: Path) -> None:
@@ -113,15 +109,13 @@ SEARCHES = {
 def test_the_site_is_built_without_a_warning_and_can_be_searched_from_a_disk(tmp_path: Path) -> None:
     done = build(ROOT / "docs", tmp_path)
     assert done.returncode == 0, done.stderr
-    chromium = shutil.which("chromium")
-    assert chromium, "no chromium on the path; `tools/setup.sh chromium` installs it"
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+    from tests.reports.browsing import chromium  # playwright, of slow tests alone
+
+    with chromium() as browser:
         tab = browser.new_page()
         for words, expected in SEARCHES.items():
             tab.goto((tmp_path / "html" / "search.html").as_uri() + "?q=" + words.replace(" ", "+"))
             tab.locator("#search-results li a", has_text=expected).first.wait_for()
-        browser.close()
 
 
 @pytest.mark.slow

@@ -1,21 +1,22 @@
-// One step of a min-max reduction of REACH² texels to one, with REACH even. Input: FROM_SAMPLE, the receiver of one pixel
-// in light space; FROM_RECEIVERS, all visible receivers, but read only where the depths of REACH² pixels say that these may
-// extend the bounds of the sample (Lauritzen, Salvi and Lefohn 2011 read all); FROM_VALUES, a texture; else the results of
-// the previous step.
-layout(location = 0) out vec4 low;
-layout(location = 1) out vec4 high;
+// One step of a min-max reduction of REACH² texels to one, with REACH even, of GROUPS of four values, one to a layer:
+// positions along four directions each. Input: FROM_SAMPLE, the receiver of one pixel; FROM_RECEIVERS, all visible
+// receivers, but read only where the depths of REACH² pixels say that these may extend the bounds of the sample
+// (Lauritzen, Salvi and Lefohn 2011 read all); FROM_VALUES, a texture; else the results of the previous step.
+layout(location = 0) out vec4 low[GROUPS];
+layout(location = GROUPS) out vec4 high[GROUPS];
 const float nothing = 3.0e38;
 
-void include(vec3 a, vec3 b) {
-    low.xyz = min(low.xyz, a);
-    high.xyz = max(high.xyz, b);
+void include(int group, vec4 a, vec4 b) {
+    low[group] = min(low[group], a);
+    high[group] = max(high[group], b);
 }
 
 #if defined(FROM_SAMPLE) || defined(FROM_RECEIVERS)
 #include "receiver.glsl"
 uniform mat4 world_to_light;
-uniform float perspective;     // 1: x and y are divided by the distance along the axis
-uniform float cos_half_angle;  // of a spot's cone; −1 for other lights
+uniform float perspective;        // 1: x and y are divided by the distance along the axis
+uniform float cos_half_angle;     // of a spot's cone; −1 for other lights
+uniform mat4 directions[GROUPS];  // rows: unit vectors in light space across the light's axis, or (0, 0, 1, 0) along it
 
 void include_receiver(ivec2 pixel) {
     Receiver r = receiver_at(min(pixel, textureSize(surface_position, 0) - 1));
@@ -24,14 +25,15 @@ void include_receiver(ivec2 pixel) {
     // The third row of the matrix is the light's axis, pointing back to the light.
     vec3 back = vec3(world_to_light[0].z, world_to_light[1].z, world_to_light[2].z);
     bool receives = r.facing && dot(back, r.to_light) >= cos_half_angle;
-    include(receives ? p : vec3(nothing), receives ? p : vec3(-nothing));
+    if (!receives) return;
+    for (int i = 0; i < GROUPS; ++i) include(i, directions[i] * vec4(p, 0.0), directions[i] * vec4(p, 0.0));
 }
 #endif
 
 #ifdef FROM_RECEIVERS
 uniform sampler2D surface_depth;  // view depth as a share of the far plane's; 1 where no surface is visible
-uniform sampler2D lows;           // bounds of the sample, one texel
-uniform sampler2D highs;
+uniform sampler2DArray lows;      // bounds of the sample, one texel
+uniform sampler2DArray highs;
 uniform mat4 pixel_to_light;      // (pixel · depth, depth, 1) to light space, with the distance along the axis for z
 uniform float rounding;           // exceeds the error of that by rounding
 
@@ -54,19 +56,26 @@ bool may_extend(vec2 start, vec2 depths) {
         bool above = may_exceed(slope * z + y, scale, start, depths), below = may_exceed(slope * z - y, scale, start, depths);
         if (!right || !left || !above || !below) return false;
     }
-    if (low.x > high.x) return true;  // no receiver in the sample
-    vec2 largest = 1.0 + max(abs(low.xy), abs(high.xy));
-    return may_exceed(low.x * one - x, largest.x, start, depths) || may_exceed(x - high.x * one, largest.x, start, depths)
-        || may_exceed(low.y * one - y, largest.y, start, depths) || may_exceed(y - high.y * one, largest.y, start, depths)
-        || may_exceed(vec4(0.0, 0.0, 0.0, low.z) - z, 1.0, start, depths)
-        || may_exceed(z - vec4(0.0, 0.0, 0.0, high.z), 1.0, start, depths)
-        || (perspective > 0.5 && may_exceed(-z, 1.0, start, depths));  // behind the light
+    if (low[0].x > high[0].x) return true;  // no receiver in the sample
+    bool extends = perspective > 0.5 && may_exceed(-z, 1.0, start, depths);  // behind the light
+    for (int i = 0; i < GROUPS; ++i)
+        for (int j = 0; j < 4; ++j) {
+            vec3 direction = vec3(directions[i][0][j], directions[i][1][j], directions[i][2][j]);
+            vec4 along = direction.x * x + direction.y * y + direction.z * z;
+            vec4 unit = direction.z > 0.0 ? vec4(0.0, 0.0, 0.0, 1.0) : one;
+            float largest = direction.z > 0.0 ? 1.0 : 1.0 + max(abs(low[i][j]), abs(high[i][j]));
+            extends = extends || may_exceed(low[i][j] * unit - along, largest, start, depths)
+                || may_exceed(along - high[i][j] * unit, largest, start, depths);
+        }
+    return extends;
 }
 
 // The result is that of reading all receivers.
 void include_texels(ivec2 start) {
-    low = textureLod(lows, vec2(0.5), 0.0);
-    high = textureLod(highs, vec2(0.5), 0.0);
+    for (int i = 0; i < GROUPS; ++i) {
+        low[i] = textureLod(lows, vec3(0.5, 0.5, i), 0.0);
+        high[i] = textureLod(highs, vec3(0.5, 0.5, i), 0.0);
+    }
     vec2 size = vec2(textureSize(surface_depth, 0)), depths = vec2(1.0, 0.0);
     for (int y = 1; y < REACH; y += 2)
         for (int x = 1; x < REACH; x += 2) {
@@ -85,23 +94,28 @@ void include_texels(ivec2 start) { include_receiver(start + REACH / 2); }
 uniform sampler2D values;
 #define lows values
 #define highs values
+#define AT(place, group) place
 #else
-uniform sampler2D lows;
-uniform sampler2D highs;
+uniform sampler2DArray lows;
+uniform sampler2DArray highs;
+#define AT(place, group) vec3(place, group)
 #endif
 
 void include_texels(ivec2 start) {
-    ivec2 size = textureSize(lows, 0), stop = min(start + REACH, size);
+    ivec2 size = textureSize(lows, 0).xy, stop = min(start + REACH, size);
     for (int y = start.y; y < stop.y; ++y)
         for (int x = start.x; x < stop.x; ++x) {
             vec2 at = (vec2(x, y) + 0.5) / vec2(size);
-            include(textureLod(lows, at, 0.0).xyz, textureLod(highs, at, 0.0).xyz);
+            for (int i = 0; i < GROUPS; ++i)
+                include(i, textureLod(lows, AT(at, i), 0.0), textureLod(highs, AT(at, i), 0.0));
         }
 }
 #endif
 
 void main() {
-    low = vec4(nothing);
-    high = vec4(-nothing);
+    for (int i = 0; i < GROUPS; ++i) {
+        low[i] = vec4(nothing);
+        high[i] = vec4(-nothing);
+    }
     include_texels(ivec2(gl_FragCoord.xy) * REACH);
 }

@@ -1,12 +1,17 @@
 """Light space, and light views: the part of light space that a shadow map covers."""
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
+
+ORIENTED = False
+"""Whether `fit=visible` and cascades are `oriented` by default, and `needs` says the sizes of such maps."""
+_SAME = 0.01  # radians between two angles, of which the better stands for both
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,10 +21,15 @@ class Box:
     low: Floats
     high: Floats
 
+    @property
+    def area(self) -> float:
+        """Of the rectangle in x and y."""
+        return float(np.prod((self.high - self.low)[:2]))
+
 
 @dataclass(frozen=True, eq=False)
 class LightSpace:
-    """A coordinate system that depends on the light only, so that a moving camera cannot rotate the map.
+    """A coordinate system that depends on the light only, so that a moving camera cannot rotate the map, or `rotated`.
 
     basis: (3, 3) rows right, up, back, with −back the light's direction; perspective: True for a spot; half: tangent of
     its half angle, inf for a directional light.
@@ -38,12 +48,39 @@ class LightSpace:
         matrix[:3, 3] = -self.basis @ self.origin
         return matrix
 
-    def box(self, points: Floats) -> Box:
-        """Bounds of (N, 3) points, which for a spot must be in front of it."""
+    def coords(self, points: Floats) -> Floats:
+        """(N, 3) coordinates, as in `Box`, of (N, 3) points, which for a spot must be in front of it."""
         x, y, back = ((points - self.origin) @ self.basis.T).T
         flat = np.column_stack([x, y]) / (-back[:, None] if self.perspective else 1.0)
-        bounds = np.column_stack([flat, -back])
-        return Box(bounds.min(axis=0), bounds.max(axis=0))
+        return np.column_stack([flat, -back])
+
+    def box(self, points: Floats) -> Box:
+        """Bounds of (N, 3) points, which for a spot must be in front of it."""
+        coords = self.coords(points)
+        return Box(coords.min(axis=0), coords.max(axis=0))
+
+    def rotated(self, angle: float) -> "LightSpace":
+        """This space with x and y rotated about the light's axis."""
+        cosine, sine = np.cos(angle), np.sin(angle)
+        turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        return replace(self, basis=turn @ self.basis)
+
+    def oriented(self, points: Floats, count: int = 1) -> "list[LightSpace]":
+        """This space rotated to sides of the hull of (N, 3) points, up to `count`, by the area of their box there.
+
+        At no angle is it less than in the first: a least rectangle has a side on the hull's (Freeman and Shapira 1975).
+        """
+        from scipy.spatial import ConvexHull, QhullError  # the import takes 0.3 s; the worker has done it at its start
+
+        flat = self.coords(points)[:, :2]
+        with suppress(QhullError):  # of points on a line, all differences have its direction
+            flat = flat[ConvexHull(flat).vertices]
+        hull = flat @ np.array([1.0, 1j])
+        angles = (np.angle(np.roll(hull, 1) - hull) + np.pi / 4) % (np.pi / 2) - np.pi / 4
+        rotated = np.exp(-1j * angles)[:, None] * hull
+        order = np.lexsort((np.abs(angles), np.ptp(rotated.real, axis=1) * np.ptp(rotated.imag, axis=1)))
+        _, first = np.unique(np.round(angles[order] / _SAME), return_index=True)
+        return [self.rotated(angle) for angle in angles[order][np.sort(first)[:count]]]
 
 
 def light_space(light: Light) -> LightSpace:

@@ -4,8 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.vectors import Floats, Vec3
@@ -68,6 +66,8 @@ class Topology:
 
 def topology_of(scene: Scene) -> Topology:
     """The topology of the casters, each mesh welded by float32 position, as the device stores it."""
+    from scipy.sparse import coo_matrix, csgraph  # 0.3 s, for which only shadow volumes wait
+
     geometry = scene.geometry
     vertices = geometry.vertices.astype(np.float32) + np.float32(0)  # −0 is 0
     mesh = np.repeat(np.arange(len(scene.meshes)), [len(mesh.vertices) for mesh in scene.meshes])
@@ -80,7 +80,7 @@ def topology_of(scene: Scene) -> Topology:
     two = second >= 0
     pairs = first[two] // 3, second[two] // 3
     links = coo_matrix((np.ones(len(pairs[0])), pairs), shape=(len(faces), len(faces)))
-    parts, labels = connected_components(links, directed=False)
+    parts, labels = csgraph.connected_components(links, directed=False)
     part: Indices = labels.astype(np.int64)
     opposed = two & (rising[first] != rising[second])
     loose = np.bincount(part[first[~opposed] // 3], minlength=parts)

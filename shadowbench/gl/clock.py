@@ -10,10 +10,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal, TypeVar, get_args
 
 from shadowbench.gl.device import Device, moderngl
 
+T = TypeVar("T")
 Changes = Literal["light", "view", "frame"]
 QUERIES = "gl_time_elapsed"
 WALL = "finish+wall"
@@ -108,19 +109,18 @@ class Clock:
         samples.append(Sample(wall, wall, WALL) if elapsed is None else Sample(elapsed, wall, QUERIES))
 
 
-def work_of(device: Device, draw: Callable[[], object]) -> dict[str, int]:
-    """Exact counts of one draw: draw calls and, with pipeline statistics, shader invocations and primitives."""
+def with_work(device: Device, draw: Callable[[], T]) -> tuple[T, dict[str, int]]:
+    """What a draw returns, and its exact work: draw calls and, with pipeline statistics, invocations and primitives."""
     draws = device.draws
     if not device.pipeline_statistics:
-        draw()
-        return {"draws": device.draws - draws}
+        return draw(), {"draws": device.draws - draws}
     raw, counts = device.raw, {}
     names = (ctypes.c_uint * len(_STATISTICS))()
     raw("glGenQueries", len(names), names)
     for name, target in zip(names, _STATISTICS.values(), strict=True):
         raw("glBeginQuery", target, name)
     try:
-        draw()
+        result = draw()
     finally:
         for target in _STATISTICS.values():
             raw("glEndQuery", target)
@@ -129,7 +129,7 @@ def work_of(device: Device, draw: Callable[[], object]) -> dict[str, int]:
             raw("glGetQueryObjectui64v", name, _QUERY_RESULT, ctypes.byref(value))
             counts[counter] = value.value
         raw("glDeleteQueries", len(names), names)
-    return {"draws": device.draws - draws, **counts}
+    return result, {"draws": device.draws - draws, **counts}
 
 
 def with_cost(work: dict[str, int]) -> dict[str, int]:

@@ -92,26 +92,30 @@ def framebuffer_of(depth: DepthTexture, colors: Sequence[Color] = (), layer: int
     # moderngl creates no framebuffer without an attachment or with attachments of different sizes, and clears no depth
     # if a framebuffer was created without a depth attachment.
     placeholder = device.context.depth_renderbuffer((side, side) if colors else (1, 1))
-    framebuffer = _with_colors(device, colors, depth.kind, layer, placeholder)
+    framebuffer = _with_colors(device, colors, depth.kind, [layer] * len(colors), placeholder)
     placeholder.release()
     framebuffer.viewport = (0, 0, side, side)
     _attach(device, framebuffer, _DEPTH_ATTACHMENT, depth.glo, depth.kind, layer)
     return framebuffer
 
 
-def color_framebuffer(device: Device, color: Color, layer: int) -> moderngl.Framebuffer:
-    """A framebuffer of one layer of a colour texture."""
+def color_framebuffer(device: Device, colors: Sequence[Color], layers: Sequence[int]) -> moderngl.Framebuffer:
+    """A framebuffer of one layer of each of some colour textures of a kind, which may be the same texture."""
     kinds: dict[type, Kind] = {moderngl.TextureArray: "array", moderngl.TextureCube: "cube"}
-    return _with_colors(device, [color], kinds.get(type(color), "2d"), layer)
+    return _with_colors(device, colors, kinds.get(type(colors[0]), "2d"), layers)
 
 
 def _with_colors(
-    device: Device, colors: Sequence[Color], kind: Kind, layer: int | None, depth: moderngl.Renderbuffer | None = None
+    device: Device,
+    colors: Sequence[Color],
+    kind: Kind,
+    layers: Sequence[int | None],
+    depth: moderngl.Renderbuffer | None = None,
 ) -> moderngl.Framebuffer:
     """A framebuffer of colour textures; moderngl attaches neither cubes nor single layers itself."""
     placeholders = [device.context.renderbuffer(one.size[:2], one.components, dtype=one.dtype) for one in colors]
     framebuffer = device.context.framebuffer(placeholders, depth)
-    for number, (color, placeholder) in enumerate(zip(colors, placeholders, strict=True)):
+    for number, (color, placeholder, layer) in enumerate(zip(colors, placeholders, layers, strict=True)):
         _attach(device, framebuffer, _FIRST_COLOR_ATTACHMENT + number, color.glo, kind, layer)
         placeholder.release()
     return framebuffer

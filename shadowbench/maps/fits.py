@@ -2,9 +2,10 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -18,10 +19,11 @@ from shadowbench.geometry.convex import (
     practical_depths,
     view_planes,
 )
-from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
+from shadowbench.geometry.lights import ORIENTED, Box, LightSpace, LightView, light_space, window
 from shadowbench.gl.clock import Changes
 from shadowbench.gl.device import moderngl
 from shadowbench.gl.program import Drawable, Sampling, Textures
+from shadowbench.gl.targets import Color
 from shadowbench.plugin.base import Frame, Stage
 from shadowbench.plugin.params import Component, TechniqueParams, param
 from shadowbench.scenes.model import Light, Placement, View
@@ -30,15 +32,16 @@ from shadowbench.scenes.vectors import Floats
 
 @dataclass(frozen=True, eq=False)
 class FitContext:
-    """Inputs of a fit: the view, the scene's hull, and a function for the visible receivers' box in a light space.
+    """Inputs of a fit: the view, the scene's hull, and a function for the visible receivers' box in each light space.
 
-    light_radius: of the light by which the filter widens; see `Filter.light_radius`.
+    The spaces are at most RECTANGLES, rotated about the light's axis. light_radius: of the light by which the filter
+    widens; see `Filter.light_radius`.
     """
 
     view: View
     placement: Placement
     hull: SceneHull
-    visible_bounds: Callable[[LightSpace], Box | None]
+    visible_bounds: Callable[[Sequence[LightSpace]], list[Box]]
     light_radius: float = 0.0
 
 
@@ -52,8 +55,12 @@ class Fit(Component):
     clamps: ClassVar[bool] = True
     invalidated_by: ClassVar[Changes] = "view"
 
-    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
-        """Box of the receivers that the map must cover, in light space; None if there are none."""
+    def light_spaces(self, context: FitContext) -> list[LightSpace]:
+        """Light spaces, of which the map has the one where the receivers' box has the least area."""
+        return [light_space(context.view.light)]
+
+    def receiver_bounds(self, spaces: Sequence[LightSpace], context: FitContext) -> list[Box]:
+        """Box of the receivers that the map must cover, in each light space; empty if there are none."""
         raise NotImplementedError(self.name)
 
     def light_view(self, context: FitContext, size: int, padding: float, shift: tuple[float, float]) -> LightView:
@@ -61,8 +68,9 @@ class Fit(Component):
 
         padding: texels added on each side; shift: offset of the texel grid, in texels.
         """
-        space = light_space(context.view.light)
-        box = self.receiver_bounds(space, context) or Box(np.zeros(3), np.ones(3))
+        spaces = self.light_spaces(context)
+        boxes = self.receiver_bounds(spaces, context) or [Box(np.zeros(3), np.ones(3))]
+        box, space = min(zip(boxes, spaces, strict=False), key=lambda fitted: fitted[0].area)
         box = widened(box, space, context.hull, context.view.light, context.light_radius)
         return LightView(space, window(box, space, size, padding, shift), size)
 
@@ -99,26 +107,41 @@ class SceneFit(Fit):
     name = "scene"
     invalidated_by = "light"
 
-    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
-        return _region(space, context) if space.perspective else space.box(context.hull.points)
+    def receiver_bounds(self, spaces: Sequence[LightSpace], context: FitContext) -> list[Box]:
+        points = _scene(spaces[0], context)
+        return [space.box(points) for space in spaces if len(points)]
 
 
 class ViewFit(Fit):
     """The bounding box of the scene's bounds inside the camera's frustum."""
 
     name = "view"
+    oriented: bool = param(False, "rotates the map about the light's axis, to the rectangle of least area")
 
-    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
-        return _region(space, context, view_planes(context.view))
+    def light_spaces(self, context: FitContext) -> list[LightSpace]:
+        (level,) = super().light_spaces(context)
+        if not self.oriented:
+            return [level]
+        outlines = _region(level, context, view_planes(context.view)), _scene(level, context)
+        rotated = (level.oriented(points, RECTANGLES // 2) for points in outlines if len(points))
+        return [level, *chain.from_iterable(rotated)]
+
+    def receiver_bounds(self, spaces: Sequence[LightSpace], context: FitContext) -> list[Box]:
+        points = _region(spaces[0], context, view_planes(context.view))
+        return [space.box(points) for space in spaces if len(points)]
 
 
-class VisibleFit(Fit):
-    """The bounding box of the visible receivers, reduced from the G-buffer (Lauritzen, Salvi and Lefohn 2011)."""
+class VisibleFit(ViewFit):
+    """The bounding box of the visible receivers, reduced from the G-buffer (Lauritzen, Salvi and Lefohn 2011).
+
+    Oriented, it is the least of those with a side of the scene's hull, or of its bounds inside the camera's frustum.
+    """
 
     name = "visible"
+    oriented: bool = param(ORIENTED, "rotates the map about the light's axis, to a rectangle of little area")
 
-    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
-        return context.visible_bounds(space)
+    def receiver_bounds(self, spaces: Sequence[LightSpace], context: FitContext) -> list[Box]:
+        return context.visible_bounds(spaces)
 
 
 class FittedParams(TechniqueParams):
@@ -134,15 +157,17 @@ class FittedView:
     def __init__(self, stage: Stage, fit: Fit, size: int, filter_radius: float) -> None:
         self.hull = SceneHull(stage.scene)
         self._stage, self._fit, self._size, self._padding = stage, fit, size, filter_radius + 1
-        self._bounds = cache(lambda: VisibleBounds(stage))
+        self._bounds = cache(lambda oriented: VisibleBounds(stage, oriented))
         if isinstance(fit, VisibleFit):
-            self._bounds()  # built here; for a fit of a plug-in that asks for it, in the first frame
+            self._bounds(fit.oriented)  # built here; for a fit of a plug-in that asks for it, in the first frame
 
     def __call__(self, frame: Frame, light_radius: float = 0.0) -> LightView:
         """The light view for a frame. light_radius: see `Filter.light_radius`."""
-        context = FitContext(
-            frame.view, self._stage.placement, self.hull, lambda space: self._bounds()(frame, space), light_radius
-        )
+
+        def visible_bounds(spaces: Sequence[LightSpace]) -> list[Box]:
+            return self._bounds(len(spaces) > 1)(frame, spaces)
+
+        context = FitContext(frame.view, self._stage.placement, self.hull, visible_bounds, light_radius)
         return self._fit.light_view(context, self._size, self._padding, frame.phase.shift)
 
 
@@ -166,14 +191,18 @@ def widened(box: Box, space: LightSpace, hull: SceneHull, light: Light, light_ra
     return Box(low, high)
 
 
-def _region(space: LightSpace, context: FitContext, *more: Floats) -> Box | None:
-    """Light-space box of the scene's bounds inside `more` planes and inside a spot's cone; None if that is empty."""
+def _scene(space: LightSpace, context: FitContext) -> Floats:
+    """(N, 3) hull points of all casters and receivers, for a spot corners of their bounds inside its cone."""
+    return _region(space, context) if space.perspective else context.hull.points
+
+
+def _region(space: LightSpace, context: FitContext, *more: Floats) -> Floats:
+    """(N, 3) corners of the scene's bounds inside `more` planes and inside a spot's cone."""
     planes = [box_planes(context.hull.bounds), *more]
     if space.perspective:
         reach = 2 * context.hull.extent + float(np.abs(space.origin).max())
         planes.append(frustum_planes(space.origin, space.basis, space.half, reach * 1e-6, 4 * reach))
-    points = corners(np.vstack(planes), context.hull.extent)
-    return space.box(points) if len(points) else None
+    return corners(np.vstack(planes), context.hull.extent)
 
 
 class Split(Component):
@@ -234,6 +263,8 @@ class EndSplit(Split):
         return np.maximum.accumulate(np.maximum(near, [near, self.first, self.second, self.third, self.last]))
 
 
+RECTANGLES = 7
+"""Largest number of rectangles: with the distance along the axis 15 directions, and eight render targets hold 16."""
 _REACHES = 8, 16  # texels along a side that the first step and each further step reduce to one
 _ROUNDING = 1e-5  # of the largest coordinate: exceeds float32 rounding of a few operations, and of depths in 24 bits
 
@@ -241,23 +272,29 @@ _ROUNDING = 1e-5  # of the largest coordinate: exceeds float32 rounding of a few
 class MinMaxReduction:
     """Reduces textures of one size in steps of 8×8, then 16×16 texels; built once, called each frame.
 
-    source: input of the first step, `values` (the sampler `values`) or those of `VisibleBounds`.
+    source: input of the first step, `values` (the sampler `values`) or those of `VisibleBounds`; layers: of four values
+    each.
     """
 
     def __init__(
-        self, stage: Stage, size: tuple[int, int], source: Literal["values", "sample", "receivers"] = "values"
+        self,
+        stage: Stage,
+        size: tuple[int, int],
+        source: Literal["values", "sample", "receivers"] = "values",
+        layers: int = 1,
     ) -> None:
         self.first, later = (
-            stage.program("fullscreen.vert", "fit/bounds.frag", defines={"REACH": reach, **more})
+            stage.program("fullscreen.vert", "fit/bounds.frag", defines={"REACH": reach, "GROUPS": layers, **more})
             for reach, more in zip(_REACHES, ({f"FROM_{source.upper()}": 1}, {}), strict=True)
         )
         drawables = stage.fullscreen(self.first), stage.fullscreen(later)
-        self._steps: list[tuple[Drawable, moderngl.Framebuffer, tuple[moderngl.Texture, moderngl.Texture]]] = []
+        self._steps: list[tuple[Drawable, moderngl.Framebuffer, tuple[Color, Color]]] = []
         while max(size) > 1 or not self._steps:
             step = int(bool(self._steps))
             size = -(-size[0] // _REACHES[step]), -(-size[1] // _REACHES[step])
-            bounds = stage.texture(size, 4), stage.texture(size, 4)
-            self._steps.append((drawables[step], stage.target(*bounds), bounds))
+            low, high = (stage.map_texture(size, "array", layers, 4, "f4") for _ in range(2))
+            target = stage.target(*[low] * layers, *[high] * layers, layer=[*range(layers)] * 2)
+            self._steps.append((drawables[step], target, (low, high)))
 
     def reduce(self, textures: Textures) -> Textures:
         """The minimum and maximum as textures of one texel, `lows` and `highs`."""
@@ -267,32 +304,38 @@ class MinMaxReduction:
         return textures
 
     def __call__(self, textures: Textures) -> tuple[Floats, Floats]:
-        """(3,) minimum and (3,) maximum. The read-back stalls until the device has finished, as in SDSM on the CPU."""
+        """(4 · layers,) minima and maxima. The read-back stalls until the device has finished, as in CPU SDSM."""
         self.reduce(textures)
         *_, bounds = self._steps[-1]
-        lowest, highest = (np.frombuffer(texture.read(), dtype=np.float32)[:3] for texture in bounds)
+        lowest, highest = (np.frombuffer(texture.read(), np.float32) for texture in bounds)  # type: ignore[call-arg]
         return lowest.astype(np.float64), highest.astype(np.float64)
 
 
 class VisibleBounds:
-    """Bounding box of the visible receivers in light space, from the G-buffer.
+    """Bounding boxes of the visible receivers in light spaces, from the G-buffer.
 
-    The depths of all pixels are read, and the positions and normals of one pixel in 64 and of those that may lie
-    outside the box of the former.
+    oriented: whether there are several, at most RECTANGLES, rotated about the light's axis. The depths of all pixels
+    are read, and the positions and normals of one pixel in 64 and of those that may lie outside the former's boxes.
     """
 
-    def __init__(self, stage: Stage) -> None:
-        self._sample = MinMaxReduction(stage, stage.size, "sample")
-        self._bounds = MinMaxReduction(stage, stage.size, "receivers")
+    def __init__(self, stage: Stage, oriented: bool = False) -> None:
+        self._layers = (2 * RECTANGLES + 4) // 4 if oriented else 1
+        self._sample = MinMaxReduction(stage, stage.size, "sample", self._layers)
+        self._bounds = MinMaxReduction(stage, stage.size, "receivers", self._layers)
 
-    def __call__(self, frame: Frame, space: LightSpace) -> Box | None:
-        """The box; None if no receiver is visible."""
+    def __call__(self, frame: Frame, spaces: Sequence[LightSpace]) -> list[Box]:
+        """A box for each space; empty if no receiver is visible."""
+        space = spaces[0]
+        rows = np.concatenate([np.eye(3), *(other.basis[:2] @ space.basis.T for other in spaces[1:])])
+        directions = np.tile(np.eye(4)[2], (4 * self._layers, 1))
+        directions[: len(rows), :3] = rows
         for program in (self._sample.first, self._bounds.first):
             program.set(
                 light=frame.light_uniform,
                 world_to_light=space.matrix,
                 perspective=float(space.perspective),
                 cos_half_angle=frame.light.cos_half_angle,
+                directions=directions.reshape(-1, 4, 4),
             )
         to_light = _pixel_to_light(frame.view, space)
         reach = np.abs(to_light[:3, 2]) + frame.view.size * np.abs(to_light[:3, :2]).sum(axis=1)
@@ -300,7 +343,8 @@ class VisibleBounds:
         self._bounds.first.set(pixel_to_light=to_light, rounding=rounding)
         inputs = frame.surface.inputs
         low, high = self._bounds({**inputs, **self._sample.reduce(inputs)})
-        return Box(low, high) if (low <= high).all() else None
+        places = [[0, 1, 2], *([at, at + 1, 2] for at in range(3, len(rows), 2))]
+        return [Box(low[place], high[place]) for place in places if low[2] <= high[2]]
 
 
 def _pixel_to_light(view: View, space: LightSpace) -> Floats:

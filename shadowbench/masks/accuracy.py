@@ -166,7 +166,7 @@ def estimate_shift(comparison: Comparison) -> Shift | None:
     gradients = [_gradient(image) * inside for image in images]
     if not all(map(np.any, gradients)):
         return None
-    (down, across), *_ = phase_cross_correlation(*gradients, upsample_factor=_STEPS, normalization=None)  # type: ignore[no-untyped-call]
+    (down, across), *_ = phase_cross_correlation(*gradients, upsample_factor=_STEPS, normalization=None)
     if not _SMALLEST <= max(abs(across), abs(down)) <= _FARTHEST:
         return None
     shift = round(float(across), 3), round(float(down), 3)

@@ -10,15 +10,18 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Protocol, Self
 from weakref import WeakKeyDictionary
 
+import numpy as np
+from numpy.typing import NDArray
+
 from shadowbench.errors import InputError, MetricError, Unsupported, message, quoted
 from shadowbench.files import check_folder
 from shadowbench.measure.flips import Step, Stepped, flips
 from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.machine import machine_key, write_run_file
-from shadowbench.measure.pictures import Pictures, Writer
+from shadowbench.measure.pictures import Background, Pictures
 from shadowbench.measure.rows import Record, Result, RowStore, identity
 from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.measure.session import Rendering, Surface
+from shadowbench.measure.session import Rendering
 from shadowbench.measure.time_rows import time_row
 from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.spec import Spec
@@ -232,7 +235,7 @@ class Campaign:
             self.failures.append(Failure(what, where, quoted(message(error) or type(error).__name__)))
 
     def _score(self, block: Block) -> None:
-        """Make the score rows that are missing."""
+        """Make the score rows that are missing: each cell is scored and written while the next one is drawn."""
         missing, view, pictures = self.unscored(block), block.view, self._pictures
         if self._views != (views := (view, *block.later)):
             # Only the first one's `area` is sampled finely, since no other is scored.
@@ -240,42 +243,53 @@ class Campaign:
             self._truth = cache(lambda index: cached_truth(views[index], _FLIP_SAMPLES if index else PIXEL_SAMPLES))
             self._prepared = cache(lambda: prepare_truth(self._truth(0)))
         surface = cache(partial(self.drawer.surface, block))
-        shown = False
-        with Writer() as writer:
+
+        @cache
+        def write_view() -> None:
+            pictures.write_truth(view, self._truth(0))
+            pictures.write_shading(view, surface())
+
+        def finish(row: Record, drawn: Sequence[Rendering], triangle: NDArray[np.int32] | None) -> None:
+            row = self._score_cell(block, row, drawn, triangle)
+            if row["status"] == "ok" and (self._keeps_images is None or self._keeps_images(row)):
+                write_view()
+                pictures.write_cell(row["key"], drawn[0])
+            self.store.append(row)  # after the images, which its presence promises
+
+        with Background() as background:
             if self._keeps_images is None:
-                writer.add(partial(pictures.write_truth, view, self._truth(0)))
+                background.add(lambda: pictures.write_truth(view, self._truth(0)))
             for cell, key in missing.items():
-                if block.times(cell):
-                    writer.finish()  # its build is timed: nothing may run beside it
-                row, rendering = self._score_cell(block, cell, key, surface)
-                writer.finish()  # which bounds the images in memory
-                writes: list[Callable[[], None]] = []
-                if rendering is not None and (self._keeps_images is None or self._keeps_images(row)):
-                    if not shown:
-                        writes.append(partial(pictures.write_truth, view, self._truth(0)))
-                        writes.append(partial(pictures.write_shading, view, surface()))
-                        shown = True
-                    writes.append(partial(pictures.write_cell, key, rendering))
-                writer.add(*writes, partial(self.store.append, row))  # after the images, which its presence promises
+                row, will_be_timed = self._row(block, cell, key), block.times(cell) and not block.later
+                background.finish()  # which bounds the images in memory
+                try:
+                    triangle = surface().triangle if cell.spec.technique.own else None
+                    if will_be_timed:
+                        self.drawer.build(block, cell)
+                    background.begin()
+                    drawn = list(self.drawer.draw(block, cell, keep=will_be_timed))
+                except (Unsupported, CellFailed) as reason:
+                    background.add(partial(self.store.append, {**row, "status": status_of(reason)}))
+                else:
+                    background.add(partial(finish, row, drawn, triangle))
                 self.reporter.step(f"{view.scene.name} {cell.spec.text}")
         for _ in range(len(block.cells) - len(missing)):
             self.reporter.step(f"{view.scene.name}: measured before")
 
-    def _score_cell(
-        self, block: Block, cell: Cell, key: str, surface: Callable[[], Surface]
-    ) -> tuple[Record, Rendering | None]:
-        """Score row of a cell, and the rendering of its first view; None if the cell was unsupported or failed."""
+    def _row(self, block: Block, cell: Cell, key: str) -> Record:
+        """What a cell's score row says before it is drawn."""
         spec = cell.spec
         row: dict[str, Any] = {"kind": "score", "key": key}
         row |= identity(block.view, spec.technique.name, spec.sizeless_text, spec.full_text)
         row |= {"phase": cell.phase, "map_size": spec.map_size, "coordinates": block.coordinates, **block.place}
         row |= {"home_spec": cell.home.text} if cell.home else {}
-        row["renderer"] = self.drawer.info.renderer
-        try:
-            triangle = surface().triangle if spec.technique.own else None
-            first, *later = self.drawer.draw(block, cell, keep=block.times(cell) and not block.later)
-        except (Unsupported, CellFailed) as reason:
-            return row | {"status": status_of(reason)}, None
+        return row | {"renderer": self.drawer.info.renderer}
+
+    def _score_cell(
+        self, block: Block, row: Record, drawn: Sequence[Rendering], triangle: NDArray[np.int32] | None
+    ) -> Record:
+        """Score row of a cell that was drawn in each view."""
+        first, *later = drawn
         truth, prepared = self._truth(0), self._prepared()
         told, smooth = first.measurable, truth.facet_shadow is not None
         if told is not None and (smooth or (truth.receivers & ~told).any()):
@@ -285,8 +299,8 @@ class Campaign:
         try:
             scores = mask_record(first.visibility, truth, prepared, triangle)
         except MetricError as error:
-            return row | {"status": f"failed: {error}"}, None
-        row |= {"status": "ok", **scores}
+            return {**row, "status": f"failed: {error}"}
+        row = {**row, "status": "ok", **scores}
         row |= {"gpu_bytes": first.gpu_bytes, "work": dict(first.work), "facts": dict(first.facts)}
         row["triangles"] = block.view.scene.geometry.count
         row |= {"engine": dict(first.engine)} if first.engine else {}
@@ -295,7 +309,7 @@ class Campaign:
             masks = [drawn.visibility for drawn in (first, *later)]
             count = Stepped(block.view, block.step).count if block.step else flips
             row["flips"] = count(masks, [self._truth(index) for index in range(len(masks))])
-        return row | ({"step": block.step} if block.step else {}), first
+        return row | ({"step": block.step} if block.step else {})
 
     def _time(self, block: Block) -> None:
         """Time the successful cells that lack a time, or a ratio since their reference failed."""

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -88,10 +88,15 @@ class GLDrawer:
         room = int(_CELL_SHARE * self.worker.limits.bytes)
         return CellRequest(cell.spec.full_text, cell.phase, block.coordinates, room)
 
+    def build(self, block: Block, cell: Cell) -> None:
+        """Build a cell that will be drawn and then timed, as its build is: nothing else may run. Raises as `draw`."""
+        with suppress(MemoryExceeded):  # `draw` builds it again, in a new worker
+            self.worker.call(Session.build, block.view, self._request(block, cell))
+
     def draw(self, block: Block, cell: Cell, keep: bool = False) -> Iterator[Rendering]:
         """A cell drawn in each view of a block, in their order. Raises Unsupported and CellFailed.
 
-        keep: it will be timed, so that what was built for it stays if there is room. If memory runs out, it is drawn
+        keep: it will be timed, so that what `build` made stays if there is room. If memory runs out, it is drawn
         in a new worker.
         """
         room = int(_KEPT_SHARE * self.worker.limits.bytes) if keep else 0

@@ -1,4 +1,4 @@
-"""Images of a run folder, masks and pictures named by cell key, truths by view; background writing of files."""
+"""Images of a run folder, masks and pictures named by cell key, truths by view; jobs in the background."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -63,30 +63,37 @@ def _holds_mask(file: Path, mask: NDArray[np.floating]) -> bool:
         return False
 
 
-class Writer:
-    """Runs write operations one after the other in a thread, while the worker draws.
+class Background:
+    """Runs jobs one after the other in a thread, while the worker draws: scores a cell, writes its images and row.
 
-    Use as a context manager: everything is on disk when it exits. An exception of a write is raised by the next
-    `finish` or on exit.
+    Use as a context manager: all jobs are done when it exits. An exception of a job is raised by the next `finish` or
+    on exit.
     """
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(1)
-        self._begun: list[Future[object]] = []
+        self._waiting: list[Callable[[], None]] = []
+        self._begun: list[Future[None]] = []
 
-    def __enter__(self) -> "Writer":
+    def __enter__(self) -> "Background":
         return self
 
     def __exit__(self, *_: object) -> None:
         with self._pool:
+            self.begin()
             self.finish()
 
-    def add(self, *writes: Callable[[], None]) -> None:
-        """Begin writes after those begun before. One that raises an exception ends those added with it."""
-        self._begun.append(self._pool.submit(lambda: [write() for write in writes]))
+    def add(self, job: Callable[[], None]) -> None:
+        """Add a job, which waits for `begin`."""
+        self._waiting.append(job)
+
+    def begin(self) -> None:
+        """Begin the jobs that wait."""
+        waiting, self._waiting = self._waiting, []
+        self._begun += map(self._pool.submit, waiting)
 
     def finish(self) -> None:
-        """Wait for all writes."""
+        """Wait for the jobs that were begun."""
         begun, self._begun = self._begun, []
-        for writing in begun:
-            writing.result()
+        for job in begun:
+            job.result()

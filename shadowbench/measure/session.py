@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import Unsupported
 from shadowbench.files import png_of
-from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
+from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, with_work
 from shadowbench.gl.device import Device, moderngl, open_device
 from shadowbench.gl.gbuffer import DeviceGeometry, FacetPass, GBuffer, GBufferPass, download
 from shadowbench.gl.picture import PicturePass
@@ -175,7 +175,7 @@ class LoadedScene:
         self.geometry.release()
 
 
-WARM_UP = 2  # untimed draws before a cell is timed
+WARM_UP = 2  # untimed draws before a cell is timed, of which the one that is scored may be the first
 RISE_S = 0.5  # an H100 that was idle drew at a quarter of its rate
 
 
@@ -221,6 +221,7 @@ class _BuiltCell:
 @cache
 def load_for_builds() -> None:
     """Import what building a technique imports, and compile or load its loops, for which no timed build then waits."""
+    import scipy.sparse.csgraph
     import scipy.spatial  # noqa: F401
 
     from shadowbench.geometry import facing  # noqa: F401
@@ -320,24 +321,30 @@ class Session:
         stage.release()
         return stage.texts
 
+    def build(self, view: View, request: CellRequest) -> None:
+        """Build a cell that will be drawn and then timed, as its build is. Raises as `draw` does."""
+        load_for_builds()
+        open_view = self._ensure_open(view, request.coordinates)
+        if request not in self._kept:
+            self._kept[request] = self._build(open_view, request)
+
     def draw(
         self, view: View, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0
     ) -> Rendering:
         """Draw a cell once and read the images back. Raises Unsupported, or any exception of the technique.
 
-        tinted: multiply the technique's debug colours, if any, into the picture; keep: the built cell stays for
+        tinted: multiply the technique's debug colours, if any, into the picture; keep: a cell of `build` stays for
         `prepare_timing` if all kept cells of the view together take at most this many bytes, else it is released.
         """
-        if keep:
-            load_for_builds()
         open_view = self._ensure_open(view, request.coordinates)
-        built = self._kept.pop(request, None) or self._build(open_view, request)
+        kept = self._kept.pop(request, None)
+        built = kept or self._build(open_view, request)
         try:
             rendering = self._draw_built(open_view, request, built, with_map, tinted)
         except BaseException:
             built.stage.release()
             raise
-        if sum(other.stage.bytes for other in self._kept.values()) + built.stage.bytes <= keep:
+        if kept and sum(other.stage.bytes for other in self._kept.values()) + built.stage.bytes <= keep:
             self._kept[request] = built
         else:
             built.stage.release()
@@ -348,7 +355,7 @@ class Session:
     ) -> Rendering:
         technique, frame, view = built.technique, built.frame, open_view.view
         self.device.reset()
-        texture = technique.draw(frame)
+        texture, work = with_work(self.device, lambda: technique.draw(frame))
         self.device.reset()
         self.device.check(f"drawing {request.spec}")
         open_view.loaded.darken_facets(request.spec, technique, texture, open_view.surface, view)
@@ -357,8 +364,6 @@ class Session:
         picture = open_view.loaded.picture_pass.draw(open_view.surface, view, texture, tint)
         depths = technique.map_image() if with_map else None
         facts = finite_facts(request.spec, technique.facts())
-        # Frame index 0 again: the work belongs to the frame that was scored, without history of earlier frames.
-        work = work_of(self.device, lambda: technique.draw(frame))
         work = with_cost(work | declared_work(technique, view.size**2, facts))
         return Rendering(visibility, picture, depths, built.stage.bytes, work, facts)
 
@@ -366,9 +371,10 @@ class Session:
         """Prepare a cell for timing: build it unless kept, and warm it up. Returns its build time in milliseconds."""
         load_for_builds()
         open_view = self._ensure_open(view, request.coordinates)
-        built = self._kept.pop(request, None) or self._build(open_view, request)
+        kept = self._kept.pop(request, None)
+        built = kept or self._build(open_view, request)
         self._timed.append(built)
-        for _ in range(WARM_UP):
+        for _ in range(WARM_UP - 1 if kept else WARM_UP):
             self.device.reset()
             self._next_draw(-1)()
             self.device.context.finish()

@@ -1,7 +1,7 @@
 """The stage: the scene and device that a technique builds its GL resources from. It owns and releases them."""
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -147,16 +147,22 @@ class Stage:
         return self._allocated(needed, create[kind])
 
     def target(
-        self, *textures: Color, depth: moderngl.Texture | DepthTexture | None = None, layer: int | None = None
+        self,
+        *textures: Color,
+        depth: moderngl.Texture | DepthTexture | None = None,
+        layer: int | Sequence[int] | None = None,
     ) -> moderngl.Framebuffer:
         """A framebuffer with colour textures and optionally a depth texture, such as that of a `depth_target`.
 
-        layer: of a map with several, the one that is drawn into; all by default, by `gl_Layer`.
+        layer: of a map with several, the one that is drawn into, or without depth one for each texture, which may be
+        given several times; all by default, by `gl_Layer`.
         """
-        if isinstance(depth, DepthTexture):
+        if isinstance(layer, Sequence):
+            framebuffer = targets.color_framebuffer(self.device, textures, layer)
+        elif isinstance(depth, DepthTexture):
             framebuffer = targets.framebuffer_of(depth, textures, layer)
         elif layer is not None:
-            framebuffer = targets.color_framebuffer(self.device, textures[0], layer)
+            framebuffer = targets.color_framebuffer(self.device, textures[:1], [layer])
         else:
             framebuffer = self.device.context.framebuffer(list(textures), depth)
         self._resources.append(framebuffer)

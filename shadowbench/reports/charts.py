@@ -8,6 +8,7 @@ from typing import Any
 
 from PIL import Image
 
+from shadowbench.errors import module_of_extra
 from shadowbench.files import replace_file
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports.texts import COLUMNS, cost_text, digits, error_text, value_text
@@ -315,9 +316,8 @@ _SCALE = 2.5  # 760 units of width become 1900 pixels: 16 cm at 300 dots an inch
 
 
 def write_chart(file: Path, chart: Chart) -> None:
-    """Write a Vega-Lite chart as .svg or .pdf, else as PNG."""
-    import vl_convert  # not on every platform
-
+    """Write a Vega-Lite chart as .svg or .pdf, else as PNG. Raises InputError without the extra `figures`."""
+    vl_convert = module_of_extra("vl_convert", "figures", "charts outside the page are drawn by")
     with replace_file(file) as temporary:
         if file.suffix == ".svg":
             temporary.write_text(vl_convert.vegalite_to_svg(chart), encoding="utf-8")

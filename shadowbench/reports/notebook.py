@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from shadowbench.errors import InputError, alternatives
+from shadowbench.errors import InputError, alternatives, module_of_extra
 from shadowbench.reports.charts import Chart, front_chart, size_chart, styles_of, titled, write_chart
 from shadowbench.reports.texts import cost_source
 from shadowbench.results.frame import Run, over_phases
@@ -32,8 +32,7 @@ class Figure:
         write_chart(path, self.spec)
 
     def _repr_png_(self) -> bytes:
-        import vl_convert  # not on every platform
-
+        vl_convert = module_of_extra("vl_convert", "figures", "charts in notebooks are drawn by")
         return bytes(vl_convert.vegalite_to_png(self.spec, scale=1.5))
 
 

@@ -9,13 +9,12 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import InputError, how_to_install
+from shadowbench.errors import InputError, module_of_extra
 from shadowbench.scenes.triangles import MOST_TRIANGLES
 
 MOST_MEMORY = 2 << 30
@@ -41,7 +40,7 @@ class DracoMesh(NamedTuple):
 def decode_draco(blobs: list[DracoBlob], where: str) -> list[DracoMesh]:
     """The decoded primitives. Raises InputError that begins with `where` if one cannot be decoded."""
     where = f"{where}: KHR_draco_mesh_compression"
-    decoder("DracoPy", where)
+    module_of_extra("DracoPy", "compressed", f"{where}: is decompressed by")
     # -P: do not import from the current folder, which may have a numpy.py.
     command, blobs_as_bytes = [sys.executable, "-P", "-m", __name__], pickle.dumps(blobs)
     try:
@@ -57,16 +56,8 @@ def decode_draco(blobs: list[DracoBlob], where: str) -> list[DracoMesh]:
 
 def decode_meshopt(stream: bytes, count: int, size: int, mode: str, filtered: str, where: str) -> bytes:
     """`count` elements of `size` bytes of a stream of a mode, without its filter. Raises InputError or ValueError."""
-    return bytes(decoder("meshopt", where).decode_gltf_buffer(stream, count, size, mode, filtered)) if count else b""
-
-
-def decoder(module: str, where: str) -> Any:
-    """The module of a decoder. Raises InputError that begins with `where` if it is not installed."""
-    try:
-        return import_module(module)
-    except ModuleNotFoundError as error:
-        needed = f"{module}, which is not installed: {how_to_install('compressed')}"
-        raise InputError(f"{where}: is decompressed by {needed}") from error
+    meshopt = module_of_extra("meshopt", "compressed", f"{where}: is decompressed by")
+    return bytes(meshopt.decode_gltf_buffer(stream, count, size, mode, filtered)) if count else b""
 
 
 def _decode_here(blobs: list[DracoBlob]) -> list[tuple[dict[str, NDArray[Any]], NDArray[np.int64]]]:

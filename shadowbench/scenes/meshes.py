@@ -10,7 +10,6 @@ import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.file_contents import BY_DEFAULT, Chosen, Contents, Look, check_count, placed
-from shadowbench.scenes.gltf import read_gltf
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.obj import read_obj
 from shadowbench.scenes.ply_off_stl import read_off, read_ply, read_stl
@@ -50,6 +49,8 @@ def read_meshes(path: Path, where: str | None = None, chosen: Chosen = BY_DEFAUL
             raise InputError(f"{where}: time and clip are for glTF files, which may have them")
         with np.errstate(all="ignore"):
             if suffix in GLTF_SUFFIXES:
+                from shadowbench.scenes.gltf import read_gltf  # whose tables take long to import
+
                 contents = read_gltf(path, where, chosen)
             else:
                 contents = _polygonal(path, where, chosen.coordinates)

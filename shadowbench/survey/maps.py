@@ -8,8 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from shadowbench.geometry.convex import caster_and_receiver_vertices, practical_depths, slices
-from shadowbench.geometry.lights import Box, LightSpace, light_space, window
-from shadowbench.scenes.model import View
+from shadowbench.geometry.lights import ORIENTED, Box, LightSpace, light_space, window
 from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats, perpendicular_basis
 from shadowbench.survey.samples import Samples, longest
@@ -56,7 +55,8 @@ class FittedMap:
     spaces: the map's light space, or those of a cube's six faces; face: (R,) index of each sample's; coords: (3, R) u,
     v and distance along the light's axis, as in `Box`, in units of light space, or of a cube's face at distance 1;
     jacobian: (2, 2, R) d(u, v)/d(x, y), with x and y in pixels, y downwards; slope: (2, R) derivative of the receiver
-    plane's distance by u and v; extent: (2,) width and height of the map without its padding, texels on each side.
+    plane's distance by u and v; extent: (2,) width and height of the map without its padding, texels on each side;
+    oriented: whether maps and cascades are rotated to the least area, as by the parameter of that name.
     """
 
     samples: Samples
@@ -67,6 +67,7 @@ class FittedMap:
     slope: Floats
     extent: Floats
     padding: float
+    oriented: bool
 
     @property
     def cube(self) -> bool:
@@ -135,8 +136,8 @@ class FittedMap:
         return Depths(near, far, gap, known, far * near / (far - near) / z**2, share * far / z)
 
 
-def fitted_map(samples: Samples) -> FittedMap:
-    """The map that techniques fit to samples by default."""
+def fitted_map(samples: Samples, oriented: bool = ORIENTED) -> FittedMap:
+    """The map that techniques fit to samples by default. oriented: as the parameter of the fits."""
     light, face = samples.view.light, np.zeros(len(samples.pixel), dtype=np.intp)
     if light.kind == "point":
         origin = np.array(light.position)
@@ -146,7 +147,8 @@ def fitted_map(samples: Samples) -> FittedMap:
         backs = [np.eye(3)[index // 2] * (1 if index % 2 else -1) for index in range(6)]
         spaces = tuple(LightSpace(perpendicular_basis(back, (0.0, 1.0, 0.0)), origin, True, 1.0) for back in backs)
     else:
-        spaces = (light_space(light),)
+        level = light_space(light)
+        spaces = (level.oriented(samples.point.T)[0] if oriented else level,)
     bases = np.array([space.basis for space in spaces])[face]
 
     def turned(vectors: Floats) -> Floats:
@@ -166,7 +168,7 @@ def fitted_map(samples: Samples) -> FittedMap:
     extent, padding = np.maximum(np.ptp(uv, axis=1), FLAT), PADDING
     if light.kind == "point":  # whose faces cover all around
         extent, padding = np.full(2, 2.0), 0.0
-    return FittedMap(samples, spaces, face, coords, jacobian, slope, extent, padding)
+    return FittedMap(samples, spaces, face, coords, jacobian, slope, extent, padding, oriented)
 
 
 @dataclass(frozen=True)
@@ -263,19 +265,19 @@ def texels_of(fitted: FittedMap) -> Texels:
         largest=float(pixels.max()) / fitted.texels,
         p95=p95 / fitted.texels,
         size=p95 + 2 * fitted.padding,
-        edge_size=_edge_size(fitted, fitted.extent[:, None]) if len(fitted.samples.edges) else None,
+        edge_size=_edge_size(fitted, fitted.extent[:, None], fitted.jacobian) if len(fitted.samples.edges) else None,
         faces=len(fitted.spaces),
     )
 
 
-def _edge_size(fitted: FittedMap, extent: Floats) -> float:
+def _edge_size(fitted: FittedMap, extent: Floats, jacobian: Floats) -> float:
     """The map size at which at most a share WRONG of the edge pixels, of which there are some, is wrong.
 
-    extent: (2, 1) of the map, or (2, R) of each sample's cascade. Wrong are edges that texels displace, and those
-    around shadow that the bias lights: a lit pixel counts as one.
+    extent: (2, 1) of the map, or (2, R) of each sample's cascade; jacobian: (2, 2, R) along its sides. Wrong are edges
+    that texels displace, and those around shadow that the bias lights: a lit pixel counts as one.
     """
     samples = fitted.samples
-    displacement = _displacement((fitted.jacobian / extent[:, None])[..., samples.edges])
+    displacement = _displacement((jacobian / extent[:, None])[..., samples.edges])
     displaced = texels_for(displacement)
     edges = 2 * len(samples.edges)  # of the mask and of the truth
     lit_by_bias = _lit_by_bias(fitted, extent)
@@ -369,7 +371,7 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     if space.perspective or one.edge_size is None:
         return None
     bounds = bounds_of(caster_and_receiver_vertices(samples.view.scene.geometry))
-    sizes = {count: _edge_size(fitted, _extents(samples.view, bounds, space, fitted.coords, count)) for count in COUNTS}
+    sizes = {count: _edge_size(fitted, *_cascade_frames(fitted, bounds, count)) for count in COUNTS}
     best = min(COUNTS, key=lambda count: count * sizes[count] ** 2)
     ahead = samples.view.camera.basis()[2] @ (np.array(samples.view.camera.position)[:, None] - samples.point)
     return CascadeSizes(
@@ -380,17 +382,22 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     )
 
 
-def _extents(view: View, bounds: Floats, space: LightSpace, coords: Floats, count: int) -> Floats:
-    """(2, R) width and height of the first cascade that contains each of (3, R) light-space coordinates."""
-    extents = np.zeros((2, coords.shape[1]))
-    remaining = np.arange(coords.shape[1])
+def _cascade_frames(fitted: FittedMap, bounds: Floats, count: int) -> tuple[Floats, Floats]:
+    """(2, R) width and height of the first cascade that contains each sample, (2, 2, R) jacobian along its sides."""
+    view, points, level = fitted.samples.view, fitted.samples.point.T, light_space(fitted.samples.view.light)
+    extents, jacobian = np.zeros((2, len(points))), fitted.jacobian.copy()
+    remaining = np.arange(len(points))
     parts = slices(view.camera, practical_depths(*view.near_far, count), 0.0)
     for part in parts:
-        box = space.box(part.corners_within(bounds, float(np.abs(bounds).max())))
-        inside = np.full(len(remaining), True)
-        if part is not parts[-1]:  # samples outside the last box are so by rounding only
-            for row, low, high in zip(coords[:, remaining], box.low, box.high, strict=True):
-                inside &= (row >= low) & (row <= high)
-        extents[:, remaining[inside]] = np.maximum((box.high - box.low)[:2, None], FLAT)
+        corners = part.corners_within(bounds, float(np.abs(bounds).max()))
+        space = level.oriented(corners)[0] if fitted.oriented else level
+        box, coords = space.box(corners), space.coords(points[remaining])
+        inside = ((coords >= box.low) & (coords <= box.high)).all(axis=1)
+        inside |= part is parts[-1]  # samples outside the last box are so by rounding only
+        chosen = remaining[inside]
+        extents[:, chosen] = np.maximum((box.high - box.low)[:2, None], FLAT)
+        if fitted.oriented:
+            turn = space.basis[:2] @ fitted.spaces[0].basis[:2].T
+            jacobian[..., chosen] = np.einsum("ij,jkr->ikr", turn, jacobian[..., chosen])
         remaining = remaining[~inside]
-    return extents
+    return extents, jacobian

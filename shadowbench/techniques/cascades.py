@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from shadowbench.geometry.convex import SceneHull, Slice, slices
-from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, snapped, stretched, window
+from shadowbench.geometry.lights import ORIENTED, Box, LightSpace, LightView, light_space, snapped, stretched, window
 from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Value
 from shadowbench.gl.targets import DepthFormat
@@ -60,6 +60,9 @@ class Cascades(Technique):
         box: Literal["scene", "tight", "sphere"] = param(
             "scene",
             "map bounds: of the slice's part inside the scene's bounds, of the slice, or of its bounding sphere",
+        )
+        oriented: bool = param(
+            ORIENTED, "rotates each map about the light's axis, to the rectangle of least area; not with box=sphere"
         )
         stable: bool = param(False, "moves a map by whole texels only; needs box=sphere")
         depth_clamp: bool = param(True, "clamps casters in front of the near plane to it")
@@ -156,6 +159,8 @@ class Cascades(Technique):
             else:
                 bounds, extent = self.hull.bounds, self.hull.extent
                 points = part.corners if params.box == "tight" else part.corners_within(bounds, extent)
+                if params.oriented:
+                    space = space.oriented(points)[0]
                 box = stretched(space.box(points), depth_factor)
             wide = widened(box, space, self.hull, frame.light, light_radius)
             placed = window(wide, space, params.size, padding, shift)

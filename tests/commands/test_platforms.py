@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from shadowbench.api import run
+
 LIBRARIES = ("moderngl", "glcontext", "embreex", "numba", "llvmlite")
 Elsewhere = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -38,8 +40,7 @@ def elsewhere(tmp_path: Path) -> Elsewhere:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run folder that another machine made."""
     made = tmp_path_factory.mktemp("made") / "run"
-    words = ["run", "cube-on-plane", "-t", "shadow-map:size=64", "--view-size", "64", "--rounds", "1", "-q", "-o", made]
-    subprocess.run([sys.executable, "-m", "shadowbench", *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+    run("cube-on-plane", "shadow-map:size=64", view_size=64, rounds=1, folder=made)
     return made
 
 

@@ -15,6 +15,7 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -49,10 +50,12 @@ FAULTS, HARMLESS = read("faults.toml"), read("harmless.toml")
 TESTS = list(dict.fromkeys(fault.tests for fault in FAULTS + HARMLESS))
 CELLS = [tests.removeprefix(IN) for tests in TESTS if tests.startswith(IN)]
 TODAY = datetime.date.today().toordinal() % EACH
-IN_TURN = [  # those that are not today's are marked `exhaustive`
-    pytest.param(fault, id=fault.name, marks=() if index % EACH == TODAY else pytest.mark.exhaustive)
-    for index, fault in enumerate(FAULTS + HARMLESS)
-]
+
+
+def in_turn(values: Sequence[Any]) -> list[Any]:
+    """Parameters, of which those that are not today's are marked `exhaustive`."""
+    marks = [() if index % EACH == TODAY else pytest.mark.exhaustive for index in range(len(values))]
+    return [pytest.param(value, marks=mark) for value, mark in zip(values, marks, strict=True)]
 
 
 class Copy:
@@ -116,14 +119,15 @@ def test_every_fault_has_a_name_of_its_own_and_every_technique_a_fault() -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", sorted({test.partition("::")[0] for tests in TESTS for test in ids(tests)}))
+@pytest.mark.parametrize("file", in_turn(sorted({test.partition("::")[0] for tests in TESTS for test in ids(tests)})))
 def test_without_a_fault_the_named_tests_pass(file, copy) -> None:
+    """In the copy too: in the sources themselves they are tests as others are."""
     code, _, printed = copy.run([test for tests in TESTS for test in ids(tests) if test.startswith(f"{file}::")])
     assert code == 0, printed
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fault", IN_TURN)
+@pytest.mark.parametrize("fault", in_turn(FAULTS + HARMLESS), ids=lambda fault: fault.name)
 def test_a_fault_fails_its_tests_and_a_harmless_change_fails_none(fault, copy) -> None:
     code, raised, printed = copy.run(ids(fault.tests), fault.edits)
     assert code == (fault in FAULTS), printed

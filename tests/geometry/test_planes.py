@@ -1,5 +1,7 @@
 """Detection of planar receivers: coplanar and large, at any position and scale of the scene."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -88,6 +90,13 @@ def test_a_stack_of_sheets_does_not_hide_the_ground_below_it() -> None:
     assert list(planes[0].triangles) == list(range(8)) and len(planes) == 32
 
 
+@cache
+def scene_with_planes(name: str) -> tuple[tuple[Mesh, ...], set[tuple[int, ...]]]:
+    """The meshes of a built-in scene, and the triangles of each plane."""
+    meshes = load_scene(name).meshes
+    return meshes, {tuple(plane.triangles) for plane in planes_of(*meshes, least=0.0008)}
+
+
 units = st.floats(-1.0, 1.0, allow_nan=False)
 
 
@@ -100,11 +109,10 @@ units = st.floats(-1.0, 1.0, allow_nan=False)
 )
 @pytest.mark.parametrize("name", ["table-top", "stairs"])
 def test_a_moved_turned_and_scaled_scene_has_the_same_planes(name, quaternion, exponent, shift, far) -> None:
-    meshes = load_scene(name).meshes
+    meshes, planes = scene_with_planes(name)
     turn, scale = rotation(quaternion), 10.0**exponent
     moved = [turned(mesh, turn, scale, np.multiply(shift, far * scale)) for mesh in meshes]
-    want, have = planes_of(*meshes, least=0.0008), planes_of(*moved, least=0.0008)
-    assert {tuple(plane.triangles) for plane in want} == {tuple(plane.triangles) for plane in have}
+    assert {tuple(plane.triangles) for plane in planes_of(*moved, least=0.0008)} == planes
 
 
 SMALL = {

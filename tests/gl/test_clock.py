@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from shadowbench.gl.clock import QUERIES, WALL, Clock, work_of
+from shadowbench.gl.clock import QUERIES, WALL, Clock, with_work
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Program
 
@@ -94,8 +94,8 @@ def test_a_query_that_the_wall_refutes_is_the_last(queried, impossible) -> None:
     assert clock.name == WALL
 
 
-def test_work_of_a_fullscreen_triangle(device, busy) -> None:
-    work = work_of(device, busy)
+def test_with_work_a_fullscreen_triangle(device, busy) -> None:
+    _, work = with_work(device, busy)
     assert work["draws"] == 1
     if device.pipeline_statistics:
         assert work["vertices"] == 3
@@ -105,7 +105,7 @@ def test_work_of_a_fullscreen_triangle(device, busy) -> None:
 
 
 def test_work_adds_up_and_repeats_exactly(device, busy) -> None:
-    once = work_of(device, busy)
-    assert work_of(device, busy) == once
-    twice = work_of(device, lambda: (busy(), busy()))
+    _, once = with_work(device, busy)
+    assert with_work(device, busy)[1] == once
+    _, twice = with_work(device, lambda: (busy(), busy()))
     assert twice == {name: 2 * count for name, count in once.items()}

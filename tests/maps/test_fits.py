@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from shadowbench.geometry.convex import SceneHull, box_planes, corners, frustum_planes, hull_points
 from shadowbench.geometry.lights import Box, LightView, light_space, window
 from shadowbench.gl.clock import Clock
-from shadowbench.maps.fits import Fit, VisibleBounds
+from shadowbench.maps.fits import RECTANGLES, Fit, VisibleBounds
 from shadowbench.plugin.base import Frame, Phase
 from shadowbench.scenes.model import Light, Scene
 from shadowbench.scenes.vectors import unit
@@ -19,7 +20,7 @@ from tests.samples import by_turns
 
 SIZE = 128
 SCENES = ["sphere-and-torus", "spot-lamp", "street", "cube-on-plane"]
-MOVING = ["scene", "view", "visible"]
+MOVING = ["scene", "view", "visible", "view(oriented=true)", "visible(oriented=true)"]
 
 
 def receivers(shot) -> np.ndarray:
@@ -56,7 +57,7 @@ def test_all_receivers_in_view_lie_in_the_window_and_its_padding_is_free(
     box, points = unpadded(light_view, radius + 1), light_view.space.box(receivers(shot))
     slack = 1e-5 * (light_view.box.high - light_view.box.low)
     assert (points.low >= box.low - slack).all() and (points.high <= box.high + slack).all()
-    if fit == "visible":
+    if fit.startswith("visible"):
         assert points.low[:2] == pytest.approx(box.low[:2], abs=slack[:2].max()), "and not a texel more"
         assert points.high[:2] == pytest.approx(box.high[:2], abs=slack[:2].max())
 
@@ -72,10 +73,14 @@ def test_the_reduction_is_the_least_and_greatest_over_the_g_buffer_of_any_size(
 
 
 def assert_bounds_are_of_the_receivers(shot, build, device) -> None:
-    one, space = build("shadow-map:size=16", shot), light_space(shot.view.light)
-    result = VisibleBounds(one.stage)(Frame(shot.view, Phase(), 0, shot.surface, Clock(device)), space)
-    expected = space.box(receivers(shot))
-    assert result.low == pytest.approx(expected.low, abs=2e-6) and result.high == pytest.approx(expected.high, abs=2e-6)
+    one, level = build("shadow-map:size=16", shot), light_space(shot.view.light)
+    frame = Frame(shot.view, Phase(), 0, shot.surface, Clock(device))
+    for angles in ([], np.arange(1, RECTANGLES) * 0.2):
+        spaces = [level, *map(level.rotated, angles)]
+        for space, result in zip(spaces, VisibleBounds(one.stage, len(spaces) > 1)(frame, spaces), strict=True):
+            expected = space.box(receivers(shot))
+            assert result.low == pytest.approx(expected.low, abs=3e-6)
+            assert result.high == pytest.approx(expected.high, abs=3e-6)
 
 
 @pytest.mark.parametrize("aim", [0.0, 0.2])
@@ -187,6 +192,50 @@ def test_hull_points_reach_as_far_as_all_points(seed: int) -> None:
 def test_the_hull_of_a_scene_has_its_last_mesh(shape) -> None:
     scene = Scene("test", (shape("box"), shape("box", 1.0, (0.0, 5.0, 0.0))), (), ())
     assert SceneHull(scene).points.max(axis=0) == pytest.approx([0.5, 5.5, 0.5])
+
+
+# Windows rotated about the light's axis
+
+coordinates = st.integers(-50, 50).map(lambda steps: steps / 50)
+
+
+@given(st.lists(st.tuples(*[coordinates] * 3), min_size=1, max_size=12).map(np.array))
+def test_no_angle_gives_a_lesser_rectangle_than_the_first_oriented_space(points: np.ndarray) -> None:
+    areas = [space.box(points).area for space in SUN.oriented(points, 9)]
+    assert areas == pytest.approx(sorted(areas))
+    brute_force = min(SUN.rotated(angle).box(points).area for angle in np.linspace(0, np.pi / 2, 500))
+    assert brute_force - 0.02 <= areas[0] <= brute_force + 1e-12  # 0.02: half a step times the largest sides
+
+
+def test_an_oriented_window_is_hardly_larger_than_the_least_and_never_larger_than_a_level_one(
+    studio, build, builtin
+) -> None:
+    for name, gain in (("street", 3.0), ("deep-street", 3.5), ("terrain", 1.1), ("sphere-and-torus", 1.0)):
+        shot = studio.shot(builtin(name, SIZE))
+        items = "filter=hard,size=1024,fit=visible"
+        level, oriented = (light_view_of(build, shot, f"{items}{more}").box.area for more in ("", "(oriented=true)"))
+        points = receivers(shot)
+        least = light_space(shot.view.light).oriented(points)[0].box(points).area
+        assert least < oriented < 1.05 * least and level > gain * oriented, name
+
+
+def test_shadows_in_an_oriented_map_do_not_depend_on_the_scene_s_angle_about_the_light_s_axis(
+    shape, looking, studio, build
+) -> None:
+    """A lifted plate over a square ground, with its camera, turned below a sun overhead."""
+    masks = {}
+    for degrees, oriented in product((0, 20, 45), ("false", "true")):
+        cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+        meshes = [shape("plane", 4.0), shape("plane", 1.3, (0.31, 1.0, 0.17))]
+        meshes = [replace(mesh, vertices=mesh.vertices @ turn.T) for mesh in meshes]
+        view = looking(meshes, Light("sun", "directional", (0.0, -1.0, 0.0)), eye=turn @ (0.4, 2.5, 5.0), fov=60.0)
+        shot = studio.shot(view)
+        one = build(f"shadow-map:size=48,filter=hard,fit=visible(oriented={oriented})", shot)
+        masks[degrees, oriented] = one.draw(shot) > 0.5
+    for degrees in (20, 45):
+        level, oriented = ((masks[degrees, kind] != masks[0, kind]).mean() for kind in ("false", "true"))
+        assert oriented < 5e-4 < 2e-3 < level, degrees
 
 
 # Windows in light space, compared with closed forms

@@ -9,7 +9,6 @@ from typing import Any
 
 import psutil
 import pytest
-from distributed import Nanny, Scheduler, SpecCluster
 
 from tests.promises.conftest import Record, unsigned
 
@@ -62,8 +61,10 @@ def test_merged_parts_equal_the_whole(
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SpecCluster]:
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A scheduler with two workers like this process, and one of another version."""
+    from distributed import Nanny, Scheduler, SpecCluster  # half a second, for slow tests alone
+
     preload = tmp_path_factory.mktemp("versions") / "other.py"
     preload.write_text("from shadowbench import versions\n\nversions.DRAW = 99\n")
     alike: dict[str, Any] = {"nthreads": 1, "silence_logs": logging.CRITICAL}
@@ -85,7 +86,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SpecCluster]:
     ids=["run", "stress", "recommend"],
 )
 def test_with_dask_rows_tables_and_images_are_the_same(
-    shadowbench: Command, records: Records, cluster: SpecCluster, half: Path, tmp_path: Path, command: tuple[str, ...]
+    shadowbench: Command, records: Records, cluster: Any, half: Path, tmp_path: Path, command: tuple[str, ...]
 ) -> None:
     """Also of a plug-in. A worker of another version is left out, once."""
     command = (*command, *(("--plugin", str(half)) if "half" in command else ()))
@@ -149,8 +150,8 @@ REFUSED = {
     pytest.param(options, marks=pytest.mark.slow) if "answers" in line or "tcp" in line else options
     for options, line in REFUSED.items()
 ])  # fmt: skip
-def test_bad_options_are_one_line(start: Any, tmp_path: Path, options: str) -> None:
-    code, _, err = start("run", "cube-on-plane", *options.split(), "-q", "-o", tmp_path / "out").end()
-    assert (code, err.count("\n")) == (2, 1), err
-    assert err.startswith(f"shadowbench: {REFUSED[options]}")
+def test_bad_options_are_one_line(shadowbench: Command, tmp_path: Path, options: str) -> None:
+    answer = shadowbench("run", "cube-on-plane", *options.split(), "-q", "-o", tmp_path / "out")
+    assert (answer.code, answer.err.count("\n")) == (2, 1), answer.err
+    assert answer.err.startswith(f"shadowbench: {REFUSED[options]}")
     assert not (tmp_path / "out").exists()

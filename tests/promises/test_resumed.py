@@ -118,7 +118,7 @@ class Recorder(ShadowMap):
 def test_a_technique_is_built_once_and_scored_without_history(
     study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its first frames, one for the mask and one for its work, have index 0; those that are timed are counted."""
+    """Its first frame, for the mask and its work, has index 0; those of the timing are counted from there."""
     plugin, notes = tmp_path / "recorder.py", tmp_path / "notes"
     plugin.write_text(RECORDER)
     monkeypatch.setenv("NOTES", str(notes))
@@ -127,9 +127,9 @@ def test_a_technique_is_built_once_and_scored_without_history(
     noted = [line.split() for line in notes.read_text().splitlines()]
     for size in ("32", "64"):
         of_one = [what for which, what in noted if which == size]
-        timed = [str(index) for index in range(2 + 3 + 1)]  # to warm up, three rounds of frames, one of passes
-        assert of_one == ["built", "0", "0", *timed]
-    rounds = [which for which, what in noted if what in ("2", "3", "4")]
+        timed = [str(index) for index in range(1 + 3 + 1)]  # to warm up, three rounds of frames, one of passes
+        assert of_one == ["built", "0", *timed]
+    rounds = [which for which, what in noted if what in ("1", "2", "3")]
     assert rounds == ["32", "64"] * 3, "techniques take turns"
     for line in table(study.folder):
         assert 1e6 <= float(line["prepare_ms"]) < 2e6, "seconds of building, without those of frames to warm up"

@@ -15,7 +15,7 @@ from tests.promises.conftest import Record, gone, study_text, unsigned
 Records = Callable[..., list[Record]]
 
 GATE = "does:what=gate"
-LATE_GATE = "does:what=gate,after=2"  # drawn twice to be scored, so it waits when it is timed
+LATE_GATE = "does:what=gate,after=2"  # drawn to be scored and to warm up, so it waits when it is timed
 OTHERS = ["unshadowed", "shadow-map:size=64", "half"]
 STOPPED = "shadowbench: stopped; repeat the command to resume"
 

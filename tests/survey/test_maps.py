@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from shadowbench.geometry.lights import ORIENTED
 from shadowbench.maps.biases import Texel
+from shadowbench.maps.fits import VisibleFit
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.survey.maps import (
@@ -32,6 +34,7 @@ from shadowbench.survey.maps import (
     texels_of,
 )
 from shadowbench.survey.samples import longest, sample_view
+from shadowbench.techniques.cascades import Cascades
 from shadowbench.techniques.shadow_map import ShadowMap
 from tests.survey.conftest import SUN, from_above, looking, plate, tilted
 
@@ -139,8 +142,42 @@ def test_cascades_pay_along_a_street_and_not_over_a_plane_from_above() -> None:
     assert not flat.worthwhile and flat.depth_ratio < 1.2
 
 
+def test_needs_of_an_oriented_map_are_of_the_window_that_is_drawn(studio, build, builtin) -> None:
+    for name in ("street", "terrain", "spot-lamp"):
+        shot = studio.shot(builtin(name, 128))
+        one = build("shadow-map:fit=visible(oriented=true)", shot)
+        one.draw(shot)
+        extent = fitted_map(sample_view(shot.view), oriented=True).extent
+        window = np.array(one.technique.light_view.texel) * (REFERENCE_SIZE - 2 * PADDING)
+        assert np.prod(extent) == pytest.approx(np.prod(window), rel=0.05), name
+
+
+def test_needs_of_oriented_maps_do_not_depend_on_the_scene_s_angle_about_the_light_s_axis() -> None:
+    """A lifted plate over a wide ground, with its camera, turned below a sun overhead."""
+
+    def sizes(degrees: int, oriented: bool) -> list[float]:
+        """Needed sizes of one map, and of cascades, which are oriented."""
+        cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+        meshes = [plate(80.0), plate(0.7, (0.0, 0.4, 0.0)), plate(0.7, (0.0, 0.4, -6.0))]
+        meshes = [replace(mesh, vertices=mesh.vertices @ turn.T) for mesh in meshes]
+        view = looking(meshes, Light("sun", "directional", (0.0, -1.0, 0.0)), 128, tuple(turn @ (0.0, 1.5, 4.0)))
+        view = replace(view, camera=replace(view.camera, near=0.5, far=16.0))
+        fitted = replace(fitted_map(sample_view(view), oriented), oriented=True)
+        one = texels_of(fitted)
+        cascades = cascades_of(fitted, one)
+        assert one.edge_size is not None and cascades is not None
+        return [one.edge_size, *cascades.edge_size.values()]
+
+    expected, rotated, level = sizes(0, True), sizes(30, True), sizes(30, False)
+    assert rotated == pytest.approx(expected, rel=0.02)
+    assert level[0] != pytest.approx(expected[0], rel=0.02)
+    assert level[1:] == pytest.approx(rotated[1:], rel=1e-3), "whatever the angle of the one map"
+
+
 def test_needs_are_those_of_the_default_shadow_map() -> None:
     params = ShadowMap.Params()
+    assert isinstance(params.fit, VisibleFit) and params.fit.oriented == ORIENTED == Cascades.Params().oriented
     assert params.filter.radius(params.size) + 1 == PADDING and params.size == REFERENCE_SIZE
     assert params.bias == Texel(ulps=BIAS_STEPS, limit=LIMIT, grazing=GRAZING_SLOPE)
 

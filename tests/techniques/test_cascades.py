@@ -17,7 +17,7 @@ from shadowbench.scenes.vectors import unit, vec3
 from tests.samples import by_turns
 
 SIZE = 96
-BOXES = ["scene", "tight", "sphere", "sphere,stable=true"]
+BOXES = ["scene", "tight", "sphere", "sphere,stable=true", "scene,oriented=true"]
 
 
 # Where the frustum is cut
@@ -50,7 +50,7 @@ def test_slices_end_in_metres_whatever_the_size_of_the_scene_and_its_far_plane(s
 # What a map shows
 
 
-@pytest.mark.parametrize(("name", "box"), by_turns(["cube-on-plane", "street", "terrain", "canopy"], BOXES))
+@pytest.mark.parametrize(("name", "box"), by_turns(["cube-on-plane", "street", "terrain", "canopy", "street"], BOXES))
 def test_every_receiver_in_view_lies_in_a_box(name: str, box: str, studio, build, builtin) -> None:
     shot = studio.shot(builtin(name, SIZE))
     one = build(f"cascades:box={box},size=128", shot)

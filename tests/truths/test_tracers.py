@@ -84,7 +84,7 @@ def test_packets_of_any_width_find_what_every_triangle_against_every_ray_finds(
 @pytest.mark.parametrize(("instructions", "width"), [("sse2", 4), ("sse4.2", 16), ("avx2", 8)])
 def test_a_truth_of_another_processor_decides_the_same(instructions, width, view, truth, monkeypatch) -> None:
     """Distances differ in their last bits, and with them single samples of soft shadows: then the cache's key does."""
-    digest = embree.answers_digest()
+    digest = embree.computed_digest()
     as_if(instructions, width, monkeypatch)
     other = trace(view, pixel_samples=1)
     for name in ("receivers", "undecided", "triangle", "cosine"):
@@ -92,7 +92,20 @@ def test_a_truth_of_another_processor_decides_the_same(instructions, width, view
     samples = np.abs(other.visibility - truth.visibility)[truth.receivers & ~truth.undecided]
     assert np.count_nonzero(samples) <= (3 if view.light.soft else 0) and samples.max() <= 2**-8
     assert np.allclose(other.blocker, truth.blocker, rtol=0, atol=1e-6 * truth.diagonal)
-    assert (embree.answers_digest.__wrapped__() == digest) == np.array_equal(other.blocker, truth.blocker)
+    assert (embree.computed_digest() == digest) == np.array_equal(other.blocker, truth.blocker)
+
+
+def test_how_embree_rounds_is_kept_for_a_processor_and_computed_for_another(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(embree, "_PROCESSOR", processor := tmp_path / "cpuinfo")
+    digest = embree.computed_digest()
+    for flags, kept in (("flags : avx", "0" * 64), ("flags : avx2", "damaged")):
+        processor.write_text(flags)
+        assert embree.answers_digest.__wrapped__() == digest
+        (file,) = (tmp_path / "cache" / "truth").glob("*.answers")
+        file.write_text(kept)
+        assert embree.answers_digest.__wrapped__() == (digest if kept == "damaged" else kept)
+        file.unlink()
 
 
 def test_an_unknown_instruction_set_is_refused_where_embree_would_take_its_slowest_code(monkeypatch) -> None:
