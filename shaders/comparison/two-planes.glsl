@@ -15,8 +15,9 @@ float clamped_depth(ShadowCoord p) { return stored_range(p.depth, p.bias + depth
 AtCentre at_centre(ShadowCoord p, Texel t) {
     // Casters in front of the near plane are stored at near; a slack larger than the receiver's depth would miss them.
     float slack = min(p.bias + p.slack * (abs(t.offset.x) + abs(t.offset.y)), from_near(clamped_depth(p)) - depth_step);
-    float depth = stored_range(receiver_at_centre(p, t), slack + depth_step), most = p.longest + slack;
-    return AtCentre(slack, most, depth_sign * (depth - t.depth), depth_sign * (clamped_depth(p) - t.depth) <= most);
+    float behind = depth_sign * (stored_range(receiver_at_centre(p, t), slack + depth_step) - t.depth);
+    bool near = depth_sign * (clamped_depth(p) - t.depth) <= p.longest + slack;
+    return AtCentre(slack, max(p.longest, slack), behind, near);
 }
 
 // Without the caster's plane: 1 lit, 0 in shadow, and one half where that plane decides.
