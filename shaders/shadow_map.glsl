@@ -81,20 +81,21 @@ vec4 contents_of_level(ShadowCoord p, vec2 offset, float level) { return texture
 #if MIPMAPPED == 0
 vec4 contents_at(ShadowCoord p, vec2 offset) { return contents_of_level(p, offset, 0.0); }
 #else
-uniform vec3 eye;  // of the camera
+uniform vec4 eye;  // of the camera
 uniform vec3 forward;
-uniform vec3 pixel_right;  // from one pixel's ray to the next, at unit depth
+uniform vec3 pixel_right;  // from one pixel's ray to the next, at unit depth; of parallel rays everywhere
 uniform vec3 pixel_up;
 
 // The offset in texels on the receiver's plane from one pixel to the next: derivatives of the G-buffer are wrong at
 // silhouettes, where they span two surfaces.
 vec2 footprint(ShadowCoord p, vec3 pixel) {
-    vec3 away = p.position - eye;
-    vec3 ray = away / dot(away, forward) + pixel;
-    float along = dot(p.receiver.normal, ray), height = dot(p.receiver.normal, away);
-    // A plane seen edge-on: at most to twice the distance.
+    vec3 from = eye.xyz + (1.0 - eye.w) * p.position, beside = (1.0 - eye.w) * pixel;
+    vec3 away = p.position - from;
+    vec3 ray = away / dot(away, forward) + eye.w * pixel;
+    float along = dot(p.receiver.normal, ray), height = dot(p.receiver.normal, away - beside);
+    // A plane seen edge-on: at most to twice the distance, which is the view's height where rays are parallel.
     float reach = along * height > 0.0 ? min(height / along, 2.0 * dot(away, forward)) : 2.0 * dot(away, forward);
-    vec3 texels = to_texels(p, vec4(eye + ray * reach, 1.0));
+    vec3 texels = to_texels(p, vec4(from + beside + ray * reach, 1.0));
     return texels.xy / texels.z - p.uv * map_size;
 }
 

@@ -107,15 +107,15 @@ def load(
 def truth(
     scene: SceneLike,
     *,
-    view_size: int = 512,
+    view_size: options.ViewSizeLike = 512,
     view: str | None = None,
     light: str | None = None,
     pixel_samples: int = 4,
 ) -> Truth:
-    """Ray-trace the shadows of a view: arrays of (view_size, view_size), row 0 at the top, as in `truth.npz`.
+    """Ray-trace the shadows of a view: arrays of (height, width), row 0 at the top, as in `truth.npz`.
 
-    view, light: names of a camera and a light, by default the scene's first; pixel_samples: `area` averages
-    pixel_samples² rays per pixel. Cached on disk. Raises InputError.
+    view_size: a square's side, or "1280x720"; view, light: names of a camera and a light, by default the scene's first;
+    pixel_samples: `area` averages pixel_samples² rays per pixel. Cached on disk. Raises InputError.
     """
     samples = options.whole_number(pixel_samples, "pixel_samples", options.PIXEL_SAMPLES)
     return cached_truth(_view(scene, view_size, view, light), samples)
@@ -125,7 +125,7 @@ def render(
     scene: SceneLike,
     technique: SpecLike,
     *,
-    view_size: int = 512,
+    view_size: options.ViewSizeLike = 512,
     view: str | None = None,
     light: str | None = None,
     plugins: Files = (),
@@ -150,7 +150,7 @@ def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
     """All metrics of a mask by name, None if a denominator is 0; `shadowbench list metrics` explains them.
 
     For a truth with penumbrae also `truth_error`, `truth_error_pen`, `penumbra` and `width_share`, as in `table.csv`.
-    visibility: (N, N) of the truth's size: floats in [0, 1], booleans, uint8 or uint16; 1 or the integer maximum is
+    visibility: (H, W) of the truth's size: floats in [0, 1], booleans, uint8 or uint16; 1 or the integer maximum is
     lit. It is quantised to 16 bits first, as stored masks are. Raises InputError.
     """
     options.instance_of(truth, "truth", "what truth returns", Truth)
@@ -169,7 +169,7 @@ def run(
     techniques: SpecLike | Iterable[SpecLike] = (),
     *,
     map_size: int | Iterable[int] | None = None,
-    view_size: int | None = None,
+    view_size: options.ViewSizeLike | None = None,
     view: str | None = None,
     light: str | None = None,
     rounds: int | None = None,
@@ -191,6 +191,7 @@ def run(
     """
     files = _paths(plugins)
     known = subjects_with(files)
+    size = None if view_size is None else options.ViewSize.of(view_size)
     named = options.as_list(scenes, "scenes", "built-in names, files, and what load returns", Scene, str, Path)
     chosen = study_from_options(
         known,
@@ -198,14 +199,16 @@ def run(
         _specs(techniques, known),
         study=None if study is None else str(options.instance_of(study, "study", "a name or a file", str, Path)),
         map_size=None if map_size is None else options.whole_numbers(map_size, "map_size", options.MAP_SIZE),
-        measuring=options.Measuring(view_size, rounds, phases, step),
+        measuring=options.Measuring(size, rounds, phases, step),
         view=options.ViewOptions(view=view, light=light),
     )
     with shared_worker(files, chosen.limits) as worker, campaign_in(_kept_in(folder), worker=worker) as made:
         return Results.of(measure(chosen, made).run.last, each_phase)
 
 
-def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
+def needs(
+    scene: SceneLike, *, view_size: options.ViewSizeLike = 512, view: str | None = None, light: str | None = None
+) -> Needs:
     """Shadow requirements of a view, computed without drawing: map size, cascades, depth bits, bias, penumbra.
 
     Raises InputError.
@@ -224,7 +227,7 @@ def recommend(
     by: str | None = None,
     device: str | None = None,
     techniques: str | Iterable[str] = (),
-    view_size: int = 512,
+    view_size: options.ViewSizeLike = 512,
     view: str | None = None,
     light: str | None = None,
     plugins: Files = (),
@@ -271,8 +274,7 @@ def stress(
 
 
 @_parameter_names()
-def _view(scene: SceneLike, size: int, camera: str | None, light: str | None) -> View:
-    size = options.whole_number(size, "view_size", options.VIEW_SIZE)
+def _view(scene: SceneLike, size: options.ViewSizeLike, camera: str | None, light: str | None) -> View:
     return chosen_view(load(scene), size, options.ViewOptions(view=camera, light=light), _log.info)
 
 

@@ -4,7 +4,7 @@ The checks at the end are of arguments of Python functions; each raises InputErr
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 from functools import partial
 from numbers import Integral, Real
@@ -22,7 +22,8 @@ class Bounds(NamedTuple):
 
 
 MAP_SIZE = Bounds(1, 65536)
-VIEW_SIZE = Bounds(1, 16384)
+SIDE = Bounds(1, 16384)
+"""Of a view's width and height, in pixels."""
 ROUNDS = Bounds(0, 10_000)
 PHASES = Bounds(1, 10_000)
 PIXEL_SAMPLES = Bounds(1, 64)
@@ -34,25 +35,81 @@ LARGEST = 1e18
 """Largest allowed coordinate: squares of larger ones overflow float32, which `coordinates="absolute"` uses."""
 
 
+class ViewSize(NamedTuple):
+    """Width and height of a view, in pixels. Its text is `512` for a square, else `1280x720`."""
+
+    width: int
+    height: int
+
+    @classmethod
+    def of(cls, value: "ViewSizeLike") -> "ViewSize":
+        """From a whole number, of a square, or a text. Raises InputError."""
+        text = str(value) if isinstance(value, (Integral, str, ViewSize)) and not isinstance(value, bool) else ""
+        sides = [int(side) for side in text.split("x") if re.fullmatch("[0-9]{1,9}", side)]
+        if len(sides) != 1 + text.count("x") or len(sides) > 2 or not all(SIDE.least <= n <= SIDE.most for n in sides):
+            raise _wrong(value, "view_size", f"{SIDE.least} to {SIDE.most}, or WIDTHxHEIGHT, such as 1280x720")
+        return cls(sides[0], sides[-1])
+
+    def __repr__(self) -> str:
+        return str(self.height) if self.width == self.height else f"{self.width}x{self.height}"
+
+    @property
+    def written(self) -> int | str:
+        """The value as files and JSON have it, a number for a square."""
+        return self.height if self.width == self.height else str(self)
+
+    @property
+    def columns(self) -> dict[str, int]:
+        """The columns of a row."""
+        return {"view_size": self.height, "view_width": self.width}
+
+    @property
+    def aspect(self) -> float:
+        """Width over height; pixels are square."""
+        return self.width / self.height
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels."""
+        return self.width * self.height
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape of arrays, (height, width)."""
+        return self.height, self.width
+
+    def times(self, factor: float) -> "ViewSize":
+        """The size with both sides multiplied, rounded, at least 1."""
+        return ViewSize(*(max(1, round(factor * side)) for side in self))
+
+
+DEFAULT_SIZE = ViewSize(512, 512)
+ViewSizeLike = ViewSize | int | str
+"""What options, study files and functions take for a view's size."""
+
+
 def option(
     help: str,
     metavar: str | None = None,
     *,
     default: Any = None,
     bounds: Bounds | None = None,
+    parser: Callable[[str], Any] | None = None,
     names: tuple[str, ...] = (),
     heading: str | None = None,
 ) -> Any:
     """A field of a group: on the command line an option with this help, of which `metavar` stands for the value.
 
-    bounds: what it allows; names: on the command line, by default that of the field; heading: of its help, if not that
-    of the group.
+    bounds: what it allows; parser: of its text on the command line; names: there, by default that of the field;
+    heading: of its help, if not that of the group.
     """
-    metadata = {"help": help, "metavar": metavar, "bounds": bounds, "names": names}
+    metadata = {"help": help, "metavar": metavar, "bounds": bounds, "parser": parser, "names": names}
     return field(default=default, metadata=metadata | ({"rich_help_panel": heading} if heading else {}))
 
 
-view_size = partial(option, "Width and height of the image in pixels  [512].", "N", bounds=VIEW_SIZE)
+view_size = partial(
+    option, "Size of the image in pixels: a square's side, or 1280x720  [512].", "N|WxH", parser=ViewSize.of
+)
 
 
 def coordinates(text: str, where: str) -> tuple[float, float, float]:
@@ -174,7 +231,7 @@ FIRST = ViewOptions()
 class Measuring:
     """How a study is measured; None for its own value. Raises InputError."""
 
-    view_size: int | None = view_size()
+    view_size: ViewSize | None = view_size()
     rounds: int | None = option("Number of times that each cell is timed; 0 for no timing  [9].", "N", bounds=ROUNDS)
     phases: int | None = option(
         "Sub-texel offsets of the shadow map at which each cell is scored; with more than one, the table shows medians "
@@ -190,6 +247,8 @@ class Measuring:
     )
 
     def __post_init__(self) -> None:
+        if self.view_size is not None:
+            object.__setattr__(self, "view_size", ViewSize.of(self.view_size))
         for one in fields(self):
             value, bounds = getattr(self, one.name), one.metadata["bounds"]
             if bounds and value is not None:

@@ -90,9 +90,9 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
 
     `assert shadow_accuracy("mask.png", scene="stairs").iou > 0.98`; also `view`, `light`, `assets`, `up`, `sun`,
     `no_ground`, `time`, `clip`, `camera`, `target`, `lamp` and `sun_at`, and `lit`, `shadowed`, `ambient`
-    and `linear` in place of a mask, all as `shadowbench score` takes them. mask: a PNG, or an (N, N) array, bool or
-    float in [0, 1], uint8 or uint16, row 0 at the top, white is lit; N is taken for the view's size. A mask that is
-    flipped, inverted or not square fails the test. A metric that is undefined in the view is None.
+    and `linear` in place of a mask, all as `shadowbench score` takes them. mask: a PNG, or an (H, W) array, bool or
+    float in [0, 1], uint8 or uint16, row 0 at the top, white is lit; its size is the view's. A mask that is
+    flipped, turned or inverted fails the test. A metric that is undefined in the view is None.
     """
     folder = request.config.getoption("--shadow-diffs") or tmp_path
     node = request.node
@@ -167,7 +167,7 @@ def shadow_benchmark(request: pytest.FixtureRequest) -> Callable[..., Any]:
         plugin: str | Path | None = None,
         reference: str | None = None,
         rounds: int = 9,
-        view_size: int = 512,
+        view_size: int | str = 512,
         min_iou: float | None = None,
         baseline: str | Path | None = None,
         **others: Any,

@@ -2,12 +2,13 @@
 
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from shadowbench.errors import InputError, alternatives
+from shadowbench.options import ViewSize
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -63,6 +64,14 @@ class Strict(BaseModel):
         return values
 
 
+def _view_size(value: Any) -> ViewSize:
+    try:
+        return ViewSize.of(value)
+    except InputError as error:
+        raise ValueError(str(error).removeprefix("view_size: ")) from None
+
+
+ViewSizeField = Annotated[ViewSize, PlainValidator(_view_size)]
 _TABLE = "a table"
 _ALLOWED = {
     **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number"),

@@ -22,6 +22,7 @@ from shadowbench.gl.device import Device, Releasable, open_device
 from shadowbench.gl.gbuffer import DeviceGeometry, GBuffer, GBufferPass, download
 from shadowbench.measure import gl_drawer, machine, worker
 from shadowbench.measure.worker import Limits, Worker
+from shadowbench.options import ViewSizeLike
 from shadowbench.plugin.registry import forget_components
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
@@ -159,7 +160,7 @@ def builtin() -> Callable[..., View]:
     """The first view of a built-in scene, each scene loaded once."""
     load = lru_cache(load_scene)
 
-    def view(name: str, size: int = 256) -> View:
+    def view(name: str, size: ViewSizeLike = 256) -> View:
         scene = load(name)
         return view_of(scene, scene.cameras[0], scene.lights[0], size)
 

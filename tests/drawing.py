@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from shadowbench.gl.clock import Clock
-from shadowbench.gl.device import Device
+from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.gbuffer import download
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
+from shadowbench.plugin.base import build as build_technique
 from shadowbench.plugin.registry import shader_folder, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
@@ -28,13 +29,14 @@ class Built:
     technique: Technique
     stage: Stage
     clock: Clock
+    draw_frame: Callable[[Frame], moderngl.Texture]
     frames: int = field(default=0)
 
     def draw(self, shot, phase: int | Phase = 0) -> np.ndarray:
         """Visibility of a view of the same scene as float32, row 0 at the top."""
         surface = surface_of(self.technique, shot.surface)
         phase = Phase(phase) if isinstance(phase, int) else phase
-        texture = self.technique.draw(Frame(shot.view, phase, self.frames, surface, self.clock))
+        texture = self.draw_frame(Frame(shot.view, phase, self.frames, surface, self.clock))
         self.frames += 1
         self.stage.device.check(f"drawing {self.technique.name}")
         return download(texture)[..., 0].astype(np.float32)
@@ -47,13 +49,14 @@ def build(device: Device, studio) -> Iterator[Callable[..., Built]]:
 
     def make(spec: str, shot, known=KNOWN) -> Built:
         parsed = parse_spec(spec, known)
-        size = (shot.view.size, shot.view.size)
-        stage = Stage(shot.view.scene, device, size, shot.geometry, shot.placement, shader_folder(parsed.technique))
+        stage = Stage(
+            shot.view.scene, device, shot.view.size, shot.geometry, shot.placement, shader_folder(parsed.technique)
+        )
         stages[:] = [*(one for one in stages if one.bytes), stage]  # without those released, which hold shader texts
         technique = parsed.technique(parsed.params)
-        technique.build(stage)
+        draw = build_technique(technique, stage)
         device.check(f"building {spec}")
-        return Built(technique, stage, Clock(device))
+        return Built(technique, stage, Clock(device), draw)
 
     yield make
     for stage in stages:

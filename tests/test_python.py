@@ -101,7 +101,7 @@ WRONG = {
     "max_rmse: found 2; allowed: 0 to 1": lambda: sb.recommend("stairs", max_rmse=2),
     "min_iou: found '0.9' (str)": lambda: sb.recommend("stairs", min_iou="0.9"),
     "unknown technique 'shadowmap'": lambda: sb.recommend("stairs", techniques="shadowmap"),
-    "view_size: found '64' (str)": lambda: small_truth("64"),
+    "view_size: found '64x' (str)": lambda: small_truth("64x"),
     "pixel_samples: found 1.5": lambda: sb.truth("stairs", pixel_samples=1.5),
     "rounds: found -1": lambda: sb.run("stairs", "unshadowed", rounds=-1),
     "technique: found ['shadow-map'] (list)": lambda: sb.render("stairs", ["shadow-map"]),

@@ -79,10 +79,9 @@ def visibility(view: View, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(P,) visibility of the light at the centres of some pixels, and its variance of a sample."""
     (scene, light), camera = mitsuba_scenes(view), view.camera
     right, up, back = camera.basis()
-    row, column = np.divmod(pixels, view.size)
-    x, y = (2 * (column + 0.5) / view.size - 1), (1 - 2 * (row + 0.5) / view.size)
-    half = math.tan(camera.fov_y / 2)
-    toward = half * (x[:, None] * right + y[:, None] * up) - back
+    row, column = np.divmod(pixels, view.size.width)
+    x, y = column + 0.5 - view.size.width / 2, view.size.height / 2 - row - 0.5
+    toward = view.pixel * (x[:, None] * right + y[:, None] * up) - back
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
     count = len(pixels) * SAMPLES
     index = dr.arange(mi.UInt32, count) // SAMPLES

@@ -22,8 +22,8 @@ from shadowbench.maps.biases import ALL_MAPS
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
-from shadowbench.plugin.base import Technique
-from shadowbench.plugin.params import Component, TechniqueParams, allowed
+from shadowbench.plugin.base import Technique, TechniqueParams
+from shadowbench.plugin.params import Component, SubjectParams, allowed
 from shadowbench.plugin.registry import own_techniques, source_file
 from shadowbench.plugin.spec import format_value
 from shadowbench.scenes.model import View
@@ -73,6 +73,12 @@ STRIPS = {  # scene, spec that a member completes, left, top and side of a part 
         "acne, the stripes on the ground, and light that leaks where floor and wall meet",
     ),
     "filters": ("post", "shadow-map:size=256,filter={}", (1, 3, 5), "edges, and the contact of the blue box"),
+    "contacts": (
+        "docs/gallery/peter-panning.toml",
+        "shadow-map:fit=scene,bias=constant(world=0.15),contact={}",
+        (2, 3, 4),
+        "the gap that the bias leaves, what a march fills of it, and what it darkens falsely",
+    ),
     "fits": ("street", "shadow-map:size=512,filter=hard,fit={}", (2, 4, 3), "the size of texels, and what is missing"),
 }
 COUNTED = {name: f"{name},count=4" for name in ("shares", "ends")}  # their defaults are of four cascades
@@ -116,13 +122,14 @@ def strip(worker: Worker, family: type[Component]) -> NDArray[np.uint8]:
     """A (H, W, 3) picture with a labelled tile for each member that the spec's technique supports; tinted."""
     scene, spec, (left, top, side), _ = STRIPS[_file(family)]
     view, tiles, eighth = chosen_view(scene, SIZE), [], SIZE // 8
-    for name in family.table:
+    presets = [f"{name}(preset={preset})" for name, one in family.table.items() for preset in one.presets]
+    for name in (*family.table, *presets):
         request = CellRequest(spec.format(COUNTED.get(name, name)))
         with suppress(Unsupported):
             picture = Image.fromarray(worker.call(Session.draw, view, request, tinted=True).picture)
             box = np.multiply((left, top, left + side, top + side), eighth).tolist()
             tile = picture.crop(box).resize((TILE, TILE), Image.Resampling.NEAREST)
-            tiles.append(labelled(np.asarray(tile), name))
+            tiles.append(labelled(np.asarray(tile), name[name.find("(") + 1 :].rstrip(")")))
     return grid(tiles, COLUMNS)
 
 
@@ -175,7 +182,7 @@ def _broken(technique: type[Technique]) -> list[str]:
     """Table of axes along which the technique leaves tolerance, with a column for each kind of light."""
     ranges = pd.read_csv(RANGES)
     ranges = ranges[ranges["spec"] == technique.name]
-    if ranges.empty or not technique.Params.model_fields:  # not swept, or drawing nothing
+    if ranges.empty or technique.Params is TechniqueParams:  # not swept, or drawing nothing
         return []
     broken = ranges[ranges["breaks_at"].notna()]
     if broken.empty:
@@ -219,11 +226,12 @@ def _family(family: type[Component]) -> str:
     for row in family.table.values():
         only = served.get(getattr(row, "maps", ALL_MAPS), ["Not for cube maps.", ""])
         lines += [f"## {row.name}", "", inspect.cleandoc(row.__doc__ or ""), "", *only, *_parameters(row, above)]
+        lines += [f"- `preset={name}`: `{items}`" for name, items in row.presets.items()]
     return "\n".join(lines)
 
 
 def _parameters(
-    model: type[TechniqueParams] | type[Component], above: dict[str, tuple[str, str]] | None = None
+    model: type[SubjectParams] | type[Component], above: dict[str, tuple[str, str]] | None = None
 ) -> list[str]:
     """A line for each parameter: name, default, allowed values, meaning. above: those of the page so far, by name."""
     above = {} if above is None else above

@@ -1,14 +1,14 @@
 // Twenty directions to the corners and the edge midpoints of a cube around the receiver, whose half side grows with the
 // distance to the camera (de Vries, Learn OpenGL, "Point Shadows").
 #define FILTER_HAS_RADIUS
-uniform vec3 eye;       // of the camera
+uniform vec3 view_position;  // of the camera, of an orthographic one too
 uniform float view_far;  // the camera's far plane
 uniform float filter_spread;
 uniform float filter_radius;
 const float to_corner = sqrt(3.0);
 
 float half_side(ShadowCoord p) {
-    return filter_spread * (1.0 + distance(eye, light.xyz - p.axis * p.axis_distance) / view_far);
+    return filter_spread * (1.0 + distance(view_position, light.xyz - p.axis * p.axis_distance) / view_far);
 }
 
 // Radius in texels, a radius of 1 being a texel's diagonal: half a texel, plus the arc of the largest offset angle at

@@ -34,17 +34,18 @@ void include_receiver(ivec2 pixel) {
 uniform sampler2D surface_depth;  // view depth as a share of the far plane's; 1 where no surface is visible
 uniform sampler2DArray lows;      // bounds of the sample, one texel
 uniform sampler2DArray highs;
-uniform mat4 pixel_to_light;      // (pixel · depth, depth, 1) to light space, with the distance along the axis for z
+uniform mat4 pixel_to_light;      // (pixel · spread, depth, 1) to light space, with the distance along the axis for z
+uniform vec4 eye;                 // w = 1: the spread of rays is their depth; w = 0: 1
 uniform float rounding;           // exceeds the error of that by rounding
 
 vec4 row(int i) { return vec4(pixel_to_light[0][i], pixel_to_light[1][i], pixel_to_light[2][i], pixel_to_light[3][i]); }
 
-// Whether `plane` · (pixel · depth, depth, 1) may exceed `scale` · rounding in a block of pixels and depths; conservative
+// Whether `plane` · (pixel · spread, depth, 1) may exceed `scale` · rounding in a block of pixels and depths; conservative
 // by half a pixel on each side.
 bool may_exceed(vec4 plane, float scale, vec2 start, vec2 depths) {
     vec2 first = plane.xy * (start - 0.5), last = plane.xy * (start + float(REACH) - 0.5);
-    float slope = max(first.x, last.x) + max(first.y, last.y) + plane.z;
-    return max(slope * depths.x, slope * depths.y) + plane.w > -scale * rounding;
+    vec2 across = (max(first.x, last.x) + max(first.y, last.y)) * mix(vec2(1.0), depths, eye.w), along = plane.z * depths;
+    return max(across.x + along.x, across.y + along.y) + plane.w > -scale * rounding;
 }
 
 // Whether a block with surfaces between two depths may extend the bounds.

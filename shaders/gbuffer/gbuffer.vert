@@ -2,6 +2,7 @@
 #include "cutout.glsl"
 in vec3 position;
 uniform mat4 world_to_clip;
+uniform vec4 world_to_depth;  // w of the clip space of a perspective; parallel rays have none
 out vec3 world;
 out float view_depth;
 
@@ -9,5 +10,5 @@ void main() {
     pass_cutout();
     world = position;
     gl_Position = world_to_clip * vec4(position, 1.0);
-    view_depth = gl_Position.w;
+    view_depth = world_to_depth.x * position.x + world_to_depth.y * position.y + world_to_depth.z * position.z + world_to_depth.w;
 }

@@ -6,7 +6,7 @@ uniform isampler2D surface_triangle;
 uniform sampler2D colors;  // by triangle
 uniform sampler2D visibility;
 uniform sampler2D tint;  // what the technique wants to show of itself, of the picture's size; or one white texel
-uniform vec3 eye;
+uniform vec4 eye;
 uniform vec3 cone_axis;
 uniform float cos_half_angle;
 const float specular = 0.12, shininess = 32.0;  // coefficient and exponent of the highlight
@@ -29,7 +29,7 @@ void main() {
         return;
     }
     vec3 albedo = texelFetch(colors, texel_of(triangle), 0).rgb * textureLod(tint, place, 0.0).rgb;
-    vec3 to_eye = normalize(eye - r.position);
+    vec3 to_eye = normalize(eye.xyz - eye.w * r.position);
     vec3 normal = shading_normal(r);
     float cosine = dot(normal, r.to_light);
     float lit = cosine > 0.0 && dot(-r.to_light, normalize(cone_axis)) >= cos_half_angle ? texelFetch(visibility, pixel, 0).r : 0.0;

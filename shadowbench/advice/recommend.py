@@ -123,7 +123,7 @@ class Cost:
 
     def base(self, spec: Spec, view: View) -> float:
         """The part of a spec's cost that is known before it is drawn; 0 where times are measured."""
-        pixels, reads = view.size**2, reads_of(spec)
+        pixels, reads = view.size.pixels, reads_of(spec)
         if self.law is not None:
             triangles = view.scene.geometry.count
             counts = {"reads": pixels * reads, "triangles": triangles, "gpu_bytes": _bytes(spec, view)}

@@ -180,9 +180,9 @@ def cheapest(trials: Iterable[Trial], limit: float) -> Trial | None:
 
 
 def reads_of(spec: Spec) -> int:
-    """Texels that the filter of a spec reads per pixel, 0 without one."""
-    chosen = getattr(spec.params, "filter", None)
-    return chosen.reads if isinstance(chosen, Filter) else 0
+    """Texels that the filter and the contact shadows of a spec read per pixel, 0 without them."""
+    chosen, contact = getattr(spec.params, "filter", None), getattr(spec.params, "contact", None)
+    return (chosen.reads if isinstance(chosen, Filter) else 0) + (contact.reads if contact else 0)
 
 
 @cache

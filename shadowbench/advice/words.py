@@ -274,7 +274,7 @@ def values(advice: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "scene": view.scene.name,
         "view": view.camera.name,
         "light": view.light.name,
-        "view_size": view.size,
+        **view.size.columns,
         "target": {"metric": advice.target.metric, "value": advice.target.limit, "budget_ms": advice.budget_ms},
         "notes": notes(advice),
         "ranked_by": advice.cost.name,

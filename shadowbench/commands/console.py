@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from shadowbench.measure.campaign import Failure
     from shadowbench.measure.rows import Result
-    from shadowbench.options import ViewOptions
+    from shadowbench.options import ViewOptions, ViewSize
     from shadowbench.scenes.model import View
 
 _LONGEST_WORD = 24  # characters
@@ -105,12 +105,13 @@ class Reporter(logging.Handler):
             self._progress.remove_task(self._task)
         self._task = self._progress.add_task(name, total=total, what="")
 
-    def view(self, scene: str, size: int | None, options: "ViewOptions") -> "View":
+    def view(self, scene: str, size: "ViewSize | None", options: "ViewOptions") -> "View":
         """The view that the options name, by default of 512² pixels; notes what is assumed about it."""
+        from shadowbench.options import DEFAULT_SIZE
         from shadowbench.scenes.opening import chosen_view
         from shadowbench.truths.embree import tracer_of
 
-        return chosen_view(scene, size or 512, options, self.note, tracer_of)
+        return chosen_view(scene, size or DEFAULT_SIZE, options, self.note, tracer_of)
 
     def step(self, what: str) -> None:
         """Advance the bar; what: text after it."""

@@ -10,7 +10,7 @@ from shadowbench.commands import console, options
 from shadowbench.commands.report import ReportOptions, report
 from shadowbench.commands.run import RunOptions, run
 from shadowbench.errors import InputError, ShadowbenchError, alternatives
-from shadowbench.options import FIRST, MAP_SIZE, PHASES, Measuring, option, view_size
+from shadowbench.options import FIRST, MAP_SIZE, PHASES, Measuring, ViewSize, option, view_size
 
 if TYPE_CHECKING:
     from shadowbench.plugin.engine import Engine
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _ALL = "all"
 _ACTIONS = ("list", "install", "doctor", "measure", "page")
 _OF_ACTIONS = {"json": ("list",), "output": ("measure", "page")}  # others are of `measure`
-_PROBE_SIZE = 128  # pixels along a side of what `doctor` draws
+_PROBE_SIZE = ViewSize(128, 128)  # of what `doctor` draws
 _PAGE = "report.html"
 
 
@@ -32,7 +32,7 @@ class MeasureOptions:
         "measure: folder for rows, pictures and report.html; page: its file  [report.html in the first folder].",
         metavar="DIR|FILE",
     )
-    view_size: int | None = view_size()
+    view_size: ViewSize | None = view_size()
     map_size: int | None = option(
         "Texels along a side of the maps of all engines that have a parameter `size`  [1024].", "N", bounds=MAP_SIZE
     )

@@ -10,6 +10,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import typer
 from typer.core import TyperCommand
 
+from shadowbench import options as shared
 from shadowbench.errors import InputError
 from shadowbench.options import MAP_SIZE, Measuring, SceneOptions, option
 
@@ -88,7 +89,7 @@ def argument(metavar: str, help: str) -> Any:
 Scene = Annotated[str, argument("SCENE", f"The scene: {SCENE}.")]
 Plugins = Annotated[list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help=_PLUGIN)]
 _FIELDS = {one.name: one for group in (Measuring, Printed) for one in fields(group)}
-ViewSize = Annotated[int | None, _option_of(_FIELDS["view_size"])]
+ViewSize = Annotated[shared.ViewSize | None, _option_of(_FIELDS["view_size"])]
 Json = Annotated[bool, _option_of(_FIELDS["json"])]
 Quiet = Annotated[bool, _option_of(_FIELDS["quiet"])]
 

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from shadowbench.commands import console, options
-from shadowbench.options import ViewOptions, option, view_size
+from shadowbench.options import ViewOptions, ViewSize, option, view_size
 
 
 @options.command("For example  shadowbench needs street --view-size 1024")
@@ -23,15 +23,15 @@ def needs(
     with console.Reporter(printed.quiet) as reporter:
         chosen = reporter.view(scene, view_size, view)
         needed = needs_of(chosen)
-        if needed.pixels < needed.view_size**2:
-            reporter.note(f"{needed.pixels / needed.view_size**2:.1%} of the pixels were sampled")
+        if needed.pixels < chosen.size.pixels:
+            reporter.note(f"{needed.pixels / chosen.size.pixels:.1%} of the pixels were sampled")
     rows = explanations_of(needed)
     if printed.json:
         values = asdict(needed)
         names = {"scene": chosen.scene.name, "view": chosen.camera.name, "verdict": verdict_of(needed)}
         console.print_json(names | values | {"told": [row._asdict() for row in rows]})
         return
-    title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels: {verdict_of(needed)}"
+    title = f"{chosen.scene.name}, {chosen.size.width} × {chosen.size.height} pixels: {verdict_of(needed)}"
     console.print_table(title, ("need", "number", "why"), rows)
 
 
@@ -67,7 +67,7 @@ class RecommendOptions:
         metavar="TECHNIQUE",
         default=(),
     )
-    view_size: int | None = view_size()
+    view_size: ViewSize | None = view_size()
     plugin: list[Path] = options.plugins()
     output: Path = options.output(
         "Folder for the measured cells, which later calls reuse.", default=Path("results/recommend")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from shadowbench.commands import console, options
 from shadowbench.errors import InputError
-from shadowbench.options import PIXEL_SAMPLES, ViewOptions, option, view_size
+from shadowbench.options import PIXEL_SAMPLES, ViewOptions, ViewSize, option, view_size
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class RenderOptions:
     mask: Path | None = option("File for the shadow mask: visibility as 16-bit grey, white is lit.", "MASK.png")
     map: Path | None = option("File for the shadow map: linear depth, near is dark.", "MAP.png")
     tint: bool = options.flag("Show the technique's debug colours, such as one per cascade.")
-    view_size: int | None = view_size()
+    view_size: ViewSize | None = view_size()
     plugin: list[Path] = options.plugins()
 
 
@@ -70,7 +70,7 @@ class TruthOptions:
     """The file, and what is traced for it."""
 
     output: Path = options.output("File for the arrays.", metavar="FILE.npz", default=options.REQUIRED)
-    view_size: int | None = view_size()
+    view_size: ViewSize | None = view_size()
     pixel_samples: int = option("`area` averages N × N rays per pixel.", "N", default=4, bounds=PIXEL_SAMPLES)
 
 

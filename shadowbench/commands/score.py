@@ -34,9 +34,7 @@ def score(
     scene: options.Scene,
     mask: Annotated[
         Path | None,
-        options.argument(
-            "MASK.png", "Shadow mask: linear grey, 8 or 16 bit, square, white is lit; its size is the view size."
-        ),
+        options.argument("MASK.png", "Shadow mask: linear grey, 8 or 16 bit, white is lit; its size is the view size."),
     ] = None,
     *,
     scoring: ScoreOptions,
@@ -46,7 +44,7 @@ def score(
     """Score another renderer's mask or screenshots.
 
     Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
-    draw. A mask that is flipped, inverted or not square is refused; one that seems shifted, sRGB-encoded or lit by
+    draw. A mask that is flipped, turned or inverted is refused; one that seems shifted, sRGB-encoded or lit by
     ambient light is scored unchanged, with a warning. Below the metrics the errors are said in words, the leading one
     first. The column `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or both.
     """
@@ -98,7 +96,7 @@ def _print(accuracy: "Accuracy") -> None:
     from shadowbench.scores.metrics import METRICS, is_soft
 
     view = accuracy.view
-    title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
+    title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}"
     soft = is_soft(accuracy.metrics)
     first = ("rmse", "rmse_pen") if soft else ()
     rows = []

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from shadowbench.commands import console, options
 from shadowbench.errors import NOT_EVERYWHERE, InputError, how_to_install
-from shadowbench.options import FIRST, ViewOptions, option, view_size
+from shadowbench.options import FIRST, ViewOptions, ViewSize, option, view_size
 
 if TYPE_CHECKING:
     from shadowbench.viewer.window import ViewerWindow
@@ -23,7 +23,7 @@ class WindowOptions:
     )
     state: Path | None = option("Show a state that the window saved, as a SCENE that is one does.", "FILE.toml")
     cell: str | None = option("Show a cell of a folder of `run` or `stress`, by its key.", "KEY")
-    view_size: int | None = view_size()
+    view_size: ViewSize | None = view_size()
     plugin: list[Path] = options.plugins()
 
 

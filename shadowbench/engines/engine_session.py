@@ -23,6 +23,7 @@ from shadowbench.masks.export import describe, describe_light, glb_of, light_box
 from shadowbench.masks.inputs import DARKEST, decode_srgb
 from shadowbench.measure.session import Rendering
 from shadowbench.measure.worker import CellFailed
+from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Mesh, Scene, View
@@ -34,7 +35,7 @@ from shadowbench.truths.trace import Truth
 Request = Mapping[str, Any]
 Luminance = NDArray[np.float64]
 Levels = Sequence[Luminance]
-"""Linear luminance of a picture at exposures that grow by BRIGHTER, (N, N) each, row 0 at the top."""
+"""Linear luminance of a picture at exposures that grow by BRIGHTER, (H, W) each, row 0 at the top."""
 
 BRIGHTER = 16.0
 """Ratio of two exposures: of 255 levels of sRGB, a pixel at 1/64 of full light has 34 in one, 137 in the other."""
@@ -64,12 +65,12 @@ _LEAST_SHADOW = 0.5  # share of the true shadow
 
 
 class EngineSession:
-    """A program in which an engine draws pictures of size² pixels, and the scene that it holds; `close` ends it.
+    """A program in which an engine draws pictures of a size, and the scene that it holds; `close` ends it.
 
     Raises CellFailed if it cannot start, or draws a probe wrongly.
     """
 
-    def __init__(self, engine: type[Engine], size: int) -> None:
+    def __init__(self, engine: type[Engine], size: ViewSize) -> None:
         self.engine, self.size = engine, size
         self._stack = ExitStack()
         self._scene: tuple[View, str] | None = None
@@ -77,7 +78,7 @@ class EngineSession:
             log = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="shadowbench-"))) / "log"
             self.host = start_host(engine, log, {"DISPLAY": self._display()} if engine.display else {})
             self._stack.callback(self.host.close)
-            about, _ = self._call("open", {"size": size})
+            about, _ = self._call("open", size._asdict())
             self.version, self.renderer = str(about["version"]), str(about["renderer"])
             if "SwiftShader" in self.renderer:
                 raise CellFailed(
@@ -198,10 +199,11 @@ def plain_view(view: View) -> View:
     return replace(view, scene=replace(view.scene, meshes=meshes), light=light)
 
 
-def luminance(picture: NDArray[np.uint8 | np.float32], engine: type[Engine], size: int) -> Luminance:
-    """(N, N) linear luminance of an engine's picture. Raises CellFailed for other shapes, NaN, and infinity."""
-    if picture.shape[:2] != (size, size) or picture.ndim != 3 or picture.shape[2] not in (3, 4):
-        raise CellFailed(f"drew {' × '.join(map(str, picture.shape))}; allowed: {size} × {size} × 3 or 4")
+def luminance(picture: NDArray[np.uint8 | np.float32], engine: type[Engine], size: ViewSize) -> Luminance:
+    """(H, W) linear luminance of an engine's picture. Raises CellFailed for other shapes, NaN, and infinity."""
+    if picture.shape[:2] != size.shape or picture.ndim != 3 or picture.shape[2] not in (3, 4):
+        found, allowed = (" × ".join(map(str, shape)) for shape in (picture.shape, size.shape))
+        raise CellFailed(f"drew {found}; allowed: {allowed} × 3 or 4")
     values = picture[..., :3] / (255.0 if picture.dtype == np.uint8 else 1.0)
     if not np.isfinite(values).all():
         raise CellFailed("drew values that are not finite")
@@ -210,7 +212,7 @@ def luminance(picture: NDArray[np.uint8 | np.float32], engine: type[Engine], siz
 
 
 def visibility(lit: Levels, shadowed: Levels) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """(N, N) visibility, the shadowed picture's share of the lit one, and (N, N) bool, where it can be measured.
+    """(H, W) visibility, the shadowed picture's share of the lit one, and (H, W) bool, where it can be measured.
 
     Taken at the brightest exposure at which a pixel is not cut off. Raises CellFailed for shadows that lighten.
     """
@@ -227,7 +229,7 @@ def visibility(lit: Levels, shadowed: Levels) -> tuple[NDArray[np.float32], NDAr
 
 
 def encode_srgb(linear: Luminance) -> NDArray[np.uint8]:
-    """(N, N, 3) sRGB picture of linear luminance; IEC 61966-2-1."""
+    """(H, W, 3) sRGB picture of linear luminance; IEC 61966-2-1."""
     values = np.clip(linear, 0, 1)
     encoded = np.where(values <= 0.0031308, values * 12.92, 1.055 * values ** (1 / 2.4) - 0.055)
     return np.repeat(np.round(encoded * 255).astype(np.uint8)[..., np.newaxis], 3, axis=-1)
@@ -262,7 +264,7 @@ def _facing(truth: Truth) -> NDArray[np.bool_]:
     return truth.receivers & ~truth.undecided & (truth.cosine > _GRAZING)
 
 
-def probe_view(size: int) -> View:
+def probe_view(size: ViewSize) -> View:
     """Four squares before a camera that looks along −z, of which a sun from the left lights three."""
     meshes = tuple(_square(name, *_PLACES[name], math.radians(turn)) for name, turn in TURNS.items())
     camera = Camera("eye", (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), math.radians(60), near=0.1, far=10.0)

@@ -5,9 +5,9 @@ const canvas = document.createElement("canvas");
 document.body.append(canvas);
 
 const handlers = {
-  async open({ size }) {
-    canvas.width = canvas.height = size;
-    const version = await engine.open({ canvas, size });
+  async open({ width, height }) {
+    Object.assign(canvas, { width, height });
+    const version = await engine.open({ canvas, width, height });
     const gl = canvas.getContext("webgl2");
     const { UNMASKED_RENDERER_WEBGL } = gl.getExtension("WEBGL_debug_renderer_info");
     return [{ version, renderer: gl.getParameter(UNMASKED_RENDERER_WEBGL) }];

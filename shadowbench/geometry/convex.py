@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Camera, Light, Scene, View
+from shadowbench.scenes.model import Light, Scene, View
 from shadowbench.scenes.triangles import Faces, Geometry, bounds_of, in_slices, used_by
 from shadowbench.scenes.vectors import Floats
 
@@ -25,12 +25,25 @@ def box_planes(bounds: Floats) -> Floats:
     return np.vstack([np.column_stack([np.eye(3), -low]), np.column_stack([-np.eye(3), high])])
 
 
-def frustum_planes(eye: Floats, basis: Floats, slope: float, near: float, far: float) -> Floats:
-    """(6, 4) planes of a square frustum between two depths; basis: rows right, up, back; slope: of its sides."""
+def frustum_planes(
+    eye: Floats, basis: Floats, slope: float, near: float, far: float, half: float = 0.0, aspect: float = 1.0
+) -> Floats:
+    """(6, 4) planes of a frustum between two depths.
+
+    basis: rows right, up, back; slope: of its upper and lower side, which are `half` from the axis at the eye, the tip
+    by default; aspect: its width over its height.
+    """
     right, up, back = basis
-    sides = [slope * -back + sign * axis for axis in (right, up) for sign in (1, -1)]
+    outward, scales = [sign * axis for axis in (-right, -up) for sign in (1, -1)], (aspect, aspect, 1.0, 1.0)
+    sides = [scale * slope * -back - side for scale, side in zip(scales, outward, strict=True)]
     normals = np.array([*(side / np.linalg.norm(side) for side in sides), -back, back])
-    points = np.array([eye, eye, eye, eye, eye - near * back, eye - far * back])
+    points = np.array(
+        [
+            *(eye + scale * half * side for scale, side in zip(scales, outward, strict=True)),
+            eye - near * back,
+            eye - far * back,
+        ]
+    )
     return np.column_stack([normals, -np.einsum("ij,ij->i", normals, points)])
 
 
@@ -92,25 +105,27 @@ def practical_depths(near: float, far: float, count: int, weight: float = PRACTI
 
 @dataclass(frozen=True, eq=False)
 class Slice:
-    """The camera's frustum between two view depths, for a square image."""
+    """The frustum of a view between two view depths."""
 
-    camera: Camera
+    view: View
     near: float
     far: float
 
     @property
     def planes(self) -> Floats:
         """(6, 4) planes."""
-        slope = float(np.tan(self.camera.fov_y / 2))
-        return frustum_planes(np.array(self.camera.position), self.camera.basis(), slope, self.near, self.far)
+        camera = self.view.camera
+        shape = camera.slope, self.near, self.far, camera.height / 2, self.view.size.aspect
+        return frustum_planes(np.array(camera.position), camera.basis(), *shape)
 
     @property
     def corners(self) -> Floats:
         """(8, 3) corners, the near ones first."""
-        right, up, back = self.camera.basis()
-        slope = np.tan(self.camera.fov_y / 2)
-        rays = np.array([x * slope * right + y * slope * up - back for x in (-1, 1) for y in (-1, 1)])
-        return np.array(self.camera.position) + np.vstack([self.near * rays, self.far * rays])
+        camera, aspect = self.view.camera, self.view.size.aspect
+        (right, up, back), slope, half = camera.basis(), camera.slope, camera.height / 2
+        rays = np.array([x * slope * right + y * slope * up - back for x in (-aspect, aspect) for y in (-1, 1)])
+        starts = np.array([x * half * right + y * half * up for x in (-aspect, aspect) for y in (-1, 1)])
+        return np.array(camera.position) + np.vstack([starts + self.near * rays, starts + self.far * rays])
 
     def corners_within(self, bounds: Floats, extent: float) -> Floats:
         """(N, 3) corners of the slice's intersection with a (2, 3) box; its own corners if that is empty."""
@@ -120,22 +135,23 @@ class Slice:
     @property
     def sphere(self) -> tuple[Floats, float]:
         """(3,) centre and radius of the smallest bounding sphere; the radius is independent of the camera's pose."""
-        slope = 2 * np.tan(self.camera.fov_y / 2) ** 2  # squared slope of the frustum's edges
+        camera, edges = self.view.camera, 1 + self.view.size.aspect**2
+        slope = edges * camera.slope**2  # squared slope of the frustum's edges
         along = min((self.near + self.far) / 2 * (1 + slope), self.far)
-        radius = np.hypot(along - self.far, self.far * np.sqrt(slope))
-        return np.array(self.camera.position) - self.camera.basis()[2] * along, float(radius)
+        radius = np.hypot(along - self.far, self.far * np.sqrt(slope) + camera.height / 2 * np.sqrt(edges))
+        return np.array(camera.position) - camera.basis()[2] * along, float(radius)
 
 
 def view_planes(view: View) -> Floats:
     """(6, 4) planes of a view's frustum."""
-    return Slice(view.camera, *view.near_far).planes
+    return Slice(view, *view.near_far).planes
 
 
-def slices(camera: Camera, depths: Floats, overlap: float) -> list[Slice]:
+def slices(view: View, depths: Floats, overlap: float) -> list[Slice]:
     """The slices between view depths, each extended towards the camera by `overlap` of the previous slice's length."""
     lengths = np.diff(depths)
     starts = depths[:-1] - overlap * np.array([0.0, *lengths[:-1]])
-    return [Slice(camera, float(near), float(far)) for near, far in zip(starts, depths[1:], strict=True)]
+    return [Slice(view, float(near), float(far)) for near, far in zip(starts, depths[1:], strict=True)]
 
 
 class SceneHull:

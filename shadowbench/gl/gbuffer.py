@@ -11,7 +11,7 @@ from pyglm import glm
 from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import SHADERS, Drawable, Program, Sampling, State, Textures, compose, fullscreen, link
 from shadowbench.scenes.cutouts import CutoutFaces, PackedCutouts
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import Camera, View
 from shadowbench.scenes.triangles import Faces, Geometry
 from shadowbench.scenes.vectors import Floats
 
@@ -142,7 +142,7 @@ def _cutout_textures(device: Device, packed: PackedCutouts) -> dict[str, moderng
 
 @dataclass(frozen=True, eq=False)
 class GBuffer:
-    """Textures of one view, size × size, row 0 at the bottom (OpenGL order).
+    """Textures of a view's size, row 0 at the bottom (OpenGL order).
 
     position: RGBA32F, local xyz, w = 1 where a surface is visible. normal: RGBA32F, geometric, towards the camera,
     w = 1 for triangles that receive shadows. triangle: R32I, index of the triangle in the scene, −1 for none.
@@ -172,7 +172,7 @@ class GBuffer:
         return {f"surface_{name}": (texture, Sampling()) for name, texture in textures.items()}
 
     def triangles(self) -> NDArray[np.int32]:
-        """(size, size) int32 indices of triangles in the scene, −1 for none, row 0 at the top."""
+        """(height, width) int32 indices of triangles in the scene, −1 for none, row 0 at the top."""
         return download(self.triangle, "i4")[..., 0].astype(np.int32)
 
     def release(self) -> None:
@@ -188,13 +188,15 @@ def download(texture: moderngl.Texture, dtype: str = "f4") -> NDArray[np.generic
     return values[::-1]
 
 
+def _world_to_camera(camera: Camera) -> Floats:
+    _, up, back = camera.basis()
+    position = glm.dvec3(*camera.position)  # glm rounds a tuple to float32
+    return np.array(glm.lookAt(position, position - glm.dvec3(*back), glm.dvec3(*up)))
+
+
 def view_projection(view: View) -> Floats:
     """(4, 4) float64 world-to-clip matrix of a view's camera, for column vectors."""
-    camera = view.camera
-    _, up, back = camera.basis()
-    eye = glm.dvec3(*camera.position)  # glm rounds a tuple to float32
-    world_to_camera = np.array(glm.lookAt(eye, eye - glm.dvec3(*back), glm.dvec3(*up)))
-    world_to_clip: Floats = view.projection @ world_to_camera
+    world_to_clip: Floats = view.projection @ _world_to_camera(view.camera)
     return world_to_clip
 
 
@@ -216,7 +218,7 @@ class GBufferPass:
 
     def draw(self, view: View) -> GBuffer:
         """The G-buffer of a view, which is in the same coordinates as the uploaded geometry."""
-        context, size = self.device.context, (view.size, view.size)
+        context, size = self.device.context, view.size
         position, normal = (context.texture(size, 4, dtype="f4") for _ in range(2))
         triangle = context.texture(size, 1, dtype="i4")
         depth = context.depth_texture(size)
@@ -225,9 +227,10 @@ class GBufferPass:
             smooth = context.texture(size, 4, dtype="f4"), context.texture(size, 4, dtype="f4")
         target = context.framebuffer([position, normal, triangle, *(smooth or ())], depth)
         target.clear(depth=1.0)
-        triangle.write(np.full(size, -1, dtype=np.int32).tobytes())  # moderngl's clear writes floats
+        triangle.write(np.full(size.shape, -1, dtype=np.int32).tobytes())  # moderngl's clear writes floats
         far = view.near_far[1]
-        self.program.set(world_to_clip=view_projection(view), far=far, eye=view.camera.position)
+        to_depth = tuple((-_world_to_camera(view.camera)[2]).tolist())
+        self.program.set(world_to_clip=view_projection(view), world_to_depth=to_depth, far=far, eye=view.camera.eye)
         textures = {"normals": (self.geometry.normals, Sampling()), **self.geometry.smooth}
         self.drawable.draw(target, textures, State(depth_test="<"))
         self.device.check("the G-buffer")

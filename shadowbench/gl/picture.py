@@ -22,7 +22,7 @@ class PicturePass:
     def draw(
         self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
     ) -> NDArray[np.uint8]:
-        """(N, N, 3) uint8 sRGB, row 0 at the top: the picture that `shade` draws."""
+        """(H, W, 3) uint8 sRGB, row 0 at the top: the picture that `shade` draws."""
         smooth = self.shade(surface, view, visibility, tint)
         picture = download(smooth, "u1")[..., :3].astype(np.uint8)
         self._device.free((smooth,))
@@ -31,18 +31,18 @@ class PicturePass:
     def shade(
         self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
     ) -> moderngl.Texture:
-        """A texture (N, N) of sRGB bytes, which the caller releases: ambient + visibility · (diffuse + specular).
+        """A texture of sRGB bytes, which the caller releases: ambient + visibility · (diffuse + specular).
 
         `tint`, a texture of the picture's size, is multiplied into the surfaces' colours.
         """
         xyz, w = view.light.homogeneous
         self._shade.program.set(
             light=(*xyz, w),
-            eye=view.camera.position,
+            eye=view.camera.eye,
             cone_axis=vec3(unit(view.light.direction)),
             cos_half_angle=view.light.cos_half_angle,
         )
-        shaded, smooth = (self._device.context.texture((view.size, view.size), 4, dtype="f1") for _ in range(2))
+        shaded, smooth = (self._device.context.texture(view.size, 4, dtype="f1") for _ in range(2))
         targets = [self._device.context.framebuffer([texture]) for texture in (shaded, smooth)]
         inputs = {
             **surface.inputs,
@@ -60,8 +60,8 @@ class PicturePass:
         """The view lit everywhere and in shadow everywhere, as `draw` gives them; every mask's picture lies between."""
         pictures = []
         for level in (1.0, 0.0):
-            even = np.full((view.size, view.size), level, dtype=np.float32)
-            visibility = self._device.context.texture(even.shape, 1, even.tobytes(), dtype="f4")
+            even = np.full(view.size.shape, level, dtype=np.float32)
+            visibility = self._device.context.texture(view.size, 1, even.tobytes(), dtype="f4")
             pictures.append(self.draw(surface, view, visibility))
             self._device.free((visibility,))
         return pictures[0], pictures[1]

@@ -4,7 +4,6 @@ A technique with one 2-D map uses `FittedView`, then `CasterMap`, then a `Resolv
 `map_uniforms` for `map.glsl`. A `FilteredMap` is looked up by `shadow_map.glsl`, with a bias and a filter.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from shadowbench.maps.biases import Bias, NoBias
 from shadowbench.maps.culling import CasterChunks
 from shadowbench.maps.filters import Contents, Filter, Kernel
 from shadowbench.plugin.base import Frame
-from shadowbench.plugin.params import TechniqueParams
+from shadowbench.plugin.params import SubjectParams
 from shadowbench.plugin.stage import Stage
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats, vec3
@@ -38,7 +37,7 @@ class ResolvePass:
         self,
         stage: Stage,
         fragment: Path | str,
-        params: TechniqueParams | None = None,
+        params: SubjectParams | None = None,
         defines: Mapping[str, int | str] = {},
         includes: Mapping[str, str] = {},
         components: int = 1,
@@ -55,12 +54,12 @@ class ResolvePass:
         """Draw with these textures besides the G-buffer's, and these uniforms besides `light`; returns `texture`."""
         if self.program.has("pixel_right"):
             right, up, back = frame.camera.basis()
-            width = 2 * math.tan(frame.camera.fov_y / 2) / frame.view.size
-            self.program.set(pixel_right=vec3(right * width), pixel_up=vec3(up * width), forward=vec3(-back))
+            side = frame.view.pixel
+            self.program.set(pixel_right=vec3(right * side), pixel_up=vec3(up * side), forward=vec3(-back))
         if self.program.has("eye"):
-            self.program.set(eye=frame.camera.position)
+            self.program.set(eye=frame.camera.eye)
         if self.program.has("view_far"):
-            self.program.set(view_far=frame.view.near_far[1])
+            self.program.set(view_far=frame.view.near_far[1], view_position=frame.camera.position)
         self.program.set(light=frame.light_uniform, **uniforms)
         return self.draw({**frame.surface.inputs, **textures})
 
@@ -137,7 +136,7 @@ class MapContents:
     def __init__(
         self,
         stage: Stage,
-        params: TechniqueParams,
+        params: SubjectParams,
         contents: Contents,
         layout: MapLayout,
         defines: Mapping[str, int],

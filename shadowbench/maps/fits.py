@@ -1,6 +1,5 @@
 """What maps cover: fits, the part of light space of one map; splits, the view depths between cascades."""
 
-import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -24,8 +23,8 @@ from shadowbench.gl.clock import Changes
 from shadowbench.gl.device import moderngl
 from shadowbench.gl.program import Drawable, Sampling, Textures
 from shadowbench.gl.targets import Color
-from shadowbench.plugin.base import Frame, Stage
-from shadowbench.plugin.params import Component, TechniqueParams, param
+from shadowbench.plugin.base import Frame, Stage, TechniqueParams
+from shadowbench.plugin.params import Component, param
 from shadowbench.scenes.model import Light, Placement, View
 from shadowbench.scenes.vectors import Floats
 
@@ -338,9 +337,9 @@ class VisibleBounds:
                 directions=directions.reshape(-1, 4, 4),
             )
         to_light = _pixel_to_light(frame.view, space)
-        reach = np.abs(to_light[:3, 2]) + frame.view.size * np.abs(to_light[:3, :2]).sum(axis=1)
+        reach = np.abs(to_light[:3, 2]) + np.abs(to_light[:3, :2]) @ frame.view.size
         rounding = _ROUNDING * float((reach + np.abs(to_light[:3, 3])).max())
-        self._bounds.first.set(pixel_to_light=to_light, rounding=rounding)
+        self._bounds.first.set(pixel_to_light=to_light, rounding=rounding, eye=frame.camera.eye)
         inputs = frame.surface.inputs
         low, high = self._bounds({**inputs, **self._sample.reduce(inputs)})
         places = [[0, 1, 2], *([at, at + 1, 2] for at in range(3, len(rows), 2))]
@@ -348,14 +347,16 @@ class VisibleBounds:
 
 
 def _pixel_to_light(view: View, space: LightSpace) -> Floats:
-    """(4, 4) from (pixel · depth, depth, 1) to light space, z being the distance along the axis.
+    """(4, 4) from (pixel · spread, depth, 1) to light space, z being the distance along the axis.
 
-    pixel: column and row from the lower left; depth: as a share of the far plane's.
+    pixel: column and row from the lower left; depth: as a share of the far plane's; spread: the depth, or 1 where rays
+    are parallel.
     """
     camera, far = view.camera, view.near_far[1]
     right, up, back = camera.basis()
-    slope = math.tan(camera.fov_y / 2) * far
-    corner = -back * far + (right + up) * slope * (1 / view.size - 1)  # the centre of the pixel at the lower left
-    columns = np.column_stack([*(axis * slope * 2 / view.size for axis in (right, up)), corner, camera.position])
+    (width, height), half = view.size, camera.half_height(far)
+    corner = half / height * ((1 - width) * right + (1 - height) * up)  # the centre of the pixel at the lower left
+    depth, start = -back * far + camera.converging * corner, camera.position + (1 - camera.converging) * corner
+    columns = np.column_stack([*(axis * half * 2 / height for axis in (right, up)), depth, start])
     result: Floats = np.diag([1.0, 1.0, -1.0, 1.0]) @ space.matrix @ np.vstack([columns, [0.0, 0.0, 0.0, 1.0]])
     return result

@@ -4,9 +4,10 @@ import hashlib
 import json
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from shadowbench.files import replace_file
 from shadowbench.masks.inputs import ExternalMask, decode_srgb
 from shadowbench.measure.rows import IMAGES, RowStore, identity
 from shadowbench.measure.scoring import mask_record, prepare_truth
+from shadowbench.options import ViewSize
 from shadowbench.scenes.model import View, view_digest
 from shadowbench.scores.comparison import PENUMBRA, Comparison, PreparedTruth
 from shadowbench.scores.difference import difference_picture, write_difference
@@ -36,7 +38,7 @@ _HARD_ERRORS = {
     "contact": (100, "{:.3g}% of the shadow next to its caster is lit (peter-panning)"),
 }
 """By metric: the factor of its value, and the line that says it."""
-_IDENTITY = ("scene", "view", "light", "spec", "view_size", "renderer")
+_IDENTITY = ("scene", "view", "light", "spec", "view_size", "view_width", "renderer")
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]{0,79}")
 
 Image = NDArray[np.float32]
@@ -47,6 +49,11 @@ _TURNS = {
     "flipped vertically": (slice(None, None, -1), slice(None)),
     "flipped horizontally": (slice(None), slice(None, None, -1)),
     "rotated by 180°": (slice(None, None, -1), slice(None, None, -1)),
+}
+_SIDEWAYS: dict[str, Callable[[Image], Image]] = {
+    "transposed": np.transpose,
+    "rotated by 90° to the right": np.rot90,
+    "rotated by 90° to the left": partial(np.rot90, k=-1),
 }
 _CORRELATED = 0.5  # least absolute correlation with the truth for a mask to be reported as flipped or inverted
 
@@ -81,19 +88,26 @@ class MaskEncoding:
     umbra: float | None = None
 
 
-def misorientation(visibility: Image, prepared: PreparedTruth) -> str | None:
-    """How the mask is flipped or inverted, such as "flipped vertically"; None if it is not.
+def misorientation(
+    visibility: Image, prepared: PreparedTruth, sideways: Callable[[], PreparedTruth] | None = None
+) -> str | None:
+    """How the mask is turned, flipped or inverted, such as "flipped vertically"; None if it is not.
+
+    sideways: the truth of a view with height and width exchanged, for which a mask unlike `prepared` may be meant.
 
     A mask is flipped if undoing that at least halves the gap of its correlation (Pearson 1895) with the truth to 1, and
     raises the correlation above ½; it is inverted if the best correlation is below −½. Constant masks and truths, and
     symmetries of the image, cannot be decided.
     """
 
-    def correlation(mask: Image) -> float:
-        return _correlation(mask[prepared.valid], prepared.visibility[prepared.valid])
+    def correlation(mask: Image, truth: PreparedTruth) -> float:
+        return _correlation(mask[truth.valid], truth.visibility[truth.valid])
 
-    given = correlation(visibility)
-    correlations = {turn: correlation(visibility[slices]) for turn, slices in _TURNS.items()}
+    given = correlation(visibility, prepared)
+    correlations = {turn: correlation(visibility[slices], prepared) for turn, slices in _TURNS.items()}
+    if sideways is not None and abs(given) <= _CORRELATED:
+        truth = sideways()
+        correlations |= {turn: correlation(undo(visibility), truth) for turn, undo in _SIDEWAYS.items()}
     turn = max(correlations, key=lambda name: abs(correlations[name]))
     best = correlations[turn]
     turned = abs(best) > _CORRELATED and 1 - abs(best) < (1 - abs(given)) / 2
@@ -280,7 +294,7 @@ class Accuracy:
             "scene": self.view.scene.name,
             "view": self.view.camera.name,
             "light": self.view.light.name,
-            "view_size": self.view.size,
+            **self.view.size.columns,
             **self.record,
             "false_shadow": false_shadow,
             "false_light": false_light,
@@ -328,7 +342,8 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
         raise InputError(
             f"{external.name}: lit − ambient is below 1/64 in every pixel; allowed: a lit picture of the view"
         )
-    if fault := misorientation(external.visibility, prepared):
+    turned = replace(view, size=ViewSize(*view.size.shape))
+    if fault := misorientation(external.visibility, prepared, lambda: prepare_truth(cached_truth(turned))):
         raise InputError(
             f"{external.name}: is {fault}, against the truth of {view.scene.name}; "
             "allowed: row 0 at the top, column 0 at the left, full = lit, 0 = in shadow"

@@ -100,14 +100,14 @@ def nearest_depth(view: View) -> float:
     """
     camera, (near, far) = view.camera, view.near_far
     right, up, back = camera.basis()
-    slope, eye = math.tan(camera.fov_y / 2), np.asarray(camera.position)
+    position, aspect = np.asarray(camera.position), view.size.aspect
     vertices, faces = view.scene.geometry.vertices, view.scene.geometry.faces
-    for normal in (right, -right, up, -up):
+    for normal, scale in ((right, aspect), (-right, aspect), (up, 1.0), (-up, 1.0)):
         cut = trimesh.intersections.slice_faces_plane(  # type: ignore[no-untyped-call]
-            vertices, faces, normal - slope * back, eye
+            vertices, faces, normal - scale * camera.slope * back, position - scale * camera.height / 2 * normal
         )
         vertices, faces = cut[:2]
-    depths = (vertices[np.unique(faces)] - eye) @ -back
+    depths = (vertices[np.unique(faces)] - position) @ -back
     return max(near, float(depths.min(initial=far)))
 
 
@@ -130,13 +130,15 @@ def describe(view: View, scene_name: str, sides: "Sides" = "double", options: Sc
             "clip x / w = (2 column + 1) / width − 1, clip y / w = 1 − (2 row + 1) / height",
             "angles": "degrees",
         },
-        "image": {"width": view.size, "height": view.size},
+        "image": view.size._asdict(),
         "camera": {
             "name": camera.name,
             "position": list(camera.position),
             "target": list(camera.target),
             "up": camera.basis()[1].tolist(),
-            "fov_y": math.degrees(camera.fov_y),
+            "kind": "perspective" if camera.converging else "orthographic",
+            "fov_y": math.degrees(camera.fov_y) or None,
+            "height": camera.height or None,
             "near": near,
             "far": far,
             "nearest": nearest_depth(view),
@@ -259,8 +261,13 @@ def glb_of(view: View, *, sides: "Sides" = "double") -> bytes:
             written["name"] = mesh.name
             written["primitives"][0]["material"] = distinct.index(material)
         near, far = view.near_far
-        lens = {"yfov": camera.fov_y, "aspectRatio": 1.0, "znear": near, "zfar": far}
-        tree["cameras"] = [{"name": camera.name, "type": "perspective", "perspective": lens}]
+        kind = "perspective" if camera.converging else "orthographic"
+        lens = (
+            {"yfov": camera.fov_y, "aspectRatio": view.size.aspect}
+            if camera.converging
+            else {"xmag": view.size.aspect * camera.height / 2, "ymag": camera.height / 2}
+        )
+        tree["cameras"] = [{"name": camera.name, "type": kind, kind: {**lens, "znear": near, "zfar": far}}]
         tree["extensions"] = {"KHR_lights_punctual": {"lights": [_lamp(light)]}}
         tree["extensionsUsed"] = ["KHR_lights_punctual"]
         # Both kinds of light that have a direction shine along their node's −z.

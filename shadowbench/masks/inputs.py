@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.options import ViewSize
 from shadowbench.scores.masks import LEVELS, open_png, quantise, read_mask
 
 LARGEST = 4096  # most pixels along a side of a mask: a small PNG may hold many, and scoring takes 130 bytes for each
@@ -21,9 +22,9 @@ _REDUCED = {"P": "RGB", "RGBA": "RGB", "LA": "L", "1": "L"}  # without transpare
 
 @dataclass(frozen=True, eq=False)
 class ExternalMask:
-    """Visibility drawn by another renderer: (N, N) float32, quantised; row 0 at the top.
+    """Visibility drawn by another renderer: (H, W) float32, quantised; row 0 at the top.
 
-    name: its name in messages. Of screenshots only: measurable: (N, N) bool, pixels lit strongly enough; picture: the
+    name: its name in messages. Of screenshots only: measurable: (H, W) bool, pixels lit strongly enough; picture: the
     shadowed screenshot.
     """
 
@@ -33,19 +34,20 @@ class ExternalMask:
     picture: Path | None = None
 
     @property
-    def size(self) -> int:
-        """Pixels along a side, which is the view's size."""
-        return len(self.visibility)
+    def size(self) -> ViewSize:
+        """Of the mask, which is the view's size."""
+        height, width = self.visibility.shape
+        return ViewSize(width, height)
 
 
 def mask_from_file(file: Path) -> ExternalMask:
-    """Read a square linear grey PNG of 8 or 16 bits, full = lit. Raises InputError for other or too large files."""
-    _side_of(file)
+    """Read a linear grey PNG of 8 or 16 bits, full = lit. Raises InputError for other or too large files."""
+    _size_of(file)
     return ExternalMask(str(file), read_mask(file))
 
 
 def visibility_of(values: ArrayLike, name: str) -> NDArray[np.floating | np.bool_]:
-    """Visibility of an (N, N) array: bool or float unchanged, uint8 or uint16 divided by full scale = lit.
+    """Visibility of an (H, W) array: bool or float unchanged, uint8 or uint16 divided by full scale = lit.
 
     Raises InputError for others. Values are not checked.
     """
@@ -55,14 +57,14 @@ def visibility_of(values: ArrayLike, name: str) -> NDArray[np.floating | np.bool
         raise InputError(f"{name}: found an array of {array.dtype}; allowed: float in [0, 1], bool, uint8, uint16")
     if full > 1 and array.max(initial=0) == 1:
         raise InputError(f"{name}: found {array.dtype} up to 1; allowed: up to {full}, which is lit")
-    if array.ndim != 2 or array.shape[0] != array.shape[1] or array.size == 0:
+    if array.ndim != 2 or array.size == 0:
         across = " × ".join(map(str, (*array.shape[1::-1], *array.shape[2:])))
-        raise InputError(f"{name}: found {across} pixels; allowed: a square, as the view is")
+        raise InputError(f"{name}: found {across} pixels; allowed: rows of columns, as the view has")
     return array if full == 1 else array.astype(np.float64) / full
 
 
 def mask_from_array(values: ArrayLike, name: str = "mask") -> ExternalMask:
-    """Mask of an (N, N) array: bool, float in [0, 1], uint8 or uint16, 1 or full scale = lit. Raises InputError."""
+    """Mask of an (H, W) array: bool, float in [0, 1], uint8 or uint16, 1 or full scale = lit. Raises InputError."""
     try:
         return ExternalMask(name, quantise(visibility_of(values, name).astype(np.float64)))
     except ValueError as error:
@@ -73,13 +75,14 @@ def from_screenshots(lit: Path, shadowed: Path, ambient: Path | None = None, *, 
     """Visibility (shadowed − ambient) / (lit − ambient) of PNG screenshots; ambient is 0 if absent.
 
     linear: whether they hold linear values, not sRGB-encoded ones. Computed on linear luminance. Where lit − ambient is
-    below 1/64, visibility is 1 and not measurable. Raises InputError for files that are no PNG, not square, too large,
+    below 1/64, visibility is 1 and not measurable. Raises InputError for files that are no PNG, too large,
     or of different sizes.
     """
-    sides = {file: _side_of(file) for file in (lit, shadowed, ambient) if file}
-    for file, side in sides.items():
-        if side != sides[lit]:
-            raise InputError(f"{file}: found {side} × {side} pixels; allowed: {sides[lit]} × {sides[lit]}, as {lit}")
+    sizes = {file: _size_of(file) for file in (lit, shadowed, ambient) if file}
+    for file, size in sizes.items():
+        if size != sizes[lit]:
+            found, allowed = (f"{one.width} × {one.height}" for one in (size, sizes[lit]))
+            raise InputError(f"{file}: found {found} pixels; allowed: {allowed}, as {lit}")
     full, dimmed = read_luminance(lit, linear), read_luminance(shadowed, linear)
     floor = read_luminance(ambient, linear) if ambient else np.zeros_like(full)
     measurable = full - floor >= DARKEST
@@ -106,14 +109,14 @@ def decode_srgb(encoded: ArrayLike) -> NDArray[np.float64]:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-def _side_of(file: Path) -> int:
-    """Pixels along a side of a PNG, from its header. Raises InputError if it is no PNG, not square or too large."""
-    allowed = f"allowed: a square PNG of at most {LARGEST} × {LARGEST} pixels"
+def _size_of(file: Path) -> ViewSize:
+    """Size of a PNG, from its header. Raises InputError if it is no PNG or too large."""
+    allowed = f"allowed: a PNG of at most {LARGEST} × {LARGEST} pixels"
     with open_png(file, allowed) as image:
-        width, height = image.size
-    if width != height or width > LARGEST:
-        raise InputError(f"{file}: found {width} × {height} pixels; {allowed}")
-    return width
+        size = ViewSize(*image.size)
+    if max(size) > LARGEST:
+        raise InputError(f"{file}: found {size.width} × {size.height} pixels; {allowed}")
+    return size
 
 
 def external_mask(

@@ -13,7 +13,8 @@ IDENTITY = {
     "technique": "Technique, or other engine.",
     "spec": "Technique with its parameters, as asked for, without the map size.",
     "map_size": "Texels along a side of a map, of one face or one cascade; empty without a map.",
-    "view_size": "Pixels along a side of the image.",
+    "view_size": "Height of the image in pixels.",
+    "view_width": "Its width.",
     "renderer": "OpenGL renderer, of a software renderer with a digest of how it calculates, or `external: NAME`.",
     "status": "`ok`, `unsupported: …` or `failed: …`.",
 }

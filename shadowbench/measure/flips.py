@@ -1,7 +1,6 @@
 """Temporal stability: pixels that flip between lit and shadowed from frame to frame while the truth does not."""
 
 import itertools
-import math
 from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -57,7 +56,7 @@ def row_metrics(row: Mapping[str, Any]) -> dict[str, float | None]:
 def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
     """Largest share, over pairs of frames, of edge pixels that flip between lit and shadowed while the truth does not.
 
-    masks: (N, N) visibility of each frame. Edge pixels are decided receivers within EDGE pixels of a true edge in both
+    masks: (H, W) visibility of each frame. Edge pixels are decided receivers within EDGE pixels of a true edge in both
     frames; None if there are none. A share of all receivers would depend on the length of the edges. None also under
     a light with a size: each step changes the truth throughout the penumbra, so that hardly a pixel is left to compare.
     """
@@ -76,9 +75,11 @@ def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
 class Stepped:
     """A view after a small step; `count` compares it with the view before the step.
 
-    A step of the camera turns it by a fraction of a pixel, so that all surfaces stay visible. The image after it is
+    A step of the camera turns it by a fraction of a pixel, so that all surfaces stay visible; an orthographic one moves
+    aside by that. The image after it is
     FINER times as fine: pixels show other points of a surface than before, and would flip along every edge, even of a
-    shadow map that does not move, if the nearest one were compared. A step of the light moves it by the same angle.
+    shadow map that does not move, if the nearest one were compared. A step of the light moves it by the same
+    angle, seen from a view's height away if the camera is orthographic.
     """
 
     before: View
@@ -89,12 +90,13 @@ class Stepped:
         """The view after the step."""
         before = self.before
         camera, light = before.camera, before.light
-        pixel = 2 * math.tan(camera.fov_y / 2) / before.size  # as an angle
-        distance = float(np.linalg.norm(np.subtract(camera.position, camera.target)))
+        pixel = (2 * camera.slope or 1.0) / before.size.height  # as an angle
+        distance = camera.height or float(np.linalg.norm(np.subtract(camera.position, camera.target)))
         if self.step == "camera":
             offset = distance * pixel * (np.array([RIGHT, UP, 0.0]) @ camera.basis())
-            turned = replace(camera, target=vec3(np.add(camera.target, offset)))
-            return replace(before, camera=turned, size=SIZE_AFTER[self.step] * before.size)
+            position = np.add(camera.position, (1 - camera.converging) * offset)
+            moved = replace(camera, position=vec3(position), target=vec3(np.add(camera.target, offset)))
+            return replace(before, camera=moved, size=before.size.times(SIZE_AFTER[self.step]))
         across = pixel * (np.array([RIGHT, UP, 0.0]) @ perpendicular_basis(-unit(light.direction), camera.up))
         if light.kind == "directional":
             return replace(before, light=replace(light, direction=vec3(unit(light.direction) + across)))
@@ -125,18 +127,26 @@ class Stepped:
     def _surroundings(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
         """Row and column of the pixel after a step of the camera that lies above and left of each surface point.
 
-        (N, N) each; also whether all four pixels around the point are inside the image.
+        (H, W) each; also whether all four pixels around the point are inside the image.
         """
-        size, fine = self.before.size, self.view.size
-        half = math.tan(self.before.camera.fov_y / 2)
-        x, y = np.meshgrid(*(half * (1 - (2 * np.arange(size) + 1) / size) * sign for sign in (-1, 1)))
-        to_turned = self.before.camera.basis() @ self.view.camera.basis().T
-        right, up, back = np.moveaxis(np.stack([x, y, -np.ones_like(x)], axis=-1) @ to_turned, -1, 0)
-        column, row = (
-            np.floor((1 + side / half) / 2 * fine - 0.5).astype(np.intp) for side in (-right / back, up / back)
+        camera, turned = self.before.camera, self.view.camera
+        extents = [side * self.before.pixel / 2 for side in self.before.size]
+        x, y = np.meshgrid(
+            *(
+                sign * extent * (1 - (2 * np.arange(side) + 1) / side)
+                for sign, extent, side in zip((-1, 1), extents, self.before.size, strict=True)
+            )
         )
-        inside = (row >= 0) & (column >= 0) & (row < fine - 1) & (column < fine - 1)
-        return row.clip(0, fine - 2), column.clip(0, fine - 2), inside
+        to_turned = camera.basis() @ turned.basis().T
+        moved = np.subtract(turned.position, camera.position) @ turned.basis().T
+        right, up, back = np.moveaxis(np.stack([x, y, -np.ones_like(x)], axis=-1) @ to_turned - moved, -1, 0)
+        column, row = (
+            np.floor((1 + side / extent) / 2 * count - 0.5).astype(np.intp)
+            for side, extent, count in zip((-right / back, up / back), extents, self.view.size, strict=True)
+        )
+        width, height = self.view.size
+        inside = (row >= 0) & (column >= 0) & (row < height - 1) & (column < width - 1)
+        return row.clip(0, height - 2), column.clip(0, width - 2), inside
 
 
 def _near_edge(truth: Truth) -> NDArray[np.bool_]:

@@ -26,6 +26,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from shadowbench.errors import InputError
 from shadowbench.files import remove_temporaries
+from shadowbench.options import ViewSize
 from shadowbench.scenes.model import Coordinates, LightShape, View
 from shadowbench.strict import explain
 
@@ -82,6 +83,7 @@ _SCORE = _table(
         **dict.fromkeys(("truth_error", "truth_error_pen"), NonNegative),
         **dict.fromkeys(("width_bias", "flips"), FiniteFloat | None),
         **dict.fromkeys(("command", "step", "content", "axis", "axis_unit", "home_spec"), str),
+        "view_width": Size,
         "axis_value": Integer | FiniteFloat | str,
         "light_kind": LightShape,
         "assumptions": list[str],
@@ -127,7 +129,12 @@ def _complete(row: Record) -> Record:
         needed += ["axis_value", "axis_unit", "light_kind", "home_spec"] if "axis" in row else []
     if missing := [name for name in needed if name not in row]:
         raise ValueError(f"found no {missing[0]}; it must be given")
-    return row
+    return {"view_width": row["view_size"], **row} if row["kind"] == "score" else row  # older rows are of squares
+
+
+def size_of(row: Record) -> ViewSize:
+    """Size of a score row's view."""
+    return ViewSize(row["view_width"], row["view_size"])
 
 
 _KIND = Discriminator("kind", "kind", "a row whose kind is 'score' or 'time'")
@@ -319,7 +326,7 @@ def identity(view: View, technique: str, spec: str, full_spec: str) -> dict[str,
         "spec": spec,
         "full_spec": full_spec,
         "map_size": None,
-        "view_size": view.size,
+        **view.size.columns,
         "coordinates": "relative",
     }
 

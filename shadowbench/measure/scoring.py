@@ -22,22 +22,25 @@ def prepare_truth(truth: Truth) -> PreparedTruth:
 
 
 def positions(view: View, triangle: NDArray[np.int32]) -> Floats:
-    """(N, N, 3) points at the pixels' centres, in metres from the eye, on the planes of triangles (N, N); 0 for misses.
+    """(H, W, 3) points at the pixels' centres, on the planes of triangles (H, W), in metres from the camera.
 
-    A plane seen edge-on, which receivers cannot be, has points anywhere.
+    0 for misses. A plane seen edge-on, which receivers cannot be, has points anywhere.
     """
     camera, geometry = view.camera, view.scene.geometry
-    slope = np.tan(camera.fov_y / 2) * ((np.arange(view.size) + 0.5) * (2 / view.size) - 1)
+    width, height = view.size
+    x = (np.arange(width) + 0.5) * (2 / height) - width / height
+    y = (np.arange(height) + 0.5) * (2 / height) - 1
     right, up, back = camera.basis()
     points = np.empty((*triangle.shape, 3))
     for row, hit in enumerate(triangle):
-        rays = slope[:, np.newaxis] * right - slope[row] * up - back  # of length 1 along the camera's axis
+        beside = x[:, np.newaxis] * right - y[row] * up
+        rays, starts = camera.slope * beside - back, camera.height / 2 * beside  # of length 1 along the camera's axis
         corners = geometry.corners(np.maximum(hit, 0))
         normals = facet_normals(corners)
         toward = np.einsum("ix,ix->i", normals, rays)
-        away = np.einsum("ix,ix->i", normals, corners[:, 0] - camera.position)
+        away = np.einsum("ix,ix->i", normals, corners[:, 0] - camera.position - starts)
         depth = np.where(hit < 0, 0, away / np.where(toward == 0, 1, toward))
-        points[row] = rays * depth[:, np.newaxis]
+        points[row] = np.where(hit[:, np.newaxis] < 0, 0, starts + rays * depth[:, np.newaxis])
     return points
 
 
@@ -46,7 +49,7 @@ def mask_record(
 ) -> dict[str, Any]:
     """Fields of a score record that describe a mask: metrics, digest and pixel counts.
 
-    visibility: (N, N), quantised to 16 bits; prepared: `prepare_truth(truth)`, shared by many masks; surface: (N, N)
+    visibility: (H, W), quantised to 16 bits; prepared: `prepare_truth(truth)`, shared by many masks; surface: (H, W)
     triangle ids of the G-buffer that the mask was drawn over, None if there is none. Row 0 is at the top.
     A soft truth adds its own error, root mean square over receivers and over the penumbra, what widths are from, and
     whether they are too wide or too narrow.

@@ -27,24 +27,27 @@ from shadowbench.gl.program import arithmetic
 from shadowbench.maps.filters import Filter
 from shadowbench.measure.rows import renderer_of
 from shadowbench.measure.worker import DeviceInfo
-from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
+from shadowbench.options import ViewSize
+from shadowbench.plugin.base import Frame, Phase, Stage, Technique, build, surface_of
 from shadowbench.plugin.registry import shader_folder, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.plugin.stage import ShaderText
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
 from shadowbench.scores.masks import quantise
 
+Draw = Callable[[Frame], moderngl.Texture]
+
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
     """Images and measurements of one draw; row 0 of images is at the top.
 
-    visibility: (N, N) float32, 0 in shadow to 1 lit, quantised to 16 bits; picture: (N, N, 3) uint8 sRGB, shaded with
-    the visibility; map: (H, W) float32 linear depth, None if not requested or the technique has none; gpu_bytes: of its
+    visibility: (H, W) float32, 0 in shadow to 1 lit, quantised to 16 bits; picture: (H, W, 3) uint8 sRGB, shaded with
+    the visibility; map: float32 linear depth, None if not requested or the technique has none; gpu_bytes: of its
     textures and buffers; work: counts by name; facts: numbers reported by the technique, by name.
 
     Of another engine, gpu_bytes is None; engine: its version, its renderer, whose light box it is (`given`, `own`), and
-    what a phase shifts (`box`, `none`); measurable: (N, N) bool, where its pictures are bright enough.
+    what a phase shifts (`box`, `none`); measurable: (H, W) bool, where its pictures are bright enough.
     """
 
     visibility: NDArray[np.float32]
@@ -58,9 +61,9 @@ class Rendering:
 
     def __repr__(self) -> str:
         """One line: the sizes of its images."""
-        size = len(self.visibility)
+        height, width = self.visibility.shape
         shadow_map = "no map" if self.map is None else f"a map of {self.map.shape[1]} × {self.map.shape[0]} texels"
-        return f"<Rendering of {size} × {size} pixels, {(self.visibility < 0.5).mean():.1%} in shadow, {shadow_map}>"
+        return f"<Rendering of {width} × {height} pixels, {(self.visibility < 0.5).mean():.1%} in shadow, {shadow_map}>"
 
     def _repr_png_(self) -> bytes:
         """PNG of the picture, for notebooks."""
@@ -70,7 +73,7 @@ class Rendering:
 class Surface(NamedTuple):
     """What masks of a view are drawn over; row 0 is at the top.
 
-    triangle: (N, N) int32 triangle ids, None if the renderer does not tell; lit, ambient: pictures, (N, N, 3) uint8
+    triangle: (H, W) int32 triangle ids, None if the renderer does not tell; lit, ambient: pictures, (H, W, 3) uint8
     sRGB, with visibility 1 everywhere and 0 everywhere, from which a mask's picture is blended.
     """
 
@@ -79,19 +82,20 @@ class Surface(NamedTuple):
     ambient: NDArray[np.uint8]
 
 
-def checked_texture(spec: str, texture: object, size: int) -> moderngl.Texture:
-    """What a technique drew. TypeError or ValueError unless it is a texture, size × size, with one component."""
+def checked_texture(spec: str, texture: object, size: ViewSize) -> moderngl.Texture:
+    """What a technique drew. TypeError or ValueError unless it is a texture of the view's size, with one component."""
     if not isinstance(texture, moderngl.Texture):
         raise TypeError(f"{spec} drew {type(texture).__name__}; allowed: a texture")
-    if texture.size != (size, size):
-        raise ValueError(f"{spec} drew {' × '.join(map(str, texture.size))} pixels; allowed: {size} × {size}")
+    if texture.size != size:
+        drew, allowed = (" × ".join(map(str, sides)) for sides in (texture.size, size))
+        raise ValueError(f"{spec} drew {drew} pixels; allowed: {allowed}")
     if texture.components != 1:
         raise ValueError(f"{spec} drew {texture.components} components; allowed: 1, the visibility")
     return texture
 
 
-def visibility_of(spec: str, texture: object, size: int) -> NDArray[np.float32]:
-    """(size, size) quantised visibility that a technique drew, row 0 at the top.
+def visibility_of(spec: str, texture: object, size: ViewSize) -> NDArray[np.float32]:
+    """(height, width) quantised visibility that a technique drew, row 0 at the top.
 
     Raises as `checked_texture` does, and ValueError for values that are not finite or not in [0, 1].
     """
@@ -111,6 +115,8 @@ def declared_work(technique: Technique, pixels: int, facts: dict[str, float]) ->
     chosen = getattr(technique.params, "filter", None)
     if "reads" not in work and isinstance(chosen, Filter):
         work["reads"] = pixels * chosen.reads
+    if more := technique.params.contact.reads:
+        work["reads"] = work.get("reads", 0) + pixels * more
     return work
 
 
@@ -150,21 +156,21 @@ class LoadedScene:
         if self.facet_pass is not None and not technique.lifts(technique.params):
             self.facet_pass.draw(checked_texture(spec, texture, view.size), surface, view)
 
-    def build(self, spec: Spec, size: int, room: int = sys.maxsize) -> tuple[Technique, Stage]:
-        """A technique built for images of size × size pixels. Raises any exception of the technique.
+    def build(self, spec: Spec, size: ViewSize, room: int = sys.maxsize) -> tuple[Technique, Stage, Draw]:
+        """A technique built for images of a size, and what draws it. Raises any exception of the technique.
 
         room: most bytes that its textures and buffers may take. Raises Unsupported if they would take more.
         """
         folder = shader_folder(spec.drawn_here)
-        stage = Stage(self.scene, self.device, (size, size), self.geometry, self.placement, folder, room)
+        stage = Stage(self.scene, self.device, size, self.geometry, self.placement, folder, room)
         technique = spec.drawn_here(spec.params)
         try:
-            technique.build(stage)
+            draw = build(technique, stage)
             self.device.check(f"building {spec.full_text}")
         except BaseException:
             stage.release()
             raise
-        return technique, stage
+        return technique, stage, draw
 
     def release(self) -> None:
         """Free GPU memory."""
@@ -214,6 +220,7 @@ class _BuiltCell:
 
     technique: Technique
     stage: Stage
+    draw: Draw
     frame: Frame
     prepare_ms: float
 
@@ -355,7 +362,7 @@ class Session:
     ) -> Rendering:
         technique, frame, view = built.technique, built.frame, open_view.view
         self.device.reset()
-        texture, work = with_work(self.device, lambda: technique.draw(frame))
+        texture, work = with_work(self.device, lambda: built.draw(frame))
         self.device.reset()
         self.device.check(f"drawing {request.spec}")
         open_view.loaded.darken_facets(request.spec, technique, texture, open_view.surface, view)
@@ -364,7 +371,7 @@ class Session:
         picture = open_view.loaded.picture_pass.draw(open_view.surface, view, texture, tint)
         depths = technique.map_image() if with_map else None
         facts = finite_facts(request.spec, technique.facts())
-        work = with_cost(work | declared_work(technique, view.size**2, facts))
+        work = with_cost(work | declared_work(technique, view.size.pixels, facts))
         return Rendering(visibility, picture, depths, built.stage.bytes, work, facts)
 
     def prepare_timing(self, view: View, request: CellRequest) -> float:
@@ -414,7 +421,7 @@ class Session:
         """The next draw call of a prepared cell. Frame indices count up from 0, the first draw after the build."""
         built = self._timed[index]
         self._timed[index] = replace(built, frame=replace(built.frame, index=built.frame.index + 1))
-        return partial(built.technique.draw, built.frame)
+        return partial(built.draw, built.frame)
 
     @contextmanager
     def _isolated_draw(self, index: int) -> Iterator[Callable[[], object]]:
@@ -439,10 +446,10 @@ class Session:
             )
         if reason := spec.drawn_here.declines(spec.params, open_view.view, self.device):
             raise Unsupported(reason)
-        technique, stage = open_view.loaded.build(spec, open_view.view.size, request.room)
+        technique, stage, draw = open_view.loaded.build(spec, open_view.view.size, request.room)
         frame = Frame(open_view.view, Phase(request.phase), 0, surface_of(technique, open_view.surface), self.clock)
         self.device.context.finish()
-        return _BuiltCell(technique, stage, frame, (time.perf_counter() - start) * 1e3)
+        return _BuiltCell(technique, stage, draw, frame, (time.perf_counter() - start) * 1e3)
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ of `filters.Filter` or `biases.Bias`, whose `shader`, and a bias's `comparison`,
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -40,7 +40,8 @@ from numpy.typing import NDArray
 from shadowbench.gl.clock import Changes, Clock
 from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.gbuffer import GBuffer
-from shadowbench.plugin.params import TechniqueParams, components_of, param
+from shadowbench.plugin.contact import Contact, ContactPass, NoContact
+from shadowbench.plugin.params import SubjectParams, components_of, param
 from shadowbench.plugin.stage import Stage
 from shadowbench.scenes.model import Camera, Light, LightKind, View
 
@@ -133,7 +134,7 @@ class Subject(ABC):
     """What a spec names and a study measures: a technique of ours, or another engine. Its docstring documents it."""
 
     name: ClassVar[str]
-    Params: ClassVar[type[TechniqueParams]] = TechniqueParams
+    Params: ClassVar[type[SubjectParams]] = SubjectParams
     presets: ClassVar[dict[str, str]] = {}  # parameters in spec syntax, by preset name
     lights: ClassVar[frozenset[LightKind]] = frozenset({"directional", "spot", "point"})  # supported light kinds
     own: ClassVar[bool] = True  # whether it is drawn here, and timed; an engine is neither
@@ -166,10 +167,20 @@ class Subject(ABC):
         return False
 
 
+class TechniqueParams(SubjectParams):
+    """Base class of every technique's parameters."""
+
+    contact: Contact = param(NoContact(), "contact shadows on top")
+
+
 class Technique(Subject):
     """A way to compute visibility. A subclass with a `name` is registered; its docstring is its documentation."""
 
-    def __init__(self, params: TechniqueParams) -> None:
+    Params: ClassVar[type[TechniqueParams]] = TechniqueParams
+
+    params: TechniqueParams
+
+    def __init__(self, params: Any) -> None:
         self.params = params
 
     @classmethod
@@ -209,6 +220,15 @@ class Technique(Subject):
         `reads` (texture reads) and `rays` count as work.
         """
         return {}
+
+
+def build(technique: Technique, stage: Stage) -> Callable[[Frame], moderngl.Texture]:
+    """Build a technique. Returns its `draw`, with the contact shadows of its parameters on top."""
+    technique.build(stage)
+    if not technique.params.contact.shader:
+        return technique.draw
+    darken = ContactPass(stage, technique.params)
+    return lambda frame: darken(frame, technique.draw(frame))
 
 
 __all__ = ["Changes", "Entry", "Frame", "Phase", "Stage", "Technique", "TechniqueParams", "param"]

@@ -22,13 +22,13 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from shadowbench.plugin.base import Subject
-from shadowbench.plugin.params import TechniqueParams, param
+from shadowbench.plugin.params import SubjectParams, param
 from shadowbench.scenes.model import View
 
 Sides = Literal["closed", "double"]
 
 
-class EngineParams(TechniqueParams):
+class EngineParams(SubjectParams):
     """Parameters of every engine."""
 
     sides: Sides = param("closed", "which materials are double-sided: those of meshes that are not closed, or all")
@@ -45,7 +45,7 @@ class Engine(Subject):
     """
 
     own = False
-    Params: ClassVar[type[TechniqueParams]] = EngineParams
+    Params: ClassVar[type[SubjectParams]] = EngineParams
     package: ClassVar[str]
     host: ClassVar[Literal["web", "python"]]
     python: ClassVar[str] = ""

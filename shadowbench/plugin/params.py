@@ -158,17 +158,19 @@ def in_metres(info: FieldInfo) -> bool:
     return isinstance(info.json_schema_extra, dict) and bool(info.json_schema_extra.get("metres"))
 
 
-class TechniqueParams(Strict):
-    """Base class of every technique's parameters."""
+class SubjectParams(Strict):
+    """Base class of the parameters of every technique and engine."""
 
 
 class Component(Strict):
-    """Base class of biases, filters, fits and splits; a subclass with a `name` is added to its family's table."""
+    """Base class of biases, filters, fits, splits and contact shadows; a `name` adds one to its family's table."""
 
     name: ClassVar[str]
     shader: ClassVar[str] = ""  # file that fills the include slot of the parameter, or its text of several lines
     table: ClassVar[dict[str, type[Self]]]
+    presets: ClassVar[dict[str, str]] = {}  # parameters in spec syntax, by name: `screen-space(preset=bevy)`
     lifts: ClassVar[bool] = False  # whether shadows are received on the smooth surface, not on its triangles
+    unwritten: ClassVar[bool] = False  # whether full specs leave it out, so that those of before it existed are equal
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -204,7 +206,14 @@ class Component(Strict):
         if call.name not in cls.table:
             raise ValueError(f"unknown {family} {call.name!r}{alternatives(call.name, cls.table)}")
         component = cls.table[call.name]
-        return component(**call.keywords(list(component.model_fields)))
+        named = call.keywords(order := list(component.model_fields))
+        if preset := named.pop("preset", None):
+            if preset not in component.presets:
+                raise ValueError(
+                    f"{call.name}: unknown preset '{preset!s:.60}'{alternatives(preset, component.presets)}"
+                )
+            named = parse_value(f"{call.name}({component.presets[preset]})").keywords(order) | named
+        return component(**named)
 
     @model_validator(mode="wrap")
     @classmethod
@@ -218,7 +227,7 @@ class Component(Strict):
         return f"{self.name}({items})" if items else self.name
 
 
-def components_of(params: TechniqueParams | Component | None) -> list[Component]:
+def components_of(params: SubjectParams | Component | None) -> list[Component]:
     """The components among the values of parameters, and those among theirs."""
     values = [getattr(params, key) for key in type(params).model_fields] if params else []
     components = [value for value in values if isinstance(value, Component)]
@@ -234,11 +243,11 @@ def format_value(value: Any, full: bool = False) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def format_items(params: TechniqueParams | Component, full: bool = False, skip: str = "") -> str:
+def format_items(params: SubjectParams | Component, full: bool = False, skip: str = "") -> str:
     """Parameters in spec syntax, `size=512,wrap=edge`: all if `full`, else those that are not at their defaults."""
     values = {key: getattr(params, key) for key in type(params).model_fields if key != skip}
     return ",".join(
         f"{key}={format_value(value, full)}"
         for key, value in values.items()
-        if full or value != type(params).model_fields[key].default
+        if value != type(params).model_fields[key].default or (full and not getattr(value, "unwritten", False))
     )

@@ -16,7 +16,7 @@ from shadowbench.plugin.params import (
     Component,
     Items,
     Reader,
-    TechniqueParams,
+    SubjectParams,
     components_of,
     format_items,
     parameters_of,
@@ -33,7 +33,7 @@ class Spec:
     """A technique or engine and its parameters. `explicit`: keys that the user set, directly or by a preset."""
 
     technique: "type[Subject]"
-    params: TechniqueParams
+    params: SubjectParams
     explicit: frozenset[str] = field(default=frozenset(), compare=False)
 
     @cached_property
@@ -142,7 +142,7 @@ def spec_of(technique: "type[Subject]", items: Items, where: str) -> Spec:
     return Spec(technique, _validated(technique, values, f"spec {where!r}"), frozenset(values))
 
 
-def _validated(technique: "type[Subject]", values: dict[str, Any], where: str) -> TechniqueParams:
+def _validated(technique: "type[Subject]", values: dict[str, Any], where: str) -> SubjectParams:
     try:
         return technique.Params(**values)
     except ValidationError as error:

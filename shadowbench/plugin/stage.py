@@ -16,7 +16,8 @@ from shadowbench.gl.device import Device, Releasable, moderngl
 from shadowbench.gl.gbuffer import CUTOUTS, DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, Textures, compose, link
 from shadowbench.gl.targets import FACES, Color, DepthFormat, DepthTarget, DepthTexture, Kind, StencilTarget
-from shadowbench.plugin.params import Component, TechniqueParams, components_of, in_metres
+from shadowbench.options import ViewSize
+from shadowbench.plugin.params import Component, SubjectParams, components_of, in_metres
 from shadowbench.scenes.model import Placement, Scene
 
 Resource = TypeVar("Resource", bound=Releasable)
@@ -55,7 +56,7 @@ class Stage:
         self,
         scene: Scene,
         device: Device,
-        size: tuple[int, int],
+        size: ViewSize,
         geometry: DeviceGeometry,
         placement: Placement,
         shaders: Path | None = None,
@@ -75,7 +76,7 @@ class Stage:
         fragment: Path | str,
         geometry: Path | str | None = None,
         *,
-        params: TechniqueParams | None = None,
+        params: SubjectParams | None = None,
         defines: Mapping[str, int | str] = {},
         includes: Mapping[str, str] = {},
     ) -> Program:
@@ -265,14 +266,14 @@ class Stage:
 
 
 def _shader_values(
-    params: TechniqueParams | None, placement: Placement
+    params: SubjectParams | None, placement: Placement
 ) -> tuple[dict[str, str], dict[str, str], dict[str, float]]:
     """(defines, include slots, uniforms) of parameters, including those of components."""
     defines: dict[str, str] = {}
     slots: dict[str, str] = {}
     uniforms: dict[str, float] = {}
 
-    def add(params: TechniqueParams | Component, prefix: str) -> None:
+    def add(params: SubjectParams | Component, prefix: str) -> None:
         for key, field in type(params).model_fields.items():
             name, value = prefix + key, getattr(params, key)
             if isinstance(value, Component):

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from shadowbench.errors import InputError
-from shadowbench.measure.rows import Record
+from shadowbench.measure.rows import Record, size_of
+from shadowbench.options import ViewSize
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.texts import cost_text, digits, fault_lines, median_text
 from shadowbench.results.frame import view_name
@@ -136,7 +137,7 @@ def gallery(folder: Path, pictures: Sequence[Picture]) -> dict[str, Any] | None:
 
 
 def _view(folder: Path, row: Record) -> dict[str, Any]:
-    name, size = view_name(row), row["view_size"]
+    name, size = view_name(row), size_of(row)
     return {
         "truth": _image(folder / f"{name}.png", size),
         "undecided": _image(folder / f"{name}.undecided.png", size),
@@ -147,7 +148,7 @@ def _view(folder: Path, row: Record) -> dict[str, Any]:
 
 
 def _cell(folder: Path, row: Record, about: dict[str, Any], shaded: bool) -> dict[str, Any]:
-    mask = _image(folder / "masks" / f"{row['key']}.png", row["view_size"])
+    mask = _image(folder / "masks" / f"{row['key']}.png", size_of(row))
     command = shlex.join(["shadowbench", "view", os.path.relpath(folder), "--cell", row["key"]])
     return about | {
         "scene": row["scene"],
@@ -168,9 +169,9 @@ def difference(
 ) -> NDArray[np.uint8]:
     """The difference picture of a mask: false shadow orange, false light blue, over the truth in pale grey.
 
-    mask, truth: (N, N) visibility in [0, 1]; undecided: (N, N), pixels that stay grey; facets: (N, N), pixels that the
+    mask, truth: (H, W) visibility in [0, 1]; undecided: (H, W), pixels that stay grey; facets: (H, W), pixels that the
     truth has in the shadow of a smooth surface's own triangles, purple where the mask is dark. The opacity of the
-    colour is the size of the error, of soft shadows its root. Returns (N, N, 3) uint8 sRGB.
+    colour is the size of the error, of soft shadows its root. Returns (H, W, 3) uint8 sRGB.
     """
     signed = np.rint(weight(mask - truth, soft) * _STEPS) / _STEPS
     if undecided is not None:
@@ -179,23 +180,23 @@ def difference(
     return picture if facets is None else with_facets(picture, facets, mask)
 
 
-def read_view(file: Path, size: int) -> NDArray[np.float32]:
-    """Read a mask of a view, (size, size) float32 visibility. Raises InputError for another size."""
+def read_view(file: Path, size: ViewSize) -> NDArray[np.float32]:
+    """Read a mask of a view, (height, width) float32 visibility. Raises InputError for another size."""
     visibility = read_mask(file)
-    if visibility.shape != (size, size):
-        size_found = " × ".join(map(str, reversed(visibility.shape)))
-        raise InputError(f"{file}: found {size_found} pixels; allowed: {size} × {size}, the view's size")
+    if visibility.shape != size.shape:
+        found, allowed = (" × ".join(map(str, reversed(shape))) for shape in (visibility.shape, size.shape))
+        raise InputError(f"{file}: found {found} pixels; allowed: {allowed}, the view's size")
     return visibility
 
 
-def read_facets(truth: Path, size: int) -> NDArray[np.bool_] | None:
-    """(size, size), the pixels that facets darken, from the file beside a truth's; None without it."""
+def read_facets(truth: Path, size: ViewSize) -> NDArray[np.bool_] | None:
+    """(height, width), the pixels that facets darken, from the file beside a truth's; None without it."""
     file = truth.with_suffix(".facets.png")
     return read_view(file, size) >= 0.5 if file.exists() else None
 
 
-def _image(file: Path, size: int | None) -> str | None:
-    """A mask of a view of `size` pixels, lossless, or a picture for None, as data URI; None without a file."""
+def _image(file: Path, size: ViewSize | None) -> str | None:
+    """A mask of a view of a size, lossless, or a picture for None, as data URI; None without a file."""
     if not file.exists():
         return None
     if size is not None:

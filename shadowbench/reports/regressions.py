@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from shadowbench.errors import counted, number
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
-from shadowbench.measure.rows import Record
+from shadowbench.measure.rows import Record, size_of
 from shadowbench.reports.gallery import difference, read_facets, read_view
 from shadowbench.reports.texts import table
 from shadowbench.results.baseline import MISSING, Change, Findings, Verdict
@@ -188,12 +188,12 @@ def write_pictures(findings: Findings, run: Run, baseline: Run, folder: Path) ->
 def _strip(run: Run, baseline: Run, cell: Sequence[Change], old: Record) -> NDArray[np.uint8] | None:
     """The truth, the mask before if the baseline has it, and the mask now; None without the truth or that mask."""
     worst, score = cell[0], cell[0].score
-    size, file = score["view_size"], run.folder / "truth" / f"{view_name(score)}.png"
+    size, file = size_of(score), run.folder / "truth" / f"{view_name(score)}.png"
     after, before = (_mask(folder, row) for folder, row in ((run.folder, score), (baseline.folder, old)))
     if not file.exists() or after is None:
         return None
     truth, apart = read_view(file, size), file.with_suffix(".undecided.png")
-    undecided = read_view(apart, size) >= 0.5 if apart.exists() else np.zeros((size, size), bool)
+    undecided = read_view(apart, size) >= 0.5 if apart.exists() else np.zeros(size.shape, bool)
     masks, wrong = {"ray-traced truth": truth}, np.abs(after - truth)
     if before is not None:
         masks[f"before: {worst.what} {change_text(worst.before)}"] = before
@@ -220,22 +220,23 @@ def _strip(run: Run, baseline: Run, cell: Sequence[Change], old: Record) -> NDAr
 
 def _mask(folder: Path, row: Record) -> NDArray[np.float32] | None:
     file = folder / "masks" / f"{row['key']}.png"
-    return read_view(file, row["view_size"]) if file.exists() else None
+    return read_view(file, size_of(row)) if file.exists() else None
 
 
 def worst_place(wrong: NDArray[np.floating]) -> tuple[slice, slice]:
-    """The square with the largest sum, of those half a side apart, whose side is an eighth of (N, N) errors."""
-    side = max(_LEAST_SIDE, len(wrong) // _ENLARGED)
+    """The square with the largest sum of (H, W) errors, of those half a side apart; its side is an eighth of H."""
+    side = min(max(_LEAST_SIDE, len(wrong) // _ENLARGED), *wrong.shape)
     total = np.pad(wrong, ((1, 0), (1, 0))).cumsum(0).cumsum(1)
-    at = np.arange(0, len(wrong) - side + 1, max(1, side // 2))
-    low, high = np.ix_(at, at), np.ix_(at + side, at + side)
+    rows, columns = (np.arange(0, count - side + 1, max(1, side // 2)) for count in wrong.shape)
+    low, high = np.ix_(rows, columns), np.ix_(rows + side, columns + side)
     sums = total[high] - total[low[0], high[1]] - total[high[0], low[1]] + total[low]
     row, column = np.unravel_index(int(sums.argmax()), sums.shape)
-    return slice(int(at[row]), int(at[row]) + side), slice(int(at[column]), int(at[column]) + side)
+    top, left = int(rows[row]), int(columns[column])
+    return slice(top, top + side), slice(left, left + side)
 
 
 def _shaded(truth_file: Path, mask: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(N, N, 3) sRGB: the view between full shadow and none; the mask in greys without these pictures."""
+    """(H, W, 3) sRGB: the view between full shadow and none; the mask in greys without these pictures."""
     files = [truth_file.with_suffix(f".{name}.png") for name in ("ambient", "lit")]
     share, dark, lit = mask[..., np.newaxis], np.zeros(3), np.full(3, 255)
     if all(file.exists() for file in files):
@@ -245,10 +246,13 @@ def _shaded(truth_file: Path, mask: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def _fitted(picture: NDArray[np.uint8], place: tuple[slice, slice] | None = None) -> NDArray[np.uint8]:
     """A picture WIDTH pixels wide, with a frame around a place of it."""
-    image = Image.fromarray(picture)
-    image = image.resize((WIDTH, WIDTH), Image.Resampling.NEAREST if len(picture) < WIDTH else Image.Resampling.BOX)
+    height, width = picture.shape[:2]
+    image = Image.fromarray(picture).resize(
+        (WIDTH, max(1, round(WIDTH * height / width))),
+        Image.Resampling.NEAREST if width < WIDTH else Image.Resampling.BOX,
+    )
     if place is not None:
-        top, bottom, left, right = (end * WIDTH / len(picture) for part in place for end in (part.start, part.stop))
+        top, bottom, left, right = (end * WIDTH / width for part in place for end in (part.start, part.stop))
         ImageDraw.Draw(image).rectangle((left - 1, top - 1, right, bottom), outline=_FRAME, width=2)
     return np.asarray(image)
 

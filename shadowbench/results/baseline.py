@@ -62,7 +62,7 @@ class Findings:
 
     def json(self, pictures: Mapping[str, Path]) -> dict[str, Any]:
         """JSON object of `check --json`; pictures: files by the key of a row, of changes that are regressions."""
-        named = ("scene", "view", "light", "phase", "technique", "spec", "full_spec", "map_size", "view_size")
+        named = (*IDENTITY, "technique", "spec", "full_spec")
         values: dict[str, Any] = {"compared": self.compared, "equal_masks": self.equal, "timed": self.timed}
         for verdict in get_args(Verdict):
             values[verdict] = [

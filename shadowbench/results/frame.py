@@ -15,14 +15,23 @@ from shadowbench.errors import InputError, printable
 from shadowbench.files import replace_file
 from shadowbench.measure.columns import COSTS, MORE, MORE_TIMES, SOMETIMES, TIMES
 from shadowbench.measure.columns import IDENTITY as FIRST
-from shadowbench.measure.rows import Record, Result, read_rows, read_run_file
+from shadowbench.measure.rows import Record, Result, read_rows, read_run_file, size_of
 from shadowbench.plugin.params import parameters_of
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.strict import short
 
-IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
+IDENTITY = (
+    "scene",
+    "view",
+    "light",
+    "phase",
+    "map_size",
+    "view_size",
+    "view_width",
+    "coordinates",
+)  # and the full spec
 _place_of = itemgetter(*IDENTITY)
-_view_of = itemgetter("scene", "view", "light", "view_size")
+_view_of = itemgetter("scene", "view", "light", "view_size", "view_width")
 _range_of = itemgetter("home_spec", "axis", "light_kind")
 _COMMA = re.compile(r",(?![^()]*\))")  # outside parentheses
 _WHOLE = ["map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch", "penumbra"]
@@ -35,7 +44,7 @@ def identity(record: Record) -> tuple[Any, ...]:
 
 def view_name(record: Record) -> str:
     """Name of a row's view, as `View.name`, with which the files of its truth begin."""
-    return ".".join(map(str, _view_of(record)))
+    return ".".join([*_view_of(record)[:3], str(size_of(record))])
 
 
 @lru_cache(1 << 12)
@@ -237,7 +246,7 @@ def over_phases(cells: pd.DataFrame) -> pd.DataFrame:
 
     A status is that of the first phase that is not `ok`, and its numbers are those of the others.
     """
-    same = ["scene", "view", "light", "spec", "full_spec", "map_size", "view_size", "coordinates", "renderer"]
+    same = [*(name for name in IDENTITY if name != "phase"), "spec", "full_spec", "renderer"]
     grouped = cells.groupby(same, sort=False, dropna=False)
     numbers = {name for name in cells if pd.api.types.is_numeric_dtype(cells[name])} - {*same, "phase"}
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from shadowbench.errors import InputError
 from shadowbench.files import data_folder
-from shadowbench.measure.rows import Record
+from shadowbench.measure.rows import Record, size_of
 from shadowbench.scores.metrics import is_soft
 
 SHARED = ("vertices", "reads", "gpu_bytes")
@@ -65,12 +65,15 @@ class Law:
 
 def kind_of(spec: str) -> str:
     """The technique of a spec, with the parameters that change its passes: `shadow-map fit=scene`."""
-    return " ".join([spec.partition(":")[0], *re.findall(r"\b(?:fit|rest|where)=\w+", spec)])
+    name, named = spec.partition(":")[0], "fit|rest|where"
+    if name == FLOOR:  # which costs nothing alone
+        named += "|contact"
+    return " ".join([name, *re.findall(rf"\b(?:{named})=\w+", spec)])
 
 
 def counts_of(row: Record, triangles: int) -> dict[str, float]:
     """The counts of a score row beyond those of `unshadowed`; triangles: of the scene."""
-    work, pixels = row["work"], row["view_size"] ** 2
+    work, pixels = row["work"], size_of(row).pixels
     return {
         "vertices": work["vertices"] + work["geometry"],
         "reads": work.get("reads", 0),

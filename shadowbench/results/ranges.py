@@ -221,7 +221,19 @@ def _line(one: OperatingRange) -> dict[str, Any]:
 def points_frame(rows: Iterable[Record]) -> pd.DataFrame:
     """Contents of a sweep's `table.csv`: one line per cell, with its axis value and metrics."""
     columns = [
-        *("scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"),
+        *(
+            "scene",
+            "view",
+            "light",
+            "phase",
+            "technique",
+            "spec",
+            "map_size",
+            "view_size",
+            "view_width",
+            "renderer",
+            "status",
+        ),
         *(*METRICS, "failure", "command", "axis", "axis_value", "axis_unit", "light_kind", "flips", "receivers"),
         *("undecided", "surface_mismatch", "gpu_bytes", "coordinates", "full_spec", "mask_sha256", "key"),
     ]

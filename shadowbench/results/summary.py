@@ -18,6 +18,7 @@ import pandas as pd
 from shadowbench.errors import InputError
 from shadowbench.measure.columns import TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.measure.flips import ROW_METRICS
+from shadowbench.options import ViewSize
 from shadowbench.plugin.registry import own_techniques, preset_names
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.frame import Run
@@ -244,7 +245,7 @@ class Summary:
         """Start of the names of its chart files: scene, light, view size, and `absolute` for absolute coordinates."""
         first = self.cells.iloc[0]
         absolute = ".absolute" if first["coordinates"] == "absolute" else ""
-        return f"{self.scene.replace(', ', '.')}.{first['view_size']}{absolute}"
+        return f"{self.scene.replace(', ', '.')}.{ViewSize(first['view_width'], first['view_size'])}{absolute}"
 
     @property
     def max_cells(self) -> int:
@@ -286,10 +287,11 @@ def summaries(run: Run, law: Law | None = None) -> list[Summary]:
     cells = _with_costs(run, law)
     costs = {soft: _cost_name(run, cells[cells["soft"] == soft]) for soft in (False, True)}
     parts = []
-    for (scene, size, coordinates), own in cells.groupby(
-        [_scenes(run.frame), "view_size", "coordinates"], sort=False, dropna=False
+    for (scene, height, width, coordinates), own in cells.groupby(
+        [_scenes(run.frame), "view_size", "view_width", "coordinates"], sort=False, dropna=False
     ):
-        title = f"{scene}, {size}² view" + (f", {coordinates} coordinates" if coordinates == "absolute" else "")
+        size = f"{height}²" if height == width else f"{width} × {height}"
+        title = f"{scene}, {size} view" + (f", {coordinates} coordinates" if coordinates == "absolute" else "")
         soft = bool(own["soft"].any())
         normalised, reference = normalise_times(own)
         settings = _settings(normalised, ranking(soft), costs[soft])

@@ -226,22 +226,27 @@ def read_gltf(path: Path, where: str, chosen: Chosen = BY_DEFAULT) -> Contents:
 
 
 def _cameras(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Camera], list[str]]:
-    """The perspective cameras of the scene, and a note if it has orthographic ones."""
+    """The cameras of the scene, and a note for each that is not of a square picture."""
     cameras: list[Camera] = []
-    orthographic = 0
+    notes = []
     for node in nodes:
         if node.data.camera is None:
             continue
         camera = layout.cameras[node.data.camera]
-        if (lens := camera.perspective) is None:
-            orthographic += 1
-            continue
         position, forward = _pose(node)
         name = unique_name(node.data.name or camera.name, "camera", {camera.name for camera in cameras})
         up, target = vec3(unit(node.matrix[:3, 1])), target_of(position, forward)
-        cameras.append(Camera(name, vec3(position), target, lens.yfov, up, lens.znear, lens.zfar))
-    left_out = f"{where}: {orthographic} orthographic camera(s) left out: cameras here are perspective"
-    return cameras, [left_out] if orthographic else []
+        pose = name, vec3(position), target
+        if (lens := camera.perspective) is not None:
+            cameras.append(Camera(*pose, lens.yfov, up, lens.znear, lens.zfar))
+            aspect = lens.aspectRatio or 1.0
+        elif (box := camera.orthographic) is not None:
+            cameras.append(Camera(*pose, 0.0, up, box.znear or None, box.zfar, height=2 * box.ymag))
+            aspect = box.xmag / box.ymag
+        if not math.isclose(aspect, 1.0, rel_tol=1e-6):
+            made_for = f"made for pictures {aspect:.4g} times as wide as high"
+            notes.append(f"{where}: camera {name}: {made_for}; --view-size sets the shape")
+    return cameras, notes
 
 
 def _lights(layout: Layout, nodes: list[Node], where: str) -> tuple[list[Light], list[str]]:

@@ -369,16 +369,29 @@ class _Image(JsonObject):
 
 
 class _Perspective(JsonObject):
+    aspectRatio: Number | None = Field(None, gt=0.0)
     yfov: Number = Field(ge=math.radians(NARROWEST), lt=math.pi)
     znear: Number = Field(gt=0.0)
     zfar: Number | None = Field(None, gt=0.0)
 
 
-class _Camera(JsonObject):
-    """A camera, which is orthographic without `perspective`."""
+class _Orthographic(JsonObject):
+    xmag: Number = Field(gt=0.0)
+    ymag: Number = Field(gt=0.0)
+    znear: Number = Field(ge=0.0)
+    zfar: Number = Field(gt=0.0)
 
+
+class _Camera(JsonObject):
     name: str | None = None
     perspective: _Perspective | None = None
+    orthographic: _Orthographic | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        if (self.perspective is None) == (self.orthographic is None):
+            raise ValueError("needs either perspective or orthographic")
+        return self
 
 
 class _Light(JsonObject):

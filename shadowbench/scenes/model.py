@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.options import ViewSize, ViewSizeLike
 from shadowbench.scenes.cutouts import Cutout, cutout_faces
 from shadowbench.scenes.triangles import Geometry, bounds_of, mirrors, turned, used_by
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
@@ -138,7 +139,8 @@ class Placement:
         """The camera in local coordinates."""
         position, target = (vec3(self.points(point)) for point in (camera.position, camera.target))
         near, far = (None if plane is None else self.length(plane) for plane in (camera.near, camera.far))
-        return replace(camera, position=position, target=target, near=near, far=far)
+        height = self.length(camera.height)
+        return replace(camera, position=position, target=target, near=near, far=far, height=height)
 
     def light(self, light: "Light") -> "Light":
         """The light in local coordinates; the angular radius of a directional light is unchanged."""
@@ -177,7 +179,12 @@ NEAREST_TARGET = 1e-12
 
 @dataclass(frozen=True)
 class Camera:
-    """A perspective camera. fov_y: vertical field of view in radians; near, far: None until `view_of` sets them."""
+    """A perspective or an orthographic camera.
+
+    fov_y: vertical field of view in radians, 0 if orthographic; height: of an orthographic view in metres, else 0;
+    near, far: None until `view_of` sets them. Half of what is seen is height/2 + slope · d high at a view depth d, and
+    a pixel's ray starts in the plane of the position at its place in height/2: both kinds by the same formulas.
+    """
 
     name: str
     position: Vec3
@@ -186,10 +193,48 @@ class Camera:
     up: Vec3 = (0.0, 1.0, 0.0)
     near: float | None = None
     far: float | None = None
+    height: float = 0.0
+
+    @property
+    def slope(self) -> float:
+        """Tangent of half the field of view: what half of the view's height grows by with view depth."""
+        return float(np.tan(self.fov_y / 2))
+
+    @property
+    def converging(self) -> float:
+        """1 if all rays meet in the position; 0 if they are parallel."""
+        return float(self.height == 0.0)
+
+    @property
+    def eye(self) -> tuple[float, float, float, float]:
+        """The eye in homogeneous coordinates: the position and 1; of parallel rays the way to it, `height` long, and 0.
+
+        So what formulas with the distance from the eye take for it in an orthographic view is `height`.
+        """
+        x, y, z = self.position if self.converging else vec3(self.height * self.basis()[2])
+        return x, y, z, self.converging
+
+    def half_height(self, depth: float) -> float:
+        """Half the height of what is seen at a view depth."""
+        return self.height / 2 + self.slope * depth
 
     def basis(self) -> Floats:
         """(3, 3) rows right, up, back in world space."""
         return perpendicular_basis(unit(np.subtract(self.position, self.target)), self.up)
+
+    def depths_of(self, bounds: Floats, aspect: float) -> tuple[float, float]:
+        """Bounds of the view depth of what is visible in (2, 3) bounds; aspect: of the image.
+
+        Of a perspective, the depth in the image's corner of a point as near as the nearest, and the farthest distance.
+        """
+        low, high = bounds
+        position = np.asarray(self.position)
+        if not self.converging:
+            depths = (np.stack(np.meshgrid(*bounds.T), axis=-1).reshape(-1, 3) - position) @ -self.basis()[2]
+            return max(float(depths.min()), 0.0), float(depths.max())
+        farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
+        nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
+        return nearest / np.sqrt(1 + (1 + aspect**2) * self.slope**2), farthest
 
 
 @dataclass(frozen=True)
@@ -283,12 +328,12 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A scene, camera, light and image size (size × size pixels): the input of truth and techniques."""
+    """A scene, camera, light and image size in pixels: the input of truth and techniques."""
 
     scene: Scene
     camera: Camera
     light: Light
-    size: int
+    size: ViewSize
 
     @property
     def name(self) -> str:
@@ -303,16 +348,21 @@ class View:
         return self.camera.near, self.camera.far
 
     @property
+    def pixel(self) -> float:
+        """Side of a pixel at a view depth of 1."""
+        return 2 * self.camera.half_height(1.0) / self.size.height
+
+    @property
     def projection(self) -> Floats:
         """(4, 4) float64 camera-to-clip matrix for column vectors, in OpenGL's clip space, −w ≤ x, y, z ≤ w."""
-        near, far = self.near_far
-        slope = float(np.tan(self.camera.fov_y / 2))
+        (near, far), scale, converging = self.near_far, 1 / self.camera.half_height(1.0), self.camera.converging
+        w_near, w_far = (converging * depth + (1 - converging) for depth in (near, far))
         return np.array(
             [
-                [1 / slope, 0, 0, 0],
-                [0, 1 / slope, 0, 0],
-                [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)],
-                [0, 0, -1, 0],
+                [scale / self.size.aspect, 0, 0, 0],
+                [0, scale, 0, 0],
+                [0, 0, (w_far + w_near) / (near - far), (far * w_near + near * w_far) / (near - far)],
+                [0, 0, -converging, 1 - converging],
             ]
         )
 
@@ -323,14 +373,14 @@ class View:
         return View(scene, placement.camera(self.camera), placement.light(self.light), self.size), placement
 
 
-def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
-    """The view, with near and far plane of the camera set.
+def view_of(scene: Scene, camera: Camera, light: Light, size: ViewSizeLike) -> View:
+    """The view, with near and far plane of the camera set; size: as by `ViewSize.of`.
 
-    By default they enclose the scene's bounds: far is the distance to the farthest corner, near the view depth, in the
-    image's corner, of a point at the distance of the nearest point, but at least far/10⁴; both with a margin of 0.1%
+    By default they enclose the scene's bounds (`depths_of`), near being at least far/10⁴, both with a margin of 0.1%
     against rounding. Planes given by a file are clamped to that range, so as not to waste depth range. Raises
     InputError for planes that exclude the scene, a target too close to the position, and names too long for files.
     """
+    view = View(scene, camera, light, ViewSize.of(size))
     low, high = scene.geometry.bounds
     position, target = np.asarray(camera.position), np.asarray(camera.target)
     distance = float(np.abs(position - target).max())
@@ -338,9 +388,9 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     if distance < least:
         apart = f"position and target are {distance:.3g} m apart; allowed here: {least:.3g} m or more"
         raise InputError(f"camera {camera.name!r} of {scene.name}: {apart}")
-    farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
-    nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
-    nearest /= np.sqrt(1 + 2 * np.tan(camera.fov_y / 2) ** 2)
+    nearest, farthest = camera.depths_of(scene.geometry.bounds, view.size.aspect)
+    if farthest <= 0.0:
+        raise InputError(f"camera {camera.name!r} of {scene.name} shows nothing: the scene is behind it")
     nearest, farthest = float(max(nearest, farthest / 1e4)) * 0.999, farthest * 1.001
     near = min(max(camera.near or nearest, nearest), farthest)
     far = min(max(camera.far or farthest, nearest), farthest)
@@ -349,7 +399,7 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
             f"camera {camera.name!r} of {scene.name} shows nothing: its near and far planes, {camera.near} and "
             f"{camera.far} m, exclude the scene, which lies between {nearest:.4g} and {farthest:.4g} m"
         )
-    view = View(scene, replace(camera, near=near, far=far), light, size)
+    view = replace(view, camera=replace(camera, near=near, far=far))
     if (taken := len(view.name.encode())) > LONGEST_VIEW_NAME:
         raise InputError(
             f"scene {scene.name!r}, camera {camera.name!r}, light {light.name!r}: their names, which are parts of "
@@ -369,6 +419,7 @@ def view_digest(view: View) -> str:
         view.scene.geometry.digest(),
         [(len(mesh.vertices), len(mesh.faces), mesh.normals is None) for mesh in view.scene.meshes],
         (camera.position, camera.target, camera.up, camera.fov_y, camera.near, camera.far),
+        *([camera.height] if camera.height else []),
         (light.kind, light.direction, light.position, light.angle, light.radius, light.size, light.up),
         view.size,
     )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.options import FIRST, VIEW_SIZE, SceneOptions, ViewOptions, azimuth_elevation, coordinates
+from shadowbench.options import FIRST, SceneOptions, ViewOptions, ViewSizeLike, azimuth_elevation, coordinates
 from shadowbench.scenes.assumed import (
     FOV_Y,
     SUN,
@@ -71,20 +71,17 @@ TracerOf = Callable[[Geometry], Any]
 
 def chosen_view(
     scene: str | Path | Scene,
-    size: int,
+    size: ViewSizeLike,
     options: ViewOptions = FIRST,
     note: Callable[[str], None] = lambda line: None,
     tracer_of: TracerOf | None = None,
 ) -> View:
-    """The view of size × size pixels of a scene that options name.
+    """The view of a size of a scene that options name.
 
     scene: a name, a file or a loaded scene; note: receives the scene's notes, and the names of the cameras and lights
     that are not used; tracer_of: as by `opened`. Raises InputError for an unknown scene, camera or light, or an invalid
     size.
     """
-    least, most = VIEW_SIZE
-    if not least <= size <= most:
-        raise InputError(f"view size {size}: allowed are {least} to {most}")
     loaded = opened(scene, options, tracer_of)
     camera = named(loaded.cameras, options.view, "view") if options.view else loaded.cameras[0]
     light = named(loaded.lights, options.light, "light") if options.light else loaded.lights[0]

@@ -81,7 +81,9 @@ class _Camera(Strict):
     name: Name | None = None
     position: Three
     target: Three
+    kind: Literal["perspective", "orthographic"] = "perspective"
     fov_y: Number = Field(36.0, ge=NARROWEST, lt=180.0)  # degrees
+    height: Number | None = Field(None, gt=0.0)  # metres
     up: Direction = (0.0, 1.0, 0.0)
     near: Number | None = Field(None, gt=0.0)
     far: Number | None = Field(None, gt=0.0)
@@ -90,6 +92,9 @@ class _Camera(Strict):
     def _sees_something(self) -> Self:
         if self.position == self.target:
             raise ValueError(f"position and target are both {list(self.position)}; they must differ")
+        own, other = ("fov_y", "height") if self.kind == "perspective" else ("height", "fov_y")
+        if other in self.model_fields_set or getattr(self, own) is None:
+            raise ValueError(f"a camera of kind {self.kind} has {own}, not {other}")
         if self.near is not None and self.far is not None and self.near >= self.far:
             raise ValueError(f"near is {self.near:g} and far {self.far:g}; near must be less")
         return self
@@ -180,7 +185,15 @@ class MeshTable(Strict):
 def camera_from_table(table: object, where: str, default_name: str = "camera") -> Camera:
     """The camera of a table in a scene or study file. Raises InputError that begins with `where`."""
     row = validated(_Camera, table, where)
-    return Camera(**{**dict(row), "name": row.name or default_name, "fov_y": math.radians(row.fov_y)})
+    values = {
+        **dict(row),
+        "name": row.name or default_name,
+        "fov_y": math.radians(row.fov_y),
+        "height": row.height or 0.0,
+    }
+    if values.pop("kind") == "orthographic":
+        values["fov_y"] = 0.0
+    return Camera(**values)
 
 
 def light_from_table(table: object, where: str, default_name: str = "light") -> Light:

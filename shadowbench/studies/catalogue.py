@@ -11,7 +11,7 @@ from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.options import KINDS
 from shadowbench.plugin.base import Subject
-from shadowbench.plugin.params import Component, TechniqueParams, allowed
+from shadowbench.plugin.params import Component, SubjectParams, allowed
 from shadowbench.plugin.registry import engines
 from shadowbench.plugin.spec import format_value
 from shadowbench.results.law import laws
@@ -82,7 +82,7 @@ def _help(described: type) -> str:
     return " ".join((described.__doc__ or "").split())
 
 
-def _parameters(model: type[TechniqueParams] | type[Component]) -> list[Entry]:
+def _parameters(model: type[SubjectParams] | type[Component]) -> list[Entry]:
     """Name, default, allowed values and help of every field; a component field lists its family with parameters."""
     listed: list[Entry] = []
     for name, info in model.model_fields.items():
@@ -90,7 +90,7 @@ def _parameters(model: type[TechniqueParams] | type[Component]) -> list[Entry]:
         listed.append({"name": name, "default": default, "allowed": allowed(info), "help": info.description})
         if isinstance(info.default, Component):
             listed[-1]["values"] = [
-                {"name": one.name, "help": _help(one), "parameters": _parameters(one)}
+                {"name": one.name, "help": _help(one), "parameters": _parameters(one), "presets": one.presets}
                 for one in info.default.family().table.values()
             ]
     return listed

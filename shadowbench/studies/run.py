@@ -141,7 +141,7 @@ def readable_blocks(study: Study, failures: list[Failure]) -> list[Block]:
 def check_sizes(study: Study, info: DeviceInfo) -> None:
     """Raises InputError if a map or the view is larger than the device allows."""
     largest = max(study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in study.cells()))
-    view = max(study.view_size, SIZE_AFTER[study.step] * study.view_size)
+    view = max(1, SIZE_AFTER[study.step]) * max(study.view_size)
     for what, size in (("map size", largest), ("view size", view)):
         if size > info.max_map_size:
             raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
@@ -149,9 +149,10 @@ def check_sizes(study: Study, info: DeviceInfo) -> None:
 
 def _seconds(study: Study, cell: Cell) -> float:
     """Approximate seconds of drawing, scoring and timing a cell on two cores without a GPU."""
-    pixels = study.view_size**2 + (cell.spec.map_size or 0) ** 2
+    view = study.view_size.pixels
+    pixels = view + (cell.spec.map_size or 0) ** 2
     timed = _TIMED * study.rounds * pixels if cell.phase == 0 else 0.0
-    return _PIXEL_S * (_DRAWN * (pixels + (SIZE_AFTER[study.step] * study.view_size) ** 2) + timed)
+    return _PIXEL_S * (_DRAWN * (pixels + SIZE_AFTER[study.step] ** 2 * view) + timed)
 
 
 def duration(seconds: float) -> str:

@@ -16,11 +16,11 @@ from shadowbench.measure.flips import Step, Stepped
 from shadowbench.measure.worker import Limits
 from shadowbench.options import (
     AS_STUDIED,
+    DEFAULT_SIZE,
     FIRST,
     MAP_SIZE,
     PHASES,
     ROUNDS,
-    VIEW_SIZE,
     Measuring,
     SceneOptions,
     ViewOptions,
@@ -30,7 +30,7 @@ from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.opening import Named, named, opened
-from shadowbench.strict import Strict, read_toml, validated
+from shadowbench.strict import Strict, ViewSizeField, read_toml, validated
 from shadowbench.studies.crossing import CrossedSpecs, Techniques, convert, to_list
 from shadowbench.truths.embree import tracer_of
 
@@ -85,7 +85,7 @@ class Study(SceneFields):
     about: str = ""
     scenes: Annotated[tuple[str | InstanceOf[Scene], ...], _SOME]
     map_size: Annotated[tuple[_Size, ...], BeforeValidator(to_list), _SOME] | None = None
-    view_size: int = Field(512, ge=VIEW_SIZE.least, le=VIEW_SIZE.most, strict=True)
+    view_size: ViewSizeField = DEFAULT_SIZE
     rounds: int = Field(9, ge=ROUNDS.least, le=ROUNDS.most, strict=True)
     phases: int = Field(1, ge=PHASES.least, le=PHASES.most, strict=True)
     step: Step | None = None
@@ -143,7 +143,7 @@ class Study(SceneFields):
             "scenes": [scene if isinstance(scene, str) else scene.name for scene in self.scenes],
             "specs": [spec.text for spec in self.specs],
             "reference": reference_name(self.reference),
-            "view_size": self.view_size,
+            "view_size": self.view_size.written,
             "rounds": self.rounds,
             "phases": self.phases,
             "coordinates": self.coordinates,

@@ -387,7 +387,7 @@ def _cascade_frames(fitted: FittedMap, bounds: Floats, count: int) -> tuple[Floa
     view, points, level = fitted.samples.view, fitted.samples.point.T, light_space(fitted.samples.view.light)
     extents, jacobian = np.zeros((2, len(points))), fitted.jacobian.copy()
     remaining = np.arange(len(points))
-    parts = slices(view.camera, practical_depths(*view.near_far, count), 0.0)
+    parts = slices(view, practical_depths(*view.near_far, count), 0.0)
     for part in parts:
         corners = part.corners_within(bounds, float(np.abs(bounds).max()))
         space = level.oriented(corners)[0] if fitted.oriented else level

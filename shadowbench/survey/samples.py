@@ -33,16 +33,15 @@ _POINTS = 1 << 16  # on cut-out casters
 class Samples:
     """The R decided receivers at the centres of the sampled pixels.
 
-    view, placement: in local coordinates; side: sampled pixels along a side; step: the view's pixels between them;
-    pixel: (R,) index in the lattice, row by row; triangle: (R,); point, normal (towards the camera), to_light (unit):
-    (3, R); distance: (R,) to the light, inf for a directional one; across, down: (3, R) derivatives of the point, on
-    its plane, by a pixel of the view to the right and downwards; blocker: (R,) distance along L to the nearest caster,
-    inf where lit.
+    view, placement: in local coordinates, the view being as large as the lattice of sampled pixels; step: pixels of the
+    whole view between them; pixel: (R,) index in the lattice, row by row; triangle: (R,); point, normal (towards the
+    camera), to_light (unit): (3, R); distance: (R,) to the light, inf for a directional one; across, down: (3, R)
+    derivatives of the point, on its plane, by a pixel of the view to the right and downwards; blocker: (R,) distance
+    along L to the nearest caster, inf where lit.
     """
 
     view: View
     placement: Placement
-    side: int
     step: float
     pixel: Indices
     triangle: Indices
@@ -67,23 +66,24 @@ class Samples:
     @cached_property
     def edges(self) -> Indices:
         """(E,) indices of the edge pixels: samples in shadow with a lit receiver among their four neighbours."""
-        lit = np.zeros((self.side + 2, self.side + 2), dtype=bool)
-        row, column = np.divmod(self.pixel, self.side)
+        width, height = self.view.size
+        lit = np.zeros((height + 2, width + 2), dtype=bool)
+        row, column = np.divmod(self.pixel, width)
         lit[row + 1, column + 1] = ~self.shadowed
         beside = lit[row, column + 1] | lit[row + 2, column + 1] | lit[row + 1, column] | lit[row + 1, column + 2]
         return np.flatnonzero(self.shadowed & beside)
 
 
 def hard_view(view: View) -> View:
-    """The view of at most LATTICE² pixels, with the centre of the light alone."""
+    """The view of at most LATTICE pixels along its longer side, with the centre of the light alone."""
     light = replace(view.light, radius=0.0, size=(0.0, 0.0))
-    return replace(view, size=min(view.size, LATTICE), light=light)
+    return replace(view, size=view.size.times(min(1.0, LATTICE / max(view.size))), light=light)
 
 
 def sample_view(view: View) -> Samples:
     """The samples of a view from `view_of`. Raises InputError if no receiver is visible."""
     hard = hard_view(view)
-    truth, side, step = cached_truth(hard), hard.size, view.size / hard.size
+    truth, (width, height) = cached_truth(hard), hard.size
     pixel = np.flatnonzero(truth.receivers & ~truth.undecided)
     if not len(pixel):
         raise InputError(
@@ -94,24 +94,25 @@ def sample_view(view: View) -> Samples:
     triangle = truth.triangle.ravel()[pixel].astype(np.intp)
     a, b, c = placed.scene.geometry.corners(triangle).transpose(1, 2, 0)
     right, up, back = placed.camera.basis()[:, :, None]
-    eye, extent = np.array(placed.camera.position)[:, None], 2 * float(np.tan(placed.camera.fov_y / 2)) / side
-    moves = extent * right, -extent * up
-    y, x = np.divmod(pixel, side)
-    rays = (x + 0.5 - side / 2) * moves[0] + (y + 0.5 - side / 2) * moves[1] - back
+    position, extent, step = np.array(placed.camera.position)[:, None], placed.pixel, view.size.height / height
+    moves, converging = (extent * right, -extent * up), placed.camera.converging
+    y, x = np.divmod(pixel, width)
+    beside = (x + 0.5 - width / 2) * moves[0] + (y + 0.5 - height / 2) * moves[1]
+    starts, rays = position + (1 - converging) * beside, converging * beside - back
     normal = np.cross(b - a, c - a, axis=0)
     normal *= -np.sign(dot(normal, rays)) / np.sqrt(dot(normal, normal))
     slant = np.minimum(dot(normal, rays), -EDGE_ON)
-    depth = dot(normal, a - eye) / slant
-    # Derivatives of P = eye + t·d, t = N·(A − eye)/(N·d), along the image's axes.
-    across, down = (depth / step * (move - rays * (dot(normal, move) / slant)) for move in moves)
-    point = eye + rays * depth
+    depth = dot(normal, a - starts) / slant
+    # Derivatives of P = S + t·d, t = N·(A − S)/(N·d), along the image's axes. Pixels are as large as at depth `spread`.
+    spread = converging * depth + (1 - converging)
+    across, down = (spread / step * (move - rays * (dot(normal, move) / slant)) for move in moves)
+    point = starts + rays * depth
     source, w = placed.light.homogeneous
     to_light = np.array(source)[:, None] - w * point
     length = np.sqrt(dot(to_light, to_light))
     return Samples(
         view=placed,
         placement=placement,
-        side=side,
         step=step,
         pixel=pixel,
         triangle=triangle,
@@ -163,7 +164,7 @@ def receivers_of(samples: Samples) -> Receivers:
         planes[plane.triangles] = index
     seen = planes[samples.triangle]
     return Receivers(
-        pixels=len(samples.pixel) / samples.side**2,
+        pixels=len(samples.pixel) / samples.view.size.pixels,
         shadowed=float(samples.shadowed.mean()),
         planar=float((seen >= 0).mean()),
         lost=float((seen[samples.shadowed] < 0).mean()) if samples.shadowed.any() else 0.0,

@@ -45,7 +45,7 @@ class Needs:
 
     light: kind of the light; receivers, casters: their statistics; texels: needed size of one map; cascades: needed
     sizes of cascades, under a directional light; bits, bias: needed depth format and bias; penumbra: widths for the
-    light's size; pixels: number of sampled pixels, of view_size².
+    light's size; pixels: number of sampled pixels, of view_width × view_size.
     """
 
     light: LightShape
@@ -58,6 +58,7 @@ class Needs:
     penumbra: Penumbra | None
     pixels: int
     view_size: int
+    view_width: int
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -88,8 +89,8 @@ def needs(view: View, penumbrae: bool = True) -> Needs:
         bits=bits_of(samples, fitted.depths),
         bias=bias_of(fitted),
         penumbra=penumbra_of(view, samples) if penumbrae else None,
-        pixels=samples.side**2,
-        view_size=view.size,
+        pixels=samples.view.size.pixels,
+        **view.size.columns,
     )
 
 

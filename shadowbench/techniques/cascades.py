@@ -1,6 +1,5 @@
 """Cascaded shadow maps: one map per slice of the camera's frustum (Engel 2006; Zhang, Sun, Xu and Lun 2006)."""
 
-import math
 from typing import Literal, Self
 
 import numpy as np
@@ -137,7 +136,7 @@ class Cascades(Technique):
         depths = params.split.depths(near / scale, far / scale, params.count) * scale
         # Selected by depth, a cascade must contain the receivers that the previous one blends into it. Selected by box,
         # only a cascade that contains the receiver is blended.
-        return slices(frame.camera, depths, params.blend if params.select == "depth" else 0.0)
+        return slices(frame.view, depths, params.blend if params.select == "depth" else 0.0)
 
     def _light_view(self, space: LightSpace, part: Slice, frame: Frame) -> LightView:
         params, padding, shift = self.params, self.params.filter.reach(self.params.size) + 1, frame.phase.shift
@@ -188,7 +187,7 @@ class Cascades(Technique):
 
     def facts(self) -> dict[str, float]:
         params, scale = self.params, self.stage.placement.scale
-        pixels = math.prod(self.stage.size) * (2 if params.blend else 1)  # blended, each reads two cascades
+        pixels = self.stage.size.pixels * (2 if params.blend else 1)  # blended, each reads two cascades
         facts = self.map.facts(pixels)
         for number, (part, light_view) in enumerate(zip(self.slices, self.light_views, strict=True), start=1):
             texel, depth_range = max(light_view.texel) / scale, (light_view.far - light_view.near) / scale

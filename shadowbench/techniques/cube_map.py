@@ -1,6 +1,5 @@
 """Shadow mapping of a point light with a cube map of distances."""
 
-import math
 from typing import Literal
 
 import numpy as np
@@ -107,4 +106,4 @@ class CubeMap(Technique):
         far = self.far / self.stage.placement.scale
         facts = {"texel_m": 2 * far / self.params.size, "depth_range_m": far}
         bias = self.params.bias.effect.depth * far
-        return facts | self.map.facts(math.prod(self.stage.size)) | ({"bias_m": bias} if bias else {})
+        return facts | self.map.facts(self.stage.size.pixels) | ({"bias_m": bias} if bias else {})

@@ -1,6 +1,5 @@
 """A small shadow map decides where it is certain; only the other pixels are traced (Hertel et al. 2009)."""
 
-import math
 from typing import Self
 
 import numpy as np
@@ -112,7 +111,7 @@ class Hybrid(Technique):
         return self.visibility
 
     def facts(self) -> dict[str, float]:
-        return {"reads": float(Conservative().reads * math.prod(self.stage.size))}
+        return {"reads": float(Conservative().reads * self.stage.size.pixels)}
 
 
 class Classification:

@@ -12,7 +12,7 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Sampling, State
 from shadowbench.maps.caster_map import ResolvePass
-from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, build, param
 from shadowbench.plugin.params import Call
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.plugin.spec import Spec, spec_of
@@ -82,7 +82,7 @@ class LightSamples(Technique):
     def build(self, stage: Stage) -> None:
         spec = self.params.of
         self.technique = spec.drawn_here(spec.params)
-        self.technique.build(stage)
+        self.draw_technique = build(self.technique, stage)
         self.sums = stage.texture(components=2)
         self.target = stage.target(self.sums)
         self.add = stage.fullscreen(stage.program("fullscreen.vert", "light-samples/add.frag"))
@@ -108,9 +108,10 @@ class LightSamples(Technique):
 
     def _draw_point(self, frame: Frame, light: Light) -> moderngl.Texture:
         """Visibility of a point of the light."""
-        visibility = self.technique.draw(replace(frame, view=replace(frame.view, light=light)))
-        for name, count in self.technique.facts().items():
-            if name in ("reads", "rays"):
+        visibility = self.draw_technique(replace(frame, view=replace(frame.view, light=light)))
+        contact = self.technique.params.contact.reads * math.prod(visibility.size)
+        for name, count in (*self.technique.facts().items(), ("reads", contact)):
+            if name in ("reads", "rays") and count:
                 self.work[name] = self.work.get(name, 0.0) + count
         return visibility
 

@@ -104,12 +104,12 @@ class PlanarProjection(Technique):
 
     def _lit_visible_planes(self, frame: Frame) -> Iterator[tuple[int, Floats]]:
         """Index and equation, with the normal towards the light, of each plane that may have visible receivers."""
-        eye, light = np.array(frame.camera.position), np.array(frame.light_uniform)
+        eye, light = np.array(frame.camera.eye), np.array(frame.light_uniform)
         frustum = view_planes(frame.view)
         for index, plane in enumerate(self.planes):
             equation = plane.equation * np.sign(plane.equation @ light)
             # A side that faces away from the light receives nothing, nor does a plane edge-on to light or camera.
-            if equation @ light > 0.0 and equation @ [*eye, 1.0] > 0.0 and not is_outside(self.corners[index], frustum):
+            if equation @ light > 0.0 and equation @ eye > 0.0 and not is_outside(self.corners[index], frustum):
                 yield index, equation
 
     def facts(self) -> dict[str, float]:

@@ -150,7 +150,7 @@ class RayTraced(Technique):
             self.rays = sum(rays for _, rays in parts)
             visibility = np.concatenate([part for part, _ in parts])
         with frame.timed("upload", changes="view"):
-            self.visibility.write(np.flipud(visibility.reshape(self.visibility.size)).tobytes())
+            self.visibility.write(np.flipud(visibility.reshape(self.visibility.size[::-1])).tobytes())
         return self.visibility
 
     def facts(self) -> dict[str, float]:

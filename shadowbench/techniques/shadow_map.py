@@ -5,7 +5,6 @@ Presets of engines are biases and filters that these ship or document for a sun,
 scale = n/(r √2). Where an engine's map has 16 bits, no steps of that format are added to it, as they would be long.
 """
 
-import math
 from typing import Literal
 
 import numpy as np
@@ -177,7 +176,7 @@ class ShadowMap(Technique):
     def facts(self) -> dict[str, float]:
         scale, params = self.stage.placement.scale, self.params
         texel, depth_range = max(self.light_view.texel) / scale, (self.light_view.far - self.light_view.near) / scale
-        facts = {"texel_m": texel, "depth_range_m": depth_range} | self.map.facts(math.prod(self.stage.size))
+        facts = {"texel_m": texel, "depth_range_m": depth_range} | self.map.facts(self.stage.size.pixels)
         if self.light_view.space.perspective:
             return facts
         return facts | params.bias.effect.lengths(params.filter.radius(params.size), texel, depth_range)

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.geometry.convex import box_planes, corners, view_planes
+from shadowbench.geometry.convex import Slice, box_planes, corners, view_planes
 from shadowbench.geometry.lights import LightSpace, LightView
 from shadowbench.geometry.topology import Casters, Indices, Singles, casters_of
 from shadowbench.gl.device import Device, moderngl
@@ -30,6 +30,9 @@ _WALL_CORNERS = 6  # vertices of a wall in wall.vert
 _AT_EYE = 1e-6  # near plane as a share of far, for a frustum that begins at the eye
 _MARGIN = 1e-3  # of the extent of eye and visible region: walls end this far outside
 _SHALLOWEST = 1e-3  # sine of the least angle of the light's rays with the plane at which walls end
+_BESIDE = (1e-9, 1e-10)  # of a ray to the right and above: it meets no edge between two triangles
+_BEHIND = 1.01  # depth of a plane behind all receivers, as a share of far
+_STEEP = 0.1  # sine of the least angle with that plane of a sun's rays that are to end there
 _ON_EDGE = 1e-6  # distance of a lamp from an edge, as a share of the coordinates: rounding
 _CLOSE = 1e-3  # distance of a lamp from a triangle's plane, as a share of the triangle's size
 
@@ -43,8 +46,8 @@ def cut_out_casters(view: View) -> str | None:
 class Batch:
     """Parts that are counted alike.
 
-    behind: with their caps, behind the receivers, or without, in front of them; far_plane: (4,) plane at which the
-    walls end, zeros if at infinity; parts: (P,) bool; others: (P,) bool, parts that must not be drawn with them.
+    behind: with their caps, behind the receivers, or without, in front of them; far_plane: (4,) plane at which walls
+    and volumes end, zeros if at infinity; parts: (P,) bool; others: (P,) bool, parts that must not be drawn with them.
     """
 
     behind: bool
@@ -64,24 +67,41 @@ def batches_of(view: View, boxes: Floats, count: Count, cull: bool) -> list[Batc
     light, far = (*xyz, w), view.near_far[1]
     region = visible_region(replace(view, camera=replace(view.camera, near=_AT_EYE * far)))
     kept = may_shadow(boxes, light, region) if cull else np.ones(len(boxes), dtype=bool)
-    behind = kept & may_shadow(boxes, light, _before_near(view)) if count == "z-fail" else np.zeros_like(kept)
+    before = may_shadow(boxes, light, _before_near(view))
+    if not view.camera.converging:
+        kept |= before  # a parallel ray meets their walls on its way from infinity
+    behind = kept & before if count == "z-fail" else np.zeros_like(kept)
     extent = float(np.abs([*view.scene.geometry.bounds, view.camera.position]).max())
-    low, high = bounds_of(np.vstack([corners(region, extent), view.camera.position]))
+    starts = Slice(view, 0.0, far).corners[:4]  # of the camera's rays
+    low, high = bounds_of(np.vstack([corners(region, extent), starts]))
     margin = _MARGIN * float((high - low).max())
     planes = box_planes(np.array([low - margin, high + margin]))
     first = _first_passed(planes, boxes, light)
     infinity = np.zeros(4)
-    batches = [Batch(True, infinity, behind, ~behind)]
+    batches = [Batch(True, _last_plane(view), behind, ~behind)]
     for i, plane in enumerate([*planes, infinity]):
         parts = kept & ~behind & (first == i)
         batches.append(Batch(False, plane, parts, kept & ~parts))
     return [batch for batch in batches if batch.parts.any()]
 
 
+def _last_plane(view: View) -> Floats:
+    """(4,) plane behind all receivers that a sun's rays pass if they go as parallel rays of the camera do, or zeros.
+
+    Walls nearly along the camera's rays would meet them anywhere on their way to infinity.
+    """
+    behind = view_planes(replace(view, camera=replace(view.camera, far=_BEHIND * view.near_far[1])))[5]
+    xyz, w = view.light.homogeneous
+    passed = not view.camera.converging and not w and behind[:3] @ xyz > _STEEP
+    return behind if passed else np.zeros(4)
+
+
 def _before_near(view: View) -> Floats:
     """(P, 4) planes of the region between the eye and the near plane, and of its light rays if they can be bounded."""
     near, far = view.near_far
     planes = view_planes(replace(view, camera=replace(view.camera, near=_AT_EYE * far, far=near)))
+    if not view.camera.converging:
+        return np.delete(planes, 4, axis=0)  # from infinity on, where the eye is: that of the depth
     points = corners(planes, float(np.abs(view.camera.position).max()) + far)
     planes = np.vstack([planes, box_planes(bounds_of(points))])
     xyz, w = view.light.homogeneous
@@ -165,8 +185,9 @@ class Volumes:
         for program in self.programs.values():
             program.set(world_to_clip=world_to_clip)
         if self.programs["wall"].has("eye"):
-            self.programs["wall"].set(eye=frame.camera.position)
-        capped = next((batch.parts for batch in batches if batch.behind), np.zeros(len(self.boxes), dtype=bool))
+            self.programs["wall"].set(eye=frame.camera.eye)
+        none = np.zeros(len(self.boxes), dtype=bool)
+        capped, end = next(((each.parts, each.far_plane) for each in batches if each.behind), (none, np.zeros(4)))
         chosen = np.repeat(capped, np.diff(self._face_ends, prepend=0))
         faces = self.faces[chosen]
         both_from, closed = (int(chosen[:end].sum()) for end in (self._both_from, self._closed_faces))
@@ -174,14 +195,23 @@ class Volumes:
         parts = np.searchsorted(self._face_ends, np.flatnonzero(chosen), side="right")
         for sign in _SIGNS:
             drawn = sign * weights > 0
-            self.drawn["cap", sign] = self._uploads["cap", sign](self._caps(faces[drawn], parts[drawn], sign))
+            self.drawn["cap", sign] = self._uploads["cap", sign](
+                self._caps(faces[drawn], parts[drawn], sign, end, frame.view)
+            )
 
-    def _caps(self, faces: Indices, parts: Indices, sign: int) -> Singles:
-        """(N, 4) corners of the near caps and, if the light has a position, of the far caps at infinity."""
+    def _caps(self, faces: Indices, parts: Indices, sign: int, end: Floats, view: View) -> Singles:
+        """(N, 4) corners of near caps and of far ones, on the plane `end` or at infinity, where a sun's are a point."""
         near = self._vertices[faces.ravel()]
         points = np.column_stack([near, np.ones(len(near), dtype=np.float32)])
+        if end.any():
+            plane, direction = end.astype(np.float32), -self._light.astype(np.float32)
+            steps = (points @ plane) / -(direction @ plane)
+            return np.concatenate([points, points[::-1] + np.maximum(steps, 0.0)[::-1, np.newaxis] * direction])
         if self._light[3] == 0:
             return points
+        if not view.camera.converging:
+            far = self._common_end(faces, sign, view)
+            return np.concatenate([points, np.column_stack([far, np.ones(len(far))])], dtype=np.float32)
         away = self._vertices[faces[:, ::-1]] - self._light[:3].astype(np.float32)
         # A triangle close to a lamp covers nearly half of all directions, and rounding would decide which half: a fan
         # around its normal covers the right one.
@@ -206,6 +236,20 @@ class Volumes:
         far = np.concatenate([away[~close].reshape(-1, 3), fan.reshape(-1, 3), second.reshape(-1, 3)])
         return np.concatenate([points, np.column_stack([far, np.zeros(len(far), dtype=np.float32)])])
 
+    def _common_end(self, faces: Indices, sign: int, view: View) -> Floats:
+        """(N, 3) corners of the far caps where the camera's rays are parallel: all end at one point at infinity.
+
+        What covers it covers the image: twice two triangles if two of the faces are hit by the light's ray to there.
+        """
+        right, up, back = view.camera.basis()
+        ahead = np.array([*_BESIDE, -1.0]) @ np.array([right, up, back])
+        a, b, c = np.moveaxis(self._exact[faces] - self._light[:3], 1, 0)
+        volumes = np.stack([np.cross(*pair) @ ahead for pair in ((a, b), (b, c), (c, a))])
+        side = np.sign(np.einsum("ij,ij->i", a, np.cross(b, c)))
+        layers = int((volumes * side > 0).all(axis=0).sum())
+        square = Slice(view, *view.near_far).corners[4:][[0, 1, 3, 0, 3, 2]]  # clockwise as the camera sees it
+        return np.tile(square[::sign], (layers, 1))
+
 
 # The stencil stores the number of caster layers between receiver and light modulo 256: increments and decrements wrap,
 # so their order and the number of walls along the camera's ray do not matter. If no light ray crosses 256 layers, 0
@@ -221,12 +265,14 @@ class ShadowVolume(Technique):
     """Shadow volumes, counted along each of the camera's rays (Crow 1977; stencil: Heidmann 1991).
 
     Volumes are counted in front of the receiver, without caps, and end beyond the visible region (Lloyd et al. 2004).
-    With `z-fail`, parts whose volume the eye may be in are counted behind it (Bilodeau and Songy 1999, Carmack 2000),
-    to infinity (Everitt and Kilgard 2002); `z-pass` does not, which is wrong if the eye is inside a volume, or a
-    caster between the eye and the near plane. Silhouettes are found on the CPU, by compiled code: closed parts extrude
-    the triangles that face the light, open parts all, with signed edge weights. With the stencil counter, a view whose
-    light rays may cross 255 layers or more is counted in a colour target instead; the row's facts say so. Exact except
-    for single pixels; `compare=depth` has more of them and is faster. The time grows with the screen area of the walls.
+    With `z-fail`, parts whose volume the eye may be in are counted behind it (Bilodeau and Songy 1999, Carmack
+    2000), to infinity (Everitt and Kilgard 2002); `z-pass` does not, which is wrong if the eye is inside a volume,
+    or a caster between the eye and the near plane. An orthographic camera's eye is infinitely far: under a lamp, a
+    silhouette edge in one plane with the lamp and the direction of view is counted wrongly. Silhouettes are found
+    on the CPU, by compiled code: closed parts extrude the triangles that face the light, open parts all, with
+    signed edge weights. With the stencil counter, a view whose light rays may cross 255 layers or more is counted
+    in a colour target instead; the row's facts say so. Exact except for single pixels; `compare=depth` has more of
+    them and is faster. The time grows with the screen area of the walls.
     """
 
     name = "shadow-volume"

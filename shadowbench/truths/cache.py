@@ -66,7 +66,7 @@ def read_truth(file: Path, view: View) -> Truth | None:
     if not names - {"shading_cosine", "facet_shadow"} <= arrays.keys() <= names:
         return None
     for name, array in arrays.items():
-        if array.shape != (() if name == "diagonal" else (view.size, view.size)):
+        if array.shape != (() if name == "diagonal" else view.size.shape):
             return None
         is_share = array.dtype == np.float32 and name != "blocker"
         if is_share and not ((array >= 0) & (array <= 1 + 1e-6)).all():  # cosines are rounded; NaN is in no range

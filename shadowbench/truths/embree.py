@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.files import cache_folder, replace_file
+from shadowbench.options import ViewSize
 from shadowbench.scenes.cutouts import CutoutFaces
 from shadowbench.scenes.triangles import Geometry, in_slices
 from shadowbench.scenes.vectors import Floats
@@ -210,6 +211,6 @@ def over_slices(work: Callable[[slice], Result], count: int, size: int = RAYS_A_
         yield from pool.map(work, in_slices(count, size))
 
 
-def over_rows(work: Callable[[slice], Result], width: int) -> Iterator[Result]:
-    """Results of `work` on slices of the rows of a square image, each of about RAYS_A_SLICE rays."""
-    return over_slices(work, width, max(1, RAYS_A_SLICE // width))
+def over_rows(work: Callable[[slice], Result], size: ViewSize) -> Iterator[Result]:
+    """Results of `work` on slices of the rows of an image, each of about RAYS_A_SLICE rays."""
+    return over_slices(work, size.height, max(1, RAYS_A_SLICE // size.width))

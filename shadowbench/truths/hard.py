@@ -33,7 +33,7 @@ LEAST = 1e-30  # of a direction's part along an axis, which is divided by
 def hard_shadows(
     rays: ViewRays, geometry: Geometry, triangle: Indices, delta: float, pixel_samples: int
 ) -> dict[str, NDArray[Any]]:
-    """Truth's per-pixel arrays except `triangle`, flattened, in local lengths; triangle: (size²,), −1 for a miss."""
+    """Truth's per-pixel arrays except `triangle`, flattened, in local lengths; triangle: (pixels,), −1 for a miss."""
     work = partial(_decide, rays, NearCasters(geometry), triangle, delta, pixel_samples)
     parts = list(over_rows(work, rays.size))
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -43,9 +43,8 @@ def _decide(
     rays: ViewRays, near: "NearCasters", triangle: Indices, delta: float, pixel_samples: int, rows: slice
 ) -> dict[str, NDArray[Any]]:
     """Truth's per-pixel arrays except `triangle`, for some rows, flattened, in local lengths."""
-    triangle = triangle[rows.start * rays.size : rows.stop * rays.size]
-    directions = rays.directions(rows)
-    centres = rays.receivers(directions, triangle)
+    triangle = triangle[rows.start * rays.size.width : rows.stop * rays.size.width]
+    centres = rays.receivers(rays.camera_rays(rows), triangle)
     shadow_rays = rays.shadow_rays(centres, delta)
     blocked = rays.occluded(shadow_rays)
 
@@ -114,10 +113,11 @@ def _sample(
     rays: ViewRays, rows: slice, across: float, down: float, delta: float
 ) -> tuple[NDArray[np.uint8], Receivers]:
     """Class of one sample of each pixel of some rows, flattened, and the unblocked receivers in low light."""
-    directions = rays.directions(rows, across, down)
-    receivers = rays.receivers(directions, rays.nearest(directions))
+    lines = rays.camera_rays(rows, across, down)
+    hit = rays.nearest(lines)
+    receivers = rays.receivers(lines, hit)
     blocked = rays.occluded(rays.shadow_rays(receivers, delta))
-    return _classify(receivers, blocked, directions.shape[1]), receivers.select(_in_low_light(receivers) & ~blocked)
+    return _classify(receivers, blocked, len(hit)), receivers.select(_in_low_light(receivers) & ~blocked)
 
 
 def _in_low_light(receivers: Receivers) -> Mask:
@@ -146,7 +146,8 @@ class NearCasters:
     def nearest_blockers(self, receivers: Receivers, height: float, eye: Floats) -> tuple[Floats, Mask]:
         """(N,) distance along L to the nearest caster up to `height` above each receiver's plane, inf if none; covered.
 
-        Covered are receivers on which a blocker lies so closely that from `eye`, (3, 1), float32 may show it instead.
+        Covered are receivers on which a blocker lies so closely that from `eye`, (4,) as `Camera.eye`, float32
+        may show it instead.
         """
         count, geometry = len(receivers.triangle), self._geometry
         distance, covered = np.full(count, np.inf), np.zeros(count, dtype=bool)
@@ -156,7 +157,7 @@ class NearCasters:
             tree, cut = self._search
         casters = geometry.vertices, geometry.faces, np.flatnonzero(geometry.casts)[tree.order]
         length = np.minimum(height / receivers.cosine, receivers.distance)
-        vectors = (receivers.point, np.broadcast_to(receivers.to_light, (3, count)), eye[:, 0])
+        vectors = (receivers.point, np.broadcast_to(receivers.to_light, (3, count)), eye)
         points, to_light, start = (
             np.require(each, requirements=["C", "W"]) for each in vectors
         )  # of one type, to compile once
@@ -197,7 +198,7 @@ def find_nearest(  # type: ignore[no-untyped-def]
                 if height <= FLAT:
                     continue
                 cross(vertices[face[1]] - vertices[face[0]], vertices[face[2]] - vertices[face[0]], normal)
-                size, seen = np.sqrt(dot(normal, normal)), point - eye
+                size, seen = np.sqrt(dot(normal, normal)), eye[3] * point - eye[:3]
                 for j in range(3):
                     sides[j] = dot(through[j], seen)
                 # It covers the point if it also meets the camera's ray to the point, and lies on the point.

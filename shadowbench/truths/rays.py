@@ -27,6 +27,17 @@ SUBPIXEL = 1 / 256  # pixels; the subpixel grid of common rasterisers
 SUBPIXEL_OFFSETS = tuple(product((0.5 - SUBPIXEL, 0.5 + SUBPIXEL), repeat=2))
 
 
+class CameraRays(NamedTuple):
+    """Rays through pixels, of N: (3, N) origins and directions, (3, 1) where shared; the parameter is view depth."""
+
+    origins: Floats
+    directions: Floats
+
+    def take(self, chosen: Indices) -> "CameraRays":
+        """The chosen rays."""
+        return CameraRays(*(each if each.shape[1] == 1 else each.take(chosen, axis=1) for each in self))
+
+
 class ShadowRays(NamedTuple):
     """Rays from points near surfaces to the light: (3, N) origins; (3, N) directions, or (3, 1) if shared.
 
@@ -83,12 +94,14 @@ class ViewRays:
         self._numbers = np.append(np.flatnonzero(geometry.casts), -1)  # the last entry is that of index −1, a miss
 
         camera = view.camera
-        right, up, back = camera.basis()[:, :, None]
-        slope = np.tan(camera.fov_y / 2)
-        self._right, self._up, self._ahead = right * slope, up * slope, -back
-        self.eye = np.array(camera.position)[:, None]
+        self._right, self._up, back = camera.basis()[:, :, None]
+        self._ahead, self._slope, self._half = -back, camera.slope, camera.height / 2
+        self._position = np.array(camera.position)[:, None]
+        self.eye = np.array(camera.eye)
         low, high = geometry.bounds
-        self._gap = float(np.linalg.norm((low + high) / 2 - self.eye[:, 0]) - np.linalg.norm(high - low) / 2)
+        middle = (low + high) / 2 - self._position[:, 0]
+        away = np.linalg.norm(middle) if camera.converging else self._ahead[:, 0] @ middle
+        self._gap = float(away - np.linalg.norm(high - low) / 2)
 
         light, w = view.light.homogeneous
         self.directional = w == 0
@@ -105,55 +118,64 @@ class ViewRays:
 
         # The eye sees one side of each plane, so normals are flipped towards the camera here rather than for each hit.
         normals, corners = geometry.normals.T, geometry.vertices[geometry.faces[:, 0]].T
-        below = dot(normals, corners) - dot(normals, self.eye)
-        self._below = -np.abs(below)  # signed distance from the eye to each plane along its normal
-        self._normals = np.ascontiguousarray(normals * -np.sign(below))
+        level = dot(normals, corners)
+        facing = np.sign(dot(normals, self.eye[:3, None]) - camera.converging * level)
+        self._level = level * facing  # of each plane along its normal
+        self._normals = np.ascontiguousarray(normals * facing)
         self._receives = np.append(geometry.receives, False)  # the last entry is that of index −1, a miss
         if self.directional:
             self._cosines = dot(self._normals, self._light)
             self._receives[:-1] &= self._cosines > 0
 
-    def directions(self, rows: slice, across: float = 0.5, down: float = 0.5) -> Floats:
-        """(3, N) camera rays through a point of each pixel of some rows; the ray parameter is view depth."""
-        x = (np.arange(self.size) + across) * (2 / self.size) - 1
-        y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / self.size)
-        row = self._ahead + x * self._right
-        grid: Floats = row[:, None, :] + (y * self._up)[:, :, None]
-        return grid.reshape(3, -1)
+    def camera_rays(self, rows: slice, across: float = 0.5, down: float = 0.5) -> CameraRays:
+        """The rays through a point of each pixel of some rows."""
+        width, height = self.size
+        x = (np.arange(width) + across) * (2 / height) - width / height
+        y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / height)
 
-    def nearest(self, directions: Floats) -> Indices:
+        def grid(middle: Floats, reach: float) -> Floats:
+            row = middle + x * (self._right * reach)
+            points: Floats = row[:, None, :] + (y * (self._up * reach))[:, :, None]
+            return points.reshape(3, -1) if reach else middle
+
+        return CameraRays(grid(self._position, self._half), grid(self._ahead, self._slope))
+
+    def nearest(self, rays: CameraRays) -> Indices:
         """(N,) nearest triangle on each camera ray between the near and far planes, −1 if none."""
         # For a camera far away, starting near the scene preserves float32 precision.
         start: Floats | float = self._near
         if self._gap > self._near:
-            start = np.maximum(self._near, self._gap / np.sqrt(dot(directions, directions)))
-        hits = self._all.hits((self.eye + directions * start).T, directions.T, self._far - start)
+            start = np.maximum(self._near, self._gap / np.sqrt(dot(rays.directions, rays.directions)))
+        starts = rays.origins + rays.directions * start
+        hits = self._all.hits(starts.T, rays.directions.T, self._far - start)
         return hits.triangle.astype(np.intp)
 
     def normals(self, triangle: Indices) -> Floats:
         """(3, N) unit normals of triangles, turned towards the camera."""
         return self._normals.take(triangle, axis=1)
 
-    def edge_on(self, directions: Floats, triangle: Indices) -> Mask:
+    def edge_on(self, rays: CameraRays, triangle: Indices) -> Mask:
         """(N,) whether a ray hits its triangle at so grazing an angle that the hit cannot be refined."""
-        flat: Mask = dot(self.normals(triangle), directions) > -EDGE_ON
+        flat: Mask = dot(self.normals(triangle), rays.directions) > -EDGE_ON
         return flat & (triangle >= 0)
 
-    def points(self, directions: Floats, triangle: Indices) -> Floats:
+    def points(self, rays: CameraRays, triangle: Indices) -> Floats:
         """(3, N) float64 intersections of rays with the planes of their triangles."""
-        depth = self._below.take(triangle) / np.minimum(dot(self.normals(triangle), directions), -EDGE_ON)
-        return self.eye + directions * np.clip(depth, self._near, self._far)
+        normals = self.normals(triangle)
+        below = self._level.take(triangle) - dot(normals, rays.origins)  # along the normal, from the ray's origin
+        depth = below / np.minimum(dot(normals, rays.directions), -EDGE_ON)
+        return rays.origins + rays.directions * np.clip(depth, self._near, self._far)
 
-    def receivers(self, directions: Floats, triangle: Indices) -> Receivers:
+    def receivers(self, rays: CameraRays, triangle: Indices) -> Receivers:
         """The receivers among ray hits; triangle: (N,) hit by each ray, −1 for a miss."""
-        rays = np.flatnonzero(self._receives.take(triangle))
-        triangle = triangle.take(rays)
-        point = self.points(directions.take(rays, axis=1), triangle)
+        index = np.flatnonzero(self._receives.take(triangle))
+        triangle = triangle.take(index)
+        point = self.points(rays.take(index), triangle)
         if self.directional:
-            return Receivers(rays, triangle, point, self._light, INFINITE, self._cosines.take(triangle))
+            return Receivers(index, triangle, point, self._light, INFINITE, self._cosines.take(triangle))
         to_light, distance = self.toward_light(point)
         cosine = dot(self.normals(triangle), to_light)
-        found = Receivers(rays, triangle, point, to_light, distance, cosine)
+        found = Receivers(index, triangle, point, to_light, distance, cosine)
         return found.select(np.flatnonzero((cosine > 0) & self.in_cone(to_light)))
 
     def shadow_rays(self, receivers: Receivers, delta: float) -> ShadowRays:

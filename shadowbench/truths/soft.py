@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from shadowbench.options import ViewSize
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.embree import over_rows, over_slices
@@ -102,7 +103,7 @@ class Estimator:
 def soft_shadows(
     rays: ViewRays, light: Light, triangle: Indices, delta: float, pixel_samples: int, standard_error: float
 ) -> dict[str, NDArray[Any]]:
-    """Truth's per-pixel arrays except `triangle`, (size²,), −1 for a miss; flattened, in local lengths as the light."""
+    """Truth's per-pixel arrays except `triangle`, (pixels,), −1 for a miss; flattened, in lengths as the light."""
     centres, _ = _receivers(rays, triangle=triangle)
     estimator = Estimator(rays, light, delta)
     value, penumbra = find_penumbra(estimator, centres, rays.size)
@@ -139,24 +140,24 @@ def soft_shadows(
 def _receivers(
     rays: ViewRays, across: float = 0.5, down: float = 0.5, triangle: Indices | None = None
 ) -> tuple[Receivers, Indices]:
-    """Receivers at one point of each pixel, and (size²,) triangles hit, which are traced unless given."""
+    """Receivers at one point of each pixel, and (pixels,) triangles hit, which are traced unless given."""
 
     def work(rows: slice) -> tuple[Receivers, Indices]:
-        directions = rays.directions(rows, across, down)
-        first = rows.start * rays.size
-        hit = rays.nearest(directions) if triangle is None else triangle[first : rows.stop * rays.size]
-        found = rays.receivers(directions, hit)
+        lines = rays.camera_rays(rows, across, down)
+        first = rows.start * rays.size.width
+        hit = rays.nearest(lines) if triangle is None else triangle[first : rows.stop * rays.size.width]
+        found = rays.receivers(lines, hit)
         return found._replace(rays=found.rays + first), hit
 
     parts, hits = zip(*over_rows(work, rays.size), strict=True)
     return Receivers.concatenate(parts), np.concatenate(hits)
 
 
-def find_penumbra(estimator: Estimator, centres: Receivers, width: int) -> tuple[Floats, Mask]:
+def find_penumbra(estimator: Estimator, centres: Receivers, size: ViewSize) -> tuple[Floats, Mask]:
     """(R,) visibility by the pilot, and which receivers lie in a penumbra or within 2 pixels of one."""
     value = estimator.sums(centres, PILOT, 1, _FIRST).visibility
     for samples in (PILOT, 4 * PILOT):
-        penumbra = _widened(centres.rays, value, width)
+        penumbra = _widened(centres.rays, value, size)
         outside = np.flatnonzero(~penumbra)
         audited = outside[scrambles_of(centres.rays[outside], 1, _AUDIT)[0, :, 0] < AUDITED * 2.0**32]
         found = estimator.sums(centres.select(audited), 16 * PILOT, 4, _AUDIT).visibility
@@ -174,13 +175,13 @@ def find_penumbra(estimator: Estimator, centres: Receivers, width: int) -> tuple
     return value, penumbra
 
 
-def _widened(pixels: Indices, visibility: Floats, width: int) -> Mask:
+def _widened(pixels: Indices, visibility: Floats, size: ViewSize) -> Mask:
     """(R,) whether visibility is neither 0 everywhere nor 1 everywhere within DILATION pixels of each receiver."""
-    size = 2 * DILATION + 1
-    low, high = np.full(width * width, 2.0, np.float32), np.full(width * width, -1.0, np.float32)
+    window = 2 * DILATION + 1
+    low, high = np.full(size.pixels, 2.0, np.float32), np.full(size.pixels, -1.0, np.float32)
     low[pixels] = high[pixels] = np.nan_to_num(visibility, nan=0.5)
-    lowest = ndimage.minimum_filter(low.reshape(width, width), size, mode="nearest").ravel()[pixels]
-    highest = ndimage.maximum_filter(high.reshape(width, width), size, mode="nearest").ravel()[pixels]
+    lowest = ndimage.minimum_filter(low.reshape(size.shape), window, mode="nearest").ravel()[pixels]
+    highest = ndimage.maximum_filter(high.reshape(size.shape), window, mode="nearest").ravel()[pixels]
     widened: Mask = (lowest < 1) & (highest > 0)
     return widened
 
@@ -208,7 +209,7 @@ def estimate(estimator: Estimator, receivers: Receivers, target: float) -> tuple
 def _changes_within_a_pixel(
     rays: ViewRays, estimator: Estimator, centres: Receivers, in_penumbra: Mask, triangle: Indices
 ) -> Mask:
-    """(size²,) whether receiver, triangle or visibility change within the rasteriser's subpixel grid."""
+    """(pixels,) whether receiver, triangle or visibility change within the rasteriser's subpixel grid."""
     changes = np.zeros(len(triangle), dtype=bool)
     for across, down in SUBPIXEL_OFFSETS:
         moved, hit = _receivers(rays, across, down)
@@ -242,7 +243,7 @@ def _differ(estimator: Estimator, one: Receivers, other: Receivers, along_normal
 def _area(
     rays: ViewRays, estimator: Estimator, in_penumbra: Mask, visibility: NDArray[Any], pixel_samples: int
 ) -> Single:
-    """(size²,) visibility averaged over the pixel's samples that hit receivers, `visibility` where none does."""
+    """(pixels,) visibility averaged over the pixel's samples that hit receivers, `visibility` where none does."""
     total, count = np.zeros(len(visibility)), np.zeros(len(visibility))
     steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
     for number, (across, down) in enumerate(product(steps, repeat=2)):
@@ -258,7 +259,7 @@ def _area(
 
 
 def _blockers(rays: ViewRays, centres: Receivers, delta: float, pixels: int) -> Floats:
-    """(size²,) distance along L to the nearest caster before the light's centre, inf if none."""
+    """(pixels,) distance along L to the nearest caster before the light's centre, inf if none."""
 
     def work(part: slice) -> Floats:
         receivers = centres.select(part)

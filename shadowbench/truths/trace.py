@@ -22,7 +22,7 @@ STANDARD_ERROR = 1 / 255
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Ray-traced shadows of a view. All arrays are (size, size), row 0 at the top.
+    """Ray-traced shadows of a view. All arrays are (height, width), row 0 at the top.
 
     visibility: share of the light that is seen, 1 lit, 0 in shadow, 1 outside receivers, but 0 where a triangle faces
     away from a light that its smooth normal faces. standard_error: of visibility,
@@ -58,16 +58,16 @@ class Truth:
 
     @property
     def facets(self) -> Mask:
-        """(size, size) bool: decided pixels of smooth surfaces that their own triangles darken."""
+        """(height, width) bool: decided pixels of smooth surfaces that their own triangles darken."""
         return np.zeros_like(self.undecided) if self.facet_shadow is None else self.facet_shadow & ~self.undecided
 
     def __repr__(self) -> str:
         """One line: view, light, and the shares of receivers in shadow and in penumbra."""
-        size, lit, view = len(self.visibility), self.visibility[self.receivers], self.view
+        (height, width), lit, view = self.visibility.shape, self.visibility[self.receivers], self.view
         of = "" if view is None else f"{view.scene.name}, {view.camera.name}, {view.light.name} ({view.light.kind}), "
         shadow, penumbra = ((lit < 0.5).sum(), ((lit > 0) & (lit < 1)).sum()) / np.maximum(len(lit), 1)
         parts = f"{len(lit)} receivers, {shadow:.1%} in shadow, {penumbra:.1%} in penumbra"
-        return f"<Truth of {of}{size} × {size} pixels, {parts}>"
+        return f"<Truth of {of}{width} × {height} pixels, {parts}>"
 
     def _repr_png_(self) -> bytes:
         """PNG of the visibility, for notebooks; pixels without a receiver are white."""
@@ -108,26 +108,25 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
         arrays |= smooth
     arrays["blocker"] = (arrays["blocker"] / placement.scale).astype(np.float32)
     arrays["triangle"] = triangle.astype(np.int32)
-    shape = (view.size, view.size)
-    images = {name: array.reshape(shape) for name, array in arrays.items()}
+    images = {name: array.reshape(view.size.shape) for name, array in arrays.items()}
     return Truth(diagonal=diagonal / placement.scale, view=view, **images)
 
 
 def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, Mask, float]:
-    """(size²,) triangle at each pixel's centre, −1 for a miss, and whether it is seen edge-on.
+    """(pixels,) triangle at each pixel's centre, −1 for a miss, and whether it is seen edge-on.
 
     Also the diagonal of the bounding box of all casters and visible receivers, or of the scene if there are neither.
     """
     geometry = view.scene.geometry
 
     def trace_rows(rows: slice) -> tuple[Indices, Mask, Floats]:
-        directions = rays.directions(rows)
-        triangle = rays.nearest(directions)
+        lines = rays.camera_rays(rows)
+        triangle = rays.nearest(lines)
         seen = np.flatnonzero(triangle >= 0)
         seen = seen[geometry.receives[triangle[seen]]]
-        points = rays.points(directions.take(seen, axis=1), triangle[seen])
+        points = rays.points(lines.take(seen), triangle[seen])
         ends = np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
-        return triangle, rays.edge_on(directions, triangle), ends
+        return triangle, rays.edge_on(lines, triangle), ends
 
     triangles, edge_on, ends = zip(*over_rows(trace_rows, view.size), strict=True)
     triangle = np.concatenate(triangles)
@@ -166,17 +165,17 @@ def terminator(
 
     A facet's shadow (Woo, Pearce and Ouellette 1996, "It's really not a rendering bug, you see…") is one that a
     triangle casts on itself or on another of its mesh, where a ray from the smooth surface reaches the light (Hanika
-    2021, "Hacking the shadow terminator"). triangle: (size²,), −1 for a miss; shadowed, receivers: (size²,) bool.
+    2021, "Hacking the shadow terminator"). triangle: (pixels,), −1 for a miss; shadowed, receivers: (size²,) bool.
     """
     geometry = scene.geometry
     mesh = np.repeat(np.arange(len(scene.meshes)), [len(each.faces) for each in scene.meshes])
     smooth = np.array([each.receives and each.normals is not None for each in scene.meshes])[mesh]
 
     def trace_rows(rows: slice) -> tuple[NDArray[np.float32], Mask]:
-        part = slice(rows.start * rays.size, rows.stop * rays.size)
+        part = slice(rows.start * rays.size.width, rows.stop * rays.size.width)
         hit = triangle[part]
         seen = np.flatnonzero((hit >= 0) & smooth[hit])
-        own, point = hit[seen], rays.points(rays.directions(rows).take(seen, axis=1), hit[seen])
+        own, point = hit[seen], rays.points(rays.camera_rays(rows).take(seen), hit[seen])
         to_light, distance = rays.toward_light(point)
         normals = rays.normals(own)
         flat = Receivers(seen, own, point, to_light, distance, dot(normals, to_light))

@@ -1,4 +1,4 @@
-"""Camera and light moved by hand, and lights of other kinds. Lengths in a square picture are in [−2, 2], y up."""
+"""Camera and light moved by hand, and lights of other kinds. Lengths are in halves of the picture's height, y up."""
 
 import math
 from dataclasses import replace
@@ -40,13 +40,19 @@ def looked(camera: Camera, yaw: float, pitch: float) -> Camera:
 def panned(camera: Camera, x: float, y: float) -> Camera:
     """The camera moved parallel to the picture, so that what is at its target moves by (x, y) in the picture."""
     right, up, _ = camera.basis()
-    half = math.tan(camera.fov_y / 2) * distance(camera)
+    half = camera.half_height(distance(camera))
     step = -half * (x * right + y * up)
     return _at(camera, np.add(camera.position, step), np.add(camera.target, step))
 
 
 def zoomed(camera: Camera, factor: float) -> Camera:
-    """The camera at `factor` times its distance from its target; where it is if that would be too near or too far."""
+    """The camera at `factor` times its distance from its target; where it is if that would be too near or too far.
+
+    An orthographic one stays where it is and shows `factor` times the height.
+    """
+    if not camera.converging:
+        height = camera.height * factor
+        return replace(camera, height=height) if NEAREST * distance(camera) < height < LARGEST else camera
     moved = np.add(camera.target, np.subtract(camera.position, camera.target) * factor)
     reach = float(np.abs(np.concatenate([moved, camera.target])).max())
     if reach > LARGEST or np.abs(moved - camera.target).max() < NEAREST * reach:
@@ -81,7 +87,7 @@ def dragged(light: Light, camera: Camera, x: float, y: float) -> Light:
         return replace(light, direction=sun_direction(azimuth + x * math.pi / 2, risen))
     right, up, back = camera.basis()
     depth = float(back @ np.subtract(camera.position, light.position))
-    half = math.tan(camera.fov_y / 2) * (depth if depth > 0 else distance(camera))
+    half = camera.half_height(depth if depth > 0 else distance(camera))
     return replace(light, position=vec3(light.position + half * (x * right + y * up)))
 
 

@@ -15,8 +15,9 @@ from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import NoBias, Sum
+from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Subject, Technique
-from shadowbench.plugin.params import Component, TechniqueParams, allowed, parse_value
+from shadowbench.plugin.params import Component, SubjectParams, allowed, parse_value
 from shadowbench.plugin.registry import own_techniques
 from shadowbench.plugin.spec import Spec, format_value, parse_spec, spec_of
 from shadowbench.scenes.assumed import sun_direction
@@ -33,7 +34,7 @@ from shadowbench.viewer.drawing import Viewer
 from shadowbench.viewer.state import Layout, Origin, Overlay, Source, holds_state, read_state, save_state
 
 WIDTH = 100.0  # of a list above the pictures, in pixels
-SIZES = (128, 256, 512, 768, 1024, 2048)
+SIZES = [ViewSize.of(one) for one in (128, 256, 512, 768, 1024, 2048, "640x360", "1280x720", "1920x1080")]
 HINTS = "drag: orbit;  Shift + drag: pan;  right drag: look;  Shift + right drag: light;  wheel: zoom"
 OVERLAY_HELP: Mapping[Overlay, str] = {
     "picture": "the shaded picture alone",
@@ -127,7 +128,7 @@ def scene_panel(viewer: Viewer) -> None:
     name = choice("camera", state.camera.name, list(cameras))
     if name != state.camera.name or imgui.button("reset camera"):
         viewer.change(replace(state, camera=cameras.get(name, state.scene.cameras[0])))
-    size = choice("image", state.size, SIZES, "pixels along a side of the image that is scored")
+    size = choice("image", state.size, SIZES, "pixels of the image that is scored, along a side of a square")
     viewer.change(replace(viewer.state, size=size))
 
 
@@ -264,7 +265,7 @@ def status(viewer: Viewer) -> str:
     """One line: moving, tracing, what the scores are of, or why there are none."""
     drawn, size, judge = viewer.drawn, viewer.state.size, viewer.judge
     if viewer.moving and drawn is not None and drawn.size < size:
-        return f"{size}² drawn at {drawn.size}² while moving: a software renderer"
+        return f"{size} drawn at {drawn.size} while moving: a software renderer"
     if viewer.moving:
         return "moving: scores follow at rest"
     if viewer.broken:
@@ -274,7 +275,7 @@ def status(viewer: Viewer) -> str:
         return f"not scored: {judge.failure}" if failed else "tracing the truth of this view …"
     masks = zip("AB", viewer.state.specs, viewer.failures, strict=False)
     without = [f"; {name} has no mask: {why}" for name, spec, why in masks if spec.full_text not in judge.scores]
-    return f"scored at {size}² against the full truth{''.join(without)}"
+    return f"scored at {size} against the full truth{''.join(without)}"
 
 
 def techniques_panel(viewer: Viewer) -> None:
@@ -317,7 +318,7 @@ def _edited(model: Model) -> Model:
         if new != shown:
             return with_value(model, key, new)
         inner = value.params if isinstance(value, Spec) else value
-        if isinstance(inner, TechniqueParams | Component) and type(inner).model_fields:
+        if isinstance(inner, SubjectParams | Component) and type(inner).model_fields:
             imgui.indent()
             imgui.push_id(key)
             changed = _edited(inner)

@@ -15,7 +15,8 @@ from shadowbench.errors import ShadowbenchError, message
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
-from shadowbench.measure.session import LoadedScene, checked_texture, visibility_of
+from shadowbench.measure.session import Draw, LoadedScene, checked_texture, visibility_of
+from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.spec import Spec
 from shadowbench.scenes.model import View
@@ -31,15 +32,16 @@ SMOOTH_MS = 50.0
 """Time of a frame that is not too long for motion, in milliseconds."""
 LEAST_SIZE = 64
 Number = TypeVar("Number", np.float32, np.bool_)
+_Built = tuple[Technique, Stage, Draw]
 _RAISED = (Exception, SystemExit)  # what a technique may raise while the window lives
 
 
-def moving_size(size: int, rested_ms: float, software: bool) -> int:
+def moving_size(size: ViewSize, rested_ms: float, software: bool) -> ViewSize:
     """Size of the image while something moves: on a software renderer a half or a quarter, if the whole takes long."""
     if not software:
         return size
     shrink = next((shrink for shrink in SHRINKS if rested_ms / shrink**2 <= SMOOTH_MS), SHRINKS[-1])
-    return max(size // shrink, min(size, LEAST_SIZE))
+    return size.times(max(1 / shrink, min(1.0, LEAST_SIZE / min(size))))
 
 
 def reason_of(error: BaseException) -> str:
@@ -71,8 +73,8 @@ class Drawn:
     ms: float
 
     @property
-    def size(self) -> int:
-        """Pixels along a side."""
+    def size(self) -> ViewSize:
+        """Of its images."""
         return self.frame.view.size
 
     def visibility(self, mask: Mask) -> NDArray[np.float32]:
@@ -86,10 +88,10 @@ class Drawing:
     def __init__(self, device: Device) -> None:
         self.device, self.clock = device, Clock(device)
         self._loaded: LoadedScene | None = None
-        self._built: dict[tuple[Spec, int], tuple[Technique, Stage]] = {}
+        self._built: dict[tuple[Spec, ViewSize], _Built] = {}
 
-    def draw(self, state: ViewerState, size: int) -> Drawn:
-        """Draw a state's G-buffer and masks, of size × size pixels. Raises InputError if the camera shows nothing."""
+    def draw(self, state: ViewerState, size: ViewSize) -> Drawn:
+        """Draw a state's G-buffer and masks, at a size. Raises InputError if the camera shows nothing."""
         file_view, loaded = state.view(size), self._load(state)
         view = loaded.to_drawing_coordinates(file_view)
         built = [self._build(loaded, spec, view) for spec in state.specs]
@@ -113,8 +115,8 @@ class Drawing:
         if mask is not None and mask.visibility is not None:
             visibility = mask.visibility
         else:
-            level = np.ones((size, size)) if mask or traced is None else _resized(traced.visibility, size)
-            visibility = context.texture((size, size), 1, level[::-1].astype("f4").tobytes(), dtype="f4")
+            level = np.ones(size.shape) if mask or traced is None else _resized(traced.visibility, size)
+            visibility = context.texture(size, 1, level[::-1].astype("f4").tobytes(), dtype="f4")
             owned.append(visibility)
         self.device.reset()
         picture = drawn.loaded.picture_pass.shade(drawn.frame.surface, drawn.frame.view, visibility)
@@ -126,11 +128,11 @@ class Drawing:
             over = _error_over(download(picture, "u1")[..., :3].mean(axis=2), shown, traced)
         if over is not None:
             owned.append(picture)
-            picture = context.texture((size, size), 3, over[::-1].tobytes(), alignment=1)
+            picture = context.texture(size, 3, over[::-1].tobytes(), alignment=1)
         self.device.free(owned)
         return picture
 
-    def keep_only(self, specs: tuple[Spec, ...], sizes: tuple[int, ...]) -> None:
+    def keep_only(self, specs: tuple[Spec, ...], sizes: tuple[ViewSize, ...]) -> None:
         """Free the techniques that are built for other specs or sizes."""
         for key in [(spec, size) for spec, size in self._built if spec not in specs or size not in sizes]:
             self._built.pop(key)[1].release()
@@ -148,7 +150,7 @@ class Drawing:
             self._loaded = LoadedScene(self.device, state.scene, state.coordinates)
         return self._loaded
 
-    def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> Technique | str:
+    def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> _Built | str:
         """A built technique; or why there is none. It may raise anything, which is shown in place of its picture."""
         key = (spec, view.size)
         try:
@@ -158,14 +160,15 @@ class Drawing:
                 self._built[key] = loaded.build(spec, view.size)
         except _RAISED as error:
             return reason_of(error)
-        return self._built[key][0] if reason is None else f"unsupported: {reason}"
+        return self._built[key] if reason is None else f"unsupported: {reason}"
 
-    def _mask(self, loaded: LoadedScene, spec: Spec, technique: Technique | str, frame: Frame) -> Mask:
-        if isinstance(technique, str):
-            return Mask(spec, failure=technique)
+    def _mask(self, loaded: LoadedScene, spec: Spec, built: _Built | str, frame: Frame) -> Mask:
+        if isinstance(built, str):
+            return Mask(spec, failure=built)
+        technique, _, draw = built
         self._recover()
         try:
-            visibility = technique.draw(replace(frame, surface=surface_of(technique, frame.surface)))
+            visibility = draw(replace(frame, surface=surface_of(technique, frame.surface)))
             self.device.reset()
             self.device.check(f"drawing {spec.text}")
             loaded.darken_facets(spec.text, technique, visibility, frame.surface, frame.view)
@@ -180,15 +183,14 @@ class Drawing:
             self.device.check("what was drawn before")
 
 
-def _resized(values: NDArray[Number], size: int) -> NDArray[Number]:
-    """(size, size) values, each the nearest of a larger image."""
-    nearest = (np.arange(size) * len(values)) // size
-    return values[nearest[:, np.newaxis], nearest]
+def _resized(values: NDArray[Number], size: ViewSize) -> NDArray[Number]:
+    """(height, width) values, each the nearest of a larger image."""
+    return values[np.ix_(*(np.arange(new) * old // new for new, old in zip(size.shape, values.shape, strict=True)))]
 
 
 def _error_over(grey: NDArray[np.floating], visibility: NDArray[np.floating], traced: Traced) -> NDArray[np.uint8]:
-    """(N, N, 3) uint8 sRGB: false shadow, false light and dark facets in their colours, over a grey picture."""
-    size = len(grey)
+    """(H, W, 3) uint8 sRGB: false shadow, false light and dark facets in their colours, over a grey picture."""
+    size = ViewSize(*grey.shape[::-1])
     error = np.where(_resized(traced.scored, size), visibility - _resized(traced.visibility, size), 0)
     over = difference_over(grey, weight(error, traced.soft))
     return with_facets(over, _resized(traced.facets, size), visibility)
@@ -286,7 +288,7 @@ class Viewer:
         self.drawing.release()
         self.device.free(self.pictures.values())
 
-    def _draw(self, size: int) -> bool:
+    def _draw(self, size: ViewSize) -> bool:
         """Draw the masks unless they are of this state and size; whether they were drawn."""
         key = (*_drawing_key(self.state), size)
         if key == self._drawn_of:

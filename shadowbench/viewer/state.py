@@ -15,15 +15,15 @@ from pydantic import Field
 from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
 from shadowbench.files import check_outputs, data_folder, replace_file
-from shadowbench.measure.rows import read_rows, read_run_file
-from shadowbench.options import FIRST, VIEW_SIZE, SceneOptions
+from shadowbench.measure.rows import read_rows, read_run_file, size_of
+from shadowbench.options import DEFAULT_SIZE, FIRST, SceneOptions, ViewSize
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.assumed import GROUND_SIDE, content_of
 from shadowbench.scenes.library import builtin_names, load_scene, read_document
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.opening import named, opened
 from shadowbench.scenes.scene_tables import LIGHT_TABLES, camera_from_table, light_from_table
-from shadowbench.strict import Strict, validated
+from shadowbench.strict import Strict, ViewSizeField, validated
 from shadowbench.studies.crossing import Techniques
 from shadowbench.truths.embree import tracer_of
 
@@ -54,7 +54,7 @@ class Origin:
 class ViewerState:
     """What the window shows.
 
-    size: of the image, in pixels along a side; origin: of the scene, None for a sweep's, which no file has; left,
+    size: of the image; origin: of the scene, None for a sweep's, which no file has; left,
     right: of the wipe; wipe: the share of the picture that `left` takes.
     """
 
@@ -62,7 +62,7 @@ class ViewerState:
     camera: Camera
     light: Light
     specs: tuple[Spec, ...]
-    size: int = 512
+    size: ViewSize = DEFAULT_SIZE
     origin: Origin | None = None
     coordinates: Coordinates = "relative"
     phase: int = 0
@@ -72,7 +72,7 @@ class ViewerState:
     wipe: float = 0.5
     overlay: Overlay = "picture"
 
-    def view(self, size: int | None = None) -> View:
+    def view(self, size: ViewSize | None = None) -> View:
         """The view, by default of `size`. Raises InputError."""
         return view_of(self.scene, self.camera, self.light, size or self.size)
 
@@ -97,7 +97,7 @@ class ViewerTable(Strict):
     """The table `[viewer]` of a state file: the fields of `ViewerState` that no scene has."""
 
     techniques: list[str] = Field(["shadow-map"], min_length=1, max_length=2)
-    size: int = Field(512, ge=VIEW_SIZE.least, le=VIEW_SIZE.most, strict=True)
+    size: ViewSizeField = DEFAULT_SIZE
     phase: int = Field(0, ge=0, strict=True)
     layout: Layout = "wipe"
     left: Source = "A"
@@ -130,13 +130,15 @@ def save_state(state: ViewerState, file: Path) -> ViewerState:
     check_outputs(".toml", file)
     if state.origin is None or state.coordinates != "relative":
         raise InputError(f"{file}: the scene of a sweep, and absolute coordinates, are not for a scene file")
-    camera = asdict(state.camera) | {"fov_y": math.degrees(state.camera.fov_y)}
-    camera = {name: value for name, value in camera.items() if value is not None}
+    camera = asdict(state.camera) | {"fov_y": math.degrees(state.camera.fov_y) or None}
+    camera |= {} if state.camera.converging else {"kind": "orthographic"}
+    camera = {name: value for name, value in camera.items() if value}
     angles = {"angle": math.degrees(state.light.angle), "angular_radius": math.degrees(state.light.radius)}
     light = asdict(state.light) | angles
     light = {name: light[name] for name in LIGHT_TABLES[state.light.kind].model_fields}
     saved = replace(state, camera=camera_from_table(camera, str(file)), light=light_from_table(light, str(file)))
     viewer = {name: getattr(state, name) for name in ViewerTable.model_fields if name != "techniques"}
+    viewer["size"] = state.size.written
     document: dict[str, Any] = {
         "name": state.scene.name,
         "viewer": {"techniques": [spec.text for spec in state.specs], **viewer},
@@ -192,7 +194,7 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
         raise InputError(f"--cell {key!r:.60}: {count} in {folder}; allowed: a key of its rows.jsonl")
     (row,) = cells.values()
     spec = parse_spec(row["full_spec"], techniques)
-    shown = {"size": row["view_size"], "phase": row["phase"], "coordinates": row["coordinates"]}
+    shown = {"size": size_of(row), "phase": row["phase"], "coordinates": row["coordinates"]}
     if "axis" in row:
         view = AXES[row["axis"]].at(row["axis_value"], row["light_kind"]).views[0]
         return ViewerState(view.scene, view.camera, view.light, (spec,), **shown)

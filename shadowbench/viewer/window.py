@@ -18,6 +18,7 @@ from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import device_of
+from shadowbench.options import ViewSize
 from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer import camera, controls
 from shadowbench.viewer.drawing import Viewer
@@ -53,17 +54,19 @@ Gesture = Literal["orbit", "pan", "look", "wipe", "light"]
 
 @dataclass
 class Pane:
-    """A square of the window in which pictures are shown, from its top left corner."""
+    """A rectangle of the window in which pictures are shown, from its top left corner."""
 
     x: float
     y: float
-    side: float
+    width: float
+    height: float
 
 
-def squares(x: float, y: float, width: float, height: float, count: int) -> list[Pane]:
-    """The largest equal squares that fit side by side into a rectangle."""
-    side = max(min((width - GAP * (count - 1)) / count, height), 16.0)
-    return [Pane(x + index * (side + GAP), y, side) for index in range(count)]
+def panes(x: float, y: float, width: float, height: float, count: int, size: ViewSize) -> list[Pane]:
+    """The largest equal rectangles of the shape of a view that fit side by side into a rectangle."""
+    scale = max(min((width - GAP * (count - 1)) / count / size.width, height / size.height), 16.0 / min(size))
+    wide, high = scale * size.width, scale * size.height
+    return [Pane(x + index * (wide + GAP), y, wide, high) for index in range(count)]
 
 
 class Canvas:
@@ -79,10 +82,11 @@ class Canvas:
         """Show the panes in the rest of the window, and handle the mouse in them."""
         state, origin, room = self.viewer.state, imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         sources, is_wipe = state.sources, state.layout == "wipe"
-        self.panes = squares(origin.x, origin.y, room.x, room.y, 1 if is_wipe else len(sources))
+        count = 1 if is_wipe else len(sources)
+        self.panes = panes(origin.x, origin.y, room.x, room.y, count, state.size)
         for index, pane in enumerate(self.panes):
             imgui.set_cursor_screen_pos((pane.x, pane.y))
-            imgui.invisible_button(f"pane {index}", (pane.side, pane.side), _BUTTONS)
+            imgui.invisible_button(f"pane {index}", (pane.width, pane.height), _BUTTONS)
             if imgui.is_item_hovered():
                 wheel = imgui.get_io().mouse_wheel
                 zoomed = replace(state, camera=camera.zoomed(state.camera, ZOOM**-wheel))
@@ -95,8 +99,8 @@ class Canvas:
             (pane,), share = self.panes, self.viewer.state.wipe
             self._show(pane, sources[0], 0.0, share)
             self._show(pane, sources[1], share, 1.0)
-            x = pane.x + share * pane.side
-            imgui.get_window_draw_list().add_line((x, pane.y), (x, pane.y + pane.side), _WHITE, 2.0)
+            x = pane.x + share * pane.width
+            imgui.get_window_draw_list().add_line((x, pane.y), (x, pane.y + pane.height), _WHITE, 2.0)
             return
         for pane, source in zip(self.panes, sources, strict=True):
             self._show(pane, source, 0.0, 1.0)
@@ -104,7 +108,7 @@ class Canvas:
     def _show(self, pane: Pane, source: Source, start: float, end: float) -> None:
         """Show a part of a source's picture, between two shares of its width."""
         draw_list, viewer = imgui.get_window_draw_list(), self.viewer
-        left, right, bottom = pane.x + start * pane.side, pane.x + end * pane.side, pane.y + pane.side
+        left, right, bottom = pane.x + start * pane.width, pane.x + end * pane.width, pane.y + pane.height
         draw_list.add_rect_filled((left, pane.y), (right, bottom), 0xFF303030)
         failure = viewer.broken or dict(zip("AB", viewer.failures, strict=False)).get(source, "")
         is_old = source == "truth" and viewer.judge.traced(viewer.state) is None
@@ -132,14 +136,14 @@ class Canvas:
             self.gesture = "light" if imgui.get_io().key_shift else "look"
         elif imgui.is_mouse_down(imgui.MouseButton_.middle) or imgui.get_io().key_shift:
             self.gesture = "pan"
-        elif state.layout == "wipe" and abs(mouse.x - pane.x - state.wipe * pane.side) <= REACH:
+        elif state.layout == "wipe" and abs(mouse.x - pane.x - state.wipe * pane.width) <= REACH:
             self.gesture = "wipe"
         else:
             self.gesture = "orbit"
 
     def _drag(self, pane: Pane) -> None:
         mouse, state = imgui.get_mouse_pos(), self.viewer.state
-        x, y = (mouse.x - self._last[0]) / pane.side, (mouse.y - self._last[1]) / pane.side
+        x, y = (mouse.x - self._last[0]) / pane.height, (mouse.y - self._last[1]) / pane.height
         if (x, y) == (0, 0):
             return
         self._last = (mouse.x, mouse.y)
@@ -151,7 +155,7 @@ class Canvas:
             case "pan":
                 state = replace(state, camera=camera.panned(state.camera, 2 * x, -2 * y))
             case "wipe":
-                state = replace(state, wipe=min(max((mouse.x - pane.x) / pane.side, 0.0), 1.0))
+                state = replace(state, wipe=min(max((mouse.x - pane.x) / pane.width, 0.0), 1.0))
             case "light":
                 state = replace(state, light=camera.dragged(state.light, state.camera, 2 * x, -2 * y))
         self.viewer.change(state)

@@ -50,6 +50,8 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["run", "{in}/away.toml", "-t", "unshadowed", "--view-size", "16", "-o", "{out}"],
         ["camera 'camera'", "away", "shows nothing"],
     ),
+    "a view of no width": ([*RUN, "--view-size", "0x64"], ["view_size", "'0x64'", "1280x720"]),
+    "a view of three sides": ([*OF_A_SCENE[1], "--view-size", "8x8x8"], ["view_size", "'8x8x8'", "1 to 16384"]),
     "map size 0": ([*RUN, "--map-size", "0"], ["--map-size", "'0'", "from 1"]),
     "a map beyond the driver": ([*RUN, "-t", "shadow-map", "--map-size", "65536"], ["map size 65536", "allows 1 to"]),
     "an option before the command": (["-q", "run"], ["-q", "--help lists what is allowed"]),

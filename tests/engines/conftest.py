@@ -10,13 +10,14 @@ import pytest
 
 from shadowbench.engines.engine_session import probe_view
 from shadowbench.engines.programs import environment
+from shadowbench.options import ViewSize
 from shadowbench.plugin import registry
 from shadowbench.plugin.engine import Engine
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.truths.cache import cached_truth
 
-SIZE = 64  # of the fake engine's pictures
+SIZE = ViewSize(64, 48)  # of the fake engine's pictures
 DECLARATION = '''
 """An engine of another package."""
 

@@ -21,7 +21,7 @@ CHANGES = {  # of the linear picture, with shadows or without
 last = None
 
 
-def open(size):
+def open(width, height):
     if FAULT == "prints":
         print("hello" * 1000, flush=True)
         os.write(1, b"not a message\n")

@@ -53,7 +53,7 @@ def test_a_declaration_has_sources_pinned_packages_and_a_short_file_that_draws(n
     """Its defaults are what ships; its lock file has no address."""
     engine = engines()[name]
     (drawing,) = (file for file in engine.folder().iterdir() if file.stem == "draw")
-    assert len(drawing.read_text(encoding="utf-8").splitlines()) <= 80
+    assert len(drawing.read_text(encoding="utf-8").splitlines()) <= 90
     assert issubclass(engine.Params, EngineParams)
     assert engine.presets["shipped"] == "" and engine.presets.keys() == engine.sources.keys()
     for preset in engine.presets:
@@ -88,7 +88,7 @@ def test_an_engine_that_draws_the_truth_has_its_mask(engine: type[Engine], view:
         ("gamma", "another encoding"),
         ("NaN", "not finite"),
         ("SwiftShader", "4 sub-pixel bits"),
-        ("size", "63 × 64"),
+        ("size", "47 × 64"),
     ],
 )
 def test_a_fault_fails_the_cell_and_leaves_no_program(

@@ -20,7 +20,7 @@ def rays(view: View) -> tuple[np.ndarray, np.ndarray]:
     right = np.cross(ahead, view.camera.up)
     right /= np.linalg.norm(right)
     above = np.cross(right, ahead)
-    steps = (np.arange(view.size) + 0.5) / view.size * 2 - 1
+    steps = (np.arange(view.size.height) + 0.5) / view.size.height * 2 - 1
     half = math.tan(view.camera.fov_y / 2)
     down, across = np.meshgrid(steps, steps, indexing="ij")
     return eye, ahead + half * (across[..., None] * right - down[..., None] * above)

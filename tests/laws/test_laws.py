@@ -113,7 +113,7 @@ class Case:
         plain = built.draw(shot)
         others = [replace(view, camera=aside(view, x, y)) for x, y in DIAGONALS]
         if not built.technique.phased and view.light.kind != "directional":
-            texels = self.spec.map_size or view.size
+            texels = self.spec.map_size or view.size.height
             others += [replace(view, light=lamp_aside(view, x, y, texels)) for x, y in DIAGONALS]
         nudged = [built.draw(self.studio.shot(other)) for other in others]
         if built.technique.phased:

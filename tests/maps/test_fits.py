@@ -14,8 +14,10 @@ from shadowbench.geometry.lights import Box, LightView, light_space, window
 from shadowbench.gl.clock import Clock
 from shadowbench.maps.fits import RECTANGLES, Fit, VisibleBounds
 from shadowbench.plugin.base import Frame, Phase
+from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene
 from shadowbench.scenes.vectors import unit
+from tests.parallel import parallel
 from tests.samples import by_turns
 
 SIZE = 128
@@ -52,7 +54,7 @@ def unpadded(light_view: LightView, padding: float) -> Box:
 def test_all_receivers_in_view_lie_in_the_window_and_its_padding_is_free(
     studio, build, builtin, name, fit, filter_
 ) -> None:
-    shot, radius = studio.shot(builtin(name, SIZE)), 0.5 if filter_ == "hard" else 3.5
+    shot, radius = studio.shot(builtin(name, f"{2 * SIZE}x{SIZE}")), 0.5 if filter_ == "hard" else 3.5
     light_view = light_view_of(build, shot, f"fit={fit},filter={filter_},size=256")
     box, points = unpadded(light_view, radius + 1), light_view.space.box(receivers(shot))
     slack = 1e-5 * (light_view.box.high - light_view.box.low)
@@ -64,12 +66,22 @@ def test_all_receivers_in_view_lie_in_the_window_and_its_padding_is_free(
 
 @pytest.mark.parametrize(
     ("name", "size"),
-    [("spot-lamp", SIZE), ("deep-street", SIZE), ("canopy", SIZE), *(("terrain", size) for size in (1, 7, 9, 65))],
+    [
+        ("spot-lamp", SIZE),
+        ("deep-street", SIZE),
+        ("canopy", SIZE),
+        *(("terrain", size) for size in (1, 7, 9, 65, "90x11", "7x60")),
+    ],
 )
 def test_the_reduction_is_the_least_and_greatest_over_the_g_buffer_of_any_size(
-    studio, build, builtin, device, name: str, size: int
+    studio, build, builtin, device, name: str, size: int | str
 ) -> None:
     assert_bounds_are_of_the_receivers(studio.shot(builtin(name, size)), build, device)
+
+
+@pytest.mark.parametrize("name", ["canopy", "spot-lamp", "terrain"])
+def test_the_reduction_is_the_least_and_greatest_of_an_orthographic_view(studio, build, device, name: str) -> None:
+    assert_bounds_are_of_the_receivers(studio.shot(parallel(load_scene(name), "90x65")), build, device)
 
 
 def assert_bounds_are_of_the_receivers(shot, build, device) -> None:
@@ -159,21 +171,23 @@ directions = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(
     slope=st.floats(0.1, 1.5),
     near=st.floats(0.01, 0.5),
     depth=st.floats(0.5, 4.0),
+    aspect=st.floats(0.3, 3.0),
     seed=st.integers(0, 1000),
 )
-def test_corners_of_a_frustum_in_a_box(eye, ahead, slope, near, depth, seed) -> None:
+def test_corners_of_a_frustum_in_a_box(eye, ahead, slope, near, depth, aspect, seed) -> None:
     bounds = np.array([[-0.6, -0.3, -0.5], [0.5, 0.4, 0.7]])
     back = -unit(ahead)
     right = unit(np.cross([0.3, 0.9, 0.2], back))
     basis = np.stack([right, np.cross(back, right), back])
     far = near + depth
-    planes = np.vstack([box_planes(bounds), frustum_planes(np.asarray(eye), basis, slope, near, far)])
+    frustum = frustum_planes(np.asarray(eye), basis, slope, near, far, aspect=aspect)
+    planes = np.vstack([box_planes(bounds), frustum])
     result = corners(planes, 1.0)
 
     # Brute force: points of the box that lie in the frustum, by its definition.
     points = np.random.default_rng(seed).uniform(*bounds, (4000, 3))
     x, y, axial = ((points - eye) @ basis.T * [1, 1, -1]).T
-    inside = points[(near <= axial) & (axial <= far) & (np.maximum(np.abs(x), np.abs(y)) <= slope * axial)]
+    inside = points[(near <= axial) & (axial <= far) & (np.maximum(np.abs(x) / aspect, np.abs(y)) <= slope * axial)]
     toward = np.random.default_rng(seed).normal(size=(30, 3))
     if len(inside):
         assert len(result) >= 4

@@ -7,6 +7,9 @@ import pytest
 from scipy import ndimage
 
 from shadowbench.masks.accuracy import MaskEncoding, detect_encoding, misorientation
+from shadowbench.measure.scoring import prepare_truth
+from shadowbench.scenes.opening import chosen_view
+from shadowbench.truths.cache import cached_truth
 from tests.masks.conftest import srgb
 
 SCENES = ("cube-on-plane", "stairs", "spot-lamp", "railings", "room-with-window", "lamp-by-wall")
@@ -46,6 +49,23 @@ def test_a_flipped_or_inverted_mask_is_named_and_a_bad_one_is_not_taken_for_it(
         assert misorientation(turn(mask), truth) == fault
         assert misorientation(turn(with_acne(mask, 0.1)), truth) == fault
     assert {name: misorientation(spoil(mask), truth) for name, spoil in BAD.items()} == dict.fromkeys(BAD)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_rectangle_is_named_that_lies_on_its_side_or_is_mirrored(scene: str, truth_cache: None) -> None:
+    wide, high = (cached_truth(chosen_view(scene, size)) for size in ("192x108", "108x192"))
+    truths, mask = [prepare_truth(truth) for truth in (wide, high)], wide.visibility
+    for fault, turned in {
+        "transposed": mask.T,
+        "rotated by 90° to the right": np.rot90(mask, -1),
+        "rotated by 90° to the left": np.rot90(mask),
+        "transposed and inverted": 1 - mask.T,
+    }.items():
+        assert misorientation(turned, truths[1], lambda: truths[0]) == fault
+    for fault in (None, "flipped horizontally", "flipped vertically"):
+        assert misorientation(TURNED[fault](mask), truths[0], lambda: truths[1]) == fault
+    for name in ("noise", "acne alone", "mostly acne", "far off"):
+        assert misorientation(BAD[name](mask), truths[0], lambda: truths[1]) is None
 
 
 @pytest.mark.parametrize(

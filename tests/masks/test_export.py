@@ -19,16 +19,19 @@ from shadowbench.masks.export import (
     light_box,
 )
 from shadowbench.measure.scoring import positions
+from shadowbench.options import ViewSize
+from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.masks import read_mask
 from shadowbench.truths.rays import ViewRays
 from shadowbench.truths.trace import Truth, trace
+from tests.parallel import parallel
 
 SIZE = 128
 
 
-def read_back(folder: Path, size: int) -> View:
+def read_back(folder: Path, size: ViewSize) -> View:
     """The view of scene.glb; not through load_scene, which gives a ground to what has none."""
     contents = read_meshes(folder / "scene.glb")
     scene = Scene("read", contents.meshes, contents.cameras, contents.lights)
@@ -47,7 +50,7 @@ def assert_same_shadows(view: View, folder: Path, truth: Truth | None = None) ->
 
 @pytest.mark.parametrize("name", ["stairs", "spot-lamp", "room-with-lamp", "terrain"])
 def test_a_scene_that_is_read_back_has_the_same_shadows(builtin: Callable[..., View], name: str, tmp_path) -> None:
-    assert_same_shadows(builtin(name, SIZE), tmp_path)
+    assert_same_shadows(builtin(name, "96x54"), tmp_path)
 
 
 def test_a_scene_a_thousand_kilometres_away_keeps_its_shadows(builtin: Callable[..., View], tmp_path: Path) -> None:
@@ -62,13 +65,23 @@ def test_a_scene_a_thousand_kilometres_away_keeps_its_shadows(builtin: Callable[
     assert_same_shadows(view_of(scene, camera, near.light, SIZE), tmp_path)
 
 
-@pytest.mark.parametrize("name", ["stairs", "spot-lamp", "lamp-by-wall"])
-def test_camera_light_and_names_are_read_back(builtin: Callable[..., View], name: str, tmp_path: Path) -> None:
-    view = builtin(name, SIZE)
+@pytest.fixture(scope="module")
+def seen(builtin: Callable[..., View]) -> Callable[..., View]:
+    """The view of a built-in scene, or by parallel rays that of NAME's."""
+
+    def view(name: str, size: int | str = SIZE) -> View:
+        return parallel(load_scene(name[:-2]), size) if name.endswith("'s") else builtin(name, size)
+
+    return view
+
+
+@pytest.mark.parametrize("name", ["stairs", "stairs's", "spot-lamp", "lamp-by-wall's"])
+def test_camera_light_and_names_are_read_back(seen: Callable[..., View], name: str, tmp_path: Path) -> None:
+    view = seen(name)
     export_view(view, trace(view, 1), tmp_path, name)
     found = read_back(tmp_path, SIZE)
     assert found.camera.name == view.camera.name
-    assert found.camera.fov_y == view.camera.fov_y
+    assert (found.camera.fov_y, found.camera.height) == (view.camera.fov_y, view.camera.height)
     np.testing.assert_allclose(found.camera.basis(), view.camera.basis(), atol=1e-12)
     np.testing.assert_allclose(found.near_far, view.near_far, rtol=1e-6)
     assert (found.light.kind, found.light.name) == (view.light.kind, view.light.name)
@@ -129,27 +142,29 @@ def test_bounds_box_and_sides_are_described(
         assert material["pbrMetallicRoughness"]["baseColorFactor"] == [1, 1, 1, 1]
 
 
-@pytest.mark.parametrize("name", ["cube-on-plane", "colonnade", "room-with-lamp"])
-def test_the_nearest_surface_is_the_nearest_that_is_seen(builtin: Callable[..., View], name: str) -> None:
+@pytest.mark.parametrize("name", ["cube-on-plane", "cube-on-plane's", "colonnade", "room-with-lamp"])
+def test_the_nearest_surface_is_the_nearest_that_is_seen(seen: Callable[..., View], name: str) -> None:
     """As far as between two pixels; the camera of two scenes is within their bounds."""
-    view = builtin(name, SIZE)
+    view = seen(name)
     hit = trace(view, 1).triangle
-    seen = float((positions(view, hit) @ -view.camera.basis()[2])[hit >= 0].min())
-    assert 0.99 * seen < describe(view, name)["camera"]["nearest"] <= seen * (1 + 1e-12)
+    nearest = float((positions(view, hit) @ -view.camera.basis()[2])[hit >= 0].min())
+    assert 0.99 * nearest < describe(view, name)["camera"]["nearest"] <= nearest * (1 + 1e-12)
 
 
+@pytest.mark.parametrize("size", [SIZE, "64x36", "20x64"])
+@pytest.mark.parametrize("name", ["stairs", "stairs's"])
 def test_the_written_matrices_lead_to_the_pixel_centres_that_are_traced(
-    builtin: Callable[..., View], tmp_path: Path
+    seen: Callable[..., View], name: str, size: int | str, tmp_path: Path
 ) -> None:
-    view = builtin("stairs", SIZE)
+    view = seen(name, size)
     export_view(view, trace(view, 1), tmp_path, "stairs")
     found = json.loads((tmp_path / "view.json").read_text(encoding="utf-8"))
     matrix = np.array(found["camera"]["projection"]) @ np.array(found["camera"]["view"])
-    directions = ViewRays(view).directions(slice(0, SIZE)).reshape(3, -1).T
-    points = np.asarray(view.camera.position) + 3 * directions
+    rays = ViewRays(view).camera_rays(slice(0, view.size.height))
+    points = (rays.origins + 3 * rays.directions).T
     clip = np.c_[points, np.ones(len(points))] @ matrix.T
     x, y = (clip[:, :2] / clip[:, 3:]).T
-    rows, columns = np.divmod(np.arange(SIZE * SIZE), SIZE)
+    rows, columns = np.divmod(np.arange(view.size.pixels), view.size.width)
     np.testing.assert_allclose(x, (2 * columns + 1) / found["image"]["width"] - 1, atol=1e-9)
     np.testing.assert_allclose(y, 1 - (2 * rows + 1) / found["image"]["height"], atol=1e-9)
 

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from shadowbench.measure.flips import RIGHT, UP, Stepped, flips
+from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View
 from shadowbench.truths.rays import ViewRays
 from shadowbench.truths.trace import Truth
+from tests.parallel import parallel
 
 STUDY = """
 scenes = ["street"]
@@ -48,21 +50,29 @@ def test_only_a_window_that_follows_the_camera_shimmers_when_it_turns_unless_it_
     assert snapped < loose / 20  # found: one pixel, where a texel's corner lies between the four around it
 
 
-def directions(view: View) -> np.ndarray:
-    return ViewRays(view).directions(slice(0, view.size)).reshape(3, view.size, view.size)
+def ahead(view: View) -> np.ndarray:
+    """(3, H, W) points at a depth of 1 on the camera's rays, from its position."""
+    rays = ViewRays(view).camera_rays(slice(0, view.size.height))
+    points = rays.origins + rays.directions - np.array(view.camera.position)[:, np.newaxis]
+    return points.reshape(3, *view.size.shape)
 
 
-@pytest.fixture
-def turned(builtin: Callable[..., View]) -> Callable[..., Frames]:
+@pytest.fixture(params=["perspective", "orthographic"])
+def turned(builtin: Callable[..., View], request: pytest.FixtureRequest) -> Callable[..., Frames]:
     """An edge `at` pixels right of the centre, or above it, and after the camera has turned, `moved` further."""
-    before = builtin("cube-on-plane", SIZE)
+    before = (
+        builtin("cube-on-plane", SIZE)
+        if request.param == "perspective"
+        else parallel(load_scene("cube-on-plane"), SIZE)
+    )
     stepped = Stepped(before, "camera")
     *axes, back = before.camera.basis()
-    pixel = 2 * np.tan(before.camera.fov_y / 2) / SIZE
+    pixel = 2 * before.camera.half_height(1.0) / SIZE
 
     def mask(view: View, at: float, axis: int) -> np.ndarray:
-        across = np.tensordot(axes[axis], directions(view), 1) / -np.tensordot(back, directions(view), 1)
-        return (across > at * pixel).astype(np.float32)
+        moved = axes[axis] @ np.subtract(view.camera.position, before.camera.position)
+        across = np.tensordot(axes[axis], ahead(view), 1) / -np.tensordot(back, ahead(view), 1)
+        return (across + moved > at * pixel).astype(np.float32)
 
     def truth(visibility: np.ndarray) -> Truth:
         no, lit = np.zeros(visibility.shape, bool), visibility

@@ -16,6 +16,7 @@ from shadowbench.measure import keys
 from shadowbench.measure.campaign import Cell
 from shadowbench.measure.keys import cell_key, shader_names, view_key
 from shadowbench.measure.session import LoadedScene
+from shadowbench.options import ViewSize
 from shadowbench.plugin import stage
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
@@ -185,7 +186,7 @@ def test_every_shader_that_a_technique_composes_is_in_its_key(
     for spec in (f"{name}:{more}".rstrip(":") for name in KNOWN for more in KNOWN[name].catalogue.variants):
         composed.clear()
         parsed, loaded = parse_spec(spec, KNOWN), LoadedScene(device, cube.scene, "relative")
-        loaded.build(parsed, 32)[1].release()
+        loaded.build(parsed, ViewSize(32, 32))[1].release()
         loaded.release()
         assert composed <= set(shader_names(parsed.techniques)), spec
 

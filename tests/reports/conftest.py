@@ -28,8 +28,8 @@ RECEIVERS = 1000
 SIDE = 32
 TRUTH_ERROR = 0.002  # of soft cells
 SCORE = {
-    "schema": 1, "kind": "score", "view": "camera", "phase": 0, "view_size": SIDE, "coordinates": "relative",
-    "renderer": "a renderer",
+    "schema": 1, "kind": "score", "view": "camera", "phase": 0, "view_size": SIDE, "view_width": SIDE,
+    "coordinates": "relative", "renderer": "a renderer",
 }  # fmt: skip
 MEASURED = {
     "receivers": RECEIVERS, "undecided": 3, "work": {"draws": 1}, "facts": {}, "gpu_bytes": 1, "mask_sha256": "0",

@@ -19,7 +19,8 @@ def cell(spec: str = "shadow-map", scene: str = "s", size: int | None = 512, **s
     return {
         "schema": 1, "kind": "score", "key": key_of(scene, spec, size), "scene": scene,
         "view": "camera", "light": "sun", "phase": 0, "technique": spec.partition(":")[0], "spec": spec,
-        "full_spec": spec, "map_size": size, "view_size": SIDE, "coordinates": "relative", "renderer": "llvmpipe",
+        "full_spec": spec, "map_size": size, "view_size": SIDE, "view_width": SIDE,
+        "coordinates": "relative", "renderer": "llvmpipe",
         "status": "ok", "metrics": GOOD, "receivers": 9, "undecided": 1, "mask_sha256": None, "gpu_bytes": 100,
         "work": {"draws": 2, "primitives": 100, "fragments": 1000}, "facts": {}, "assumptions": [],
     } | score  # fmt: skip

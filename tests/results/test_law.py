@@ -58,13 +58,19 @@ def test_times_count_as_by_the_same_clock_rate() -> None:
 
 def test_a_law_counts_the_vertices_of_geometry_shaders_and_nothing_of_the_floor() -> None:
     work = {"vertices": 100, "geometry": 40, "reads": 7, "fragments": 64**2 + 5}
-    counts = counts_of({"work": work, "gpu_bytes": 4 * 64**2 + 3, "view_size": 64}, triangles=9)
+    counts = counts_of({"work": work, "gpu_bytes": 4 * 64**2 + 3, "view_size": 64, "view_width": 64}, triangles=9)
     assert counts == {"vertices": 140, "reads": 7, "gpu_bytes": 3, "fragments": 5, "triangles": 9}
 
 
 def test_a_row_has_the_time_that_its_law_gives_to_its_counts() -> None:
     work = {"vertices": 1000, "geometry": 500, "fragments": 128**2 + 4000, "reads": 2000}
-    row = {"spec": "shadow-map:fit=scene", "view_size": 128, "triangles": 12, "gpu_bytes": 4 * 128**2 + 5e8}
+    row = {
+        "spec": "shadow-map:fit=scene",
+        "view_size": 128,
+        "view_width": 128,
+        "triangles": 12,
+        "gpu_bytes": 4 * 128**2 + 5e8,
+    }
     row |= {"metrics": {}, "work": work}
     shared = 1500 * H100.shared["vertices"] + 2000 * H100.shared["reads"] + 5e8 * H100.shared["gpu_bytes"]
     frames, fragments, triangles = (H100.kinds["shadow-map fit=scene"][name] for name in OWN)

@@ -62,14 +62,15 @@ def test_a_camera_looks_along_minus_z_of_its_node(gltf_file: Gltf) -> None:
         assert load_scene(path).cameras == (down, ahead)
 
 
-def test_an_orthographic_camera_is_a_note(gltf_file: Gltf) -> None:
-    lens = {"xmag": 1, "ymag": 1, "znear": 0.1, "zfar": 10}
+def test_an_orthographic_camera_is_twice_its_magnification_high(gltf_file: Gltf) -> None:
+    lens = {"xmag": 2, "ymag": 1.5, "znear": 0.0, "zfar": 10}
     path = gltf_file(
         nodes=[{"mesh": 0, "camera": 0}], cameras=[{"type": "orthographic", "orthographic": lens}], scene=0
     )
     scene = load_scene(path)
-    assert any("orthographic" in note for note in scene.notes)
-    assert any("no camera in" in note for note in scene.notes)
+    (camera,) = scene.cameras
+    assert (camera.height, camera.fov_y, camera.near, camera.far) == (3.0, 0.0, None, 10.0)
+    assert any("camera" in note and "1.333 times as wide as high" in note for note in scene.notes)
 
 
 def test_lights_shine_along_minus_z_of_their_node(gltf_file: Gltf) -> None:
@@ -136,6 +137,7 @@ def test_a_hidden_node_hides_meshes_and_lights_below_it_and_no_camera(gltf_file:
     assert contents.notes == (
         "model.gltf: 2 mesh(es) of hidden nodes left out",
         "model.gltf: 1 light(s) of hidden nodes left out",
+        "model.gltf: camera camera: made for pictures 1.5 times as wide as high; --view-size sets the shape",
     )
 
 

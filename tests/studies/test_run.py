@@ -69,7 +69,8 @@ def test_the_table_has_the_promised_columns_in_their_order(run: Run) -> None:
     passes = [column for column in columns if column.startswith("pass_")]
     work = [column for column in columns if column.startswith("work_")]
     promised = [
-        *["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"],
+        *["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "view_width"],
+        *["renderer", "status"],
         *METRICS,
         *["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"],
         *passes,

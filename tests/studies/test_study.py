@@ -10,7 +10,7 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.measure.campaign import Block
-from shadowbench.options import Measuring, ViewOptions
+from shadowbench.options import DEFAULT_SIZE, Measuring, ViewOptions
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.studies.stress import default_specs
@@ -70,7 +70,7 @@ def test_fields_missing_in_a_study_have_the_promised_defaults(read: ReadStudy) -
     study = read(SCENE)
     assert [spec.technique.name for spec in study.specs] == list(KNOWN)
     assert study.map_size is None
-    assert (study.view_size, study.rounds, study.phases) == (512, 9, 1)
+    assert (study.view_size, study.rounds, study.phases) == (DEFAULT_SIZE, 9, 1)
     assert (study.time_limit, study.memory_limit) == (120, 8)
     assert study.coordinates == "relative"
     assert study.reference.full_text.startswith("shadow-map:")
@@ -263,7 +263,7 @@ def test_options_override_the_file(file: str) -> None:
     assert (kept.rounds, kept.map_size, phases(kept)) == (3, (64, 128), {0, 1, 2, 3})
     measuring, view = Measuring(view_size=16, rounds=0), ViewOptions(light="lamp")
     asked = study_from_options(KNOWN, ["lamp-by-wall"], study=file, map_size=[32], measuring=measuring, view=view)
-    assert (asked.scenes, asked.rounds, asked.map_size, asked.view_size) == (("lamp-by-wall",), 0, (32,), 16)
+    assert (asked.scenes, asked.rounds, asked.map_size, asked.view_size) == (("lamp-by-wall",), 0, (32,), (16, 16))
     assert (asked.lights, asked.views) == (("lamp",), ("file",))
     assert phases(study_from_options(KNOWN, study=file, measuring=Measuring(phases=3))) == {0, 1, 2}, (
         "also of what has a number of its own"

@@ -55,7 +55,7 @@ def test_traced_pixels_are_those_of_exact_triangles(scene, kind, studio, mask) -
     same = np.where(seen < ground, seen, ground) == truth.triangle.clip(max=ground)
     rays = ViewRays(exact.placed()[0])
     around = [
-        rays.nearest(rays.directions(slice(0, SIZE), 0.5 + x, 0.5 + y)).reshape(SIZE, SIZE) >= ground
+        rays.nearest(rays.camera_rays(slice(0, SIZE), 0.5 + x, 0.5 + y)).reshape(SIZE, SIZE) >= ground
         for x, y in product((-SUBPIXEL, 0, SUBPIXEL), repeat=2)
     ]
     sure = (np.array(around) == around[4]).all(axis=0)

@@ -55,7 +55,7 @@ def looking() -> Callable[..., View]:
 
 @pytest.fixture(scope="session")
 def pixel_rays() -> Callable[[View], tuple[Floats, Floats]]:
-    """The eye, and (size², 3) directions through pixel centres, computed from the camera's definition."""
+    """(size², 3) where the rays through pixel centres start, and their directions, by the camera's definition."""
 
     def make(view: View) -> tuple[Floats, Floats]:
         eye, target = np.asarray(view.camera.position), np.asarray(view.camera.target)
@@ -65,22 +65,24 @@ def pixel_rays() -> Callable[[View], tuple[Floats, Floats]]:
             raise ValueError("a test's camera does not look along its up")
         right /= np.linalg.norm(right)
         above = np.cross(right, ahead)
-        steps = (np.arange(view.size) + 0.5) / view.size * 2 - 1
+        width, height = view.size
         half = math.tan(view.camera.fov_y / 2)
-        down, across = np.meshgrid(steps, steps, indexing="ij")
-        directions = ahead + half * (across[..., None] * right - down[..., None] * above)
-        return eye, directions.reshape(-1, 3)
+        down, across = np.meshgrid(
+            (2 * np.arange(height) + 1 - height) / height, (2 * np.arange(width) + 1 - width) / height, indexing="ij"
+        )
+        beside = (across[..., None] * right - down[..., None] * above).reshape(-1, 3)
+        return eye + view.camera.height / 2 * beside, ahead + half * beside
 
     return make
 
 
 @pytest.fixture(scope="session")
 def on_ground(pixel_rays: Callable[[View], tuple[Floats, Floats]]) -> Callable[[View], Floats]:
-    """(size, size, 3) where pixels' rays meet y = 0."""
+    """(height, width, 3) where pixels' rays meet y = 0."""
 
     def make(view: View) -> Floats:
-        eye, directions = pixel_rays(view)
-        return (eye - directions * (eye[1] / directions[:, 1:2])).reshape(view.size, view.size, 3)
+        starts, rays = pixel_rays(view)
+        return (starts - rays * (starts[:, 1:2] / rays[:, 1:2])).reshape(*view.size.shape, 3)
 
     return make
 
@@ -135,7 +137,7 @@ def judged(pixel_rays: Callable[[View], tuple[Floats, Floats]]) -> Callable[...,
 
     def judge(view: View, truth: Truth, count: int = 2000, pixels: np.ndarray | None = None) -> Judged:
         pixels = sampled_pixels(truth, count) if pixels is None else pixels
-        receiver, lit = answers(view, pixel_rays(view)[1][pixels])
+        receiver, lit = answers(view, *(each[pixels] for each in pixel_rays(view)))
         decided = ~truth.undecided.ravel()[pixels]
         if truth.shading_cosine is not None:  # visibility is 0 where triangles alone face away from the light
             lit = lit & (receiver | (truth.shading_cosine.ravel()[pixels] <= 0))

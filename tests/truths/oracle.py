@@ -96,11 +96,11 @@ def _search(lines, rounding, edges, ray, triangle, through):
     return found
 
 
-def answers(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) whether each of some rays from the eye shows a receiver, and whether it is lit; (N, 3) directions."""
+def answers(view: View, starts: Floats, directions: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) whether each of the camera's rays shows a receiver, and whether it is lit; (N, 3) starts and directions."""
     geometry, light = view.scene.geometry, view.light
-    hit, triangle, t = first_hits(view, directions)
-    points = np.array(view.camera.position) + directions[hit] * t[:, None]
+    hit, triangle, t = first_hits(view, starts, directions)
+    points = starts[hit] + directions[hit] * t[:, None]
     position, w = light.homogeneous
     to_light = position - w * points
     distance = np.linalg.norm(to_light, axis=1)
@@ -127,7 +127,7 @@ def answers(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray]:
     may &= ~blocked[found.ray] & (caster != triangle[found.ray])
     for k in np.flatnonzero(may):
         ray = found.ray[k]
-        blocked[ray] |= blocks_exactly(view, directions[hit[ray]], triangle[ray], caster[k])
+        blocked[ray] |= blocks_exactly(view, starts[hit[ray]], directions[hit[ray]], triangle[ray], caster[k])
     lit = np.ones(len(directions), dtype=bool)
     lit[hit[blocked]] = False
     return receiver, lit | ~receiver
@@ -154,15 +154,14 @@ def opaque_ones(
     return Crossings(*(values[kept] for values in found))
 
 
-def first_hits(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray, Floats]:
-    """(H,) the rays from the eye that meet a triangle between the camera's planes, the first they meet, and t."""
-    geometry, eye = view.scene.geometry, np.array(view.camera.position)
+def first_hits(view: View, starts: Floats, directions: Floats) -> tuple[np.ndarray, np.ndarray, Floats]:
+    """(H,) the camera's rays that meet a triangle between the camera's planes, the first they meet, and t."""
+    geometry = view.scene.geometry
     lengths = np.linalg.norm(directions, axis=1)
     near, far = view.near_far
-    origins = np.broadcast_to(eye, directions.shape)
     ways = directions / lengths[:, None]
-    found = crossings(origins, ways, geometry, geometry.faces, eye)
-    found = opaque_ones(found, geometry, np.arange(len(geometry.faces)), origins, ways)
+    found = crossings(starts, ways, geometry, geometry.faces, starts[0])
+    found = opaque_ones(found, geometry, np.arange(len(geometry.faces)), starts, ways)
     t = found.t / lengths[found.ray]
     seen = np.flatnonzero((t >= near) & (t <= far))
     hit, first = np.unique(found.ray[seen], return_index=True)
@@ -172,7 +171,7 @@ def first_hits(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray, 
         rivals = seen[start : first[k + 1] if k + 1 < len(first) else None]
         if found.sure[rivals[0]] and (len(rivals) == 1 or t[rivals[1]] > t[rivals[0]] + margin):
             continue
-        inside, origin, direction = [], exact(eye), exact(directions[hit[k]])
+        inside, origin, direction = [], exact(starts[hit[k]]), exact(directions[hit[k]])
         for rival in rivals:
             corners = corners_of(view, found.triangle[rival])
             s = to_plane(origin, direction, corners)
@@ -207,9 +206,9 @@ def in_triangle(point: np.ndarray, corners: np.ndarray) -> bool:
     return min(normal @ np.cross(q - p, point - p) for p, q in ((a, b), (b, c), (c, a))) >= 0
 
 
-def blocks_exactly(view: View, direction: Floats, receiver: int, caster: int) -> bool:
-    """Whether a caster meets the open segment from where a ray from the eye meets the receiver's plane to the light."""
-    origin, ray = exact(view.camera.position), exact(direction)
+def blocks_exactly(view: View, start: Floats, direction: Floats, receiver: int, caster: int) -> bool:
+    """Whether a caster meets the open segment from where a ray meets the receiver's plane to the light."""
+    origin, ray = exact(start), exact(direction)
     point = origin + ray * to_plane(origin, ray, corners_of(view, receiver))
     light, corners = view.light, corners_of(view, caster)
     to_light = -exact(light.direction) if light.kind == "directional" else exact(light.position) - point

@@ -10,8 +10,9 @@ import pytest
 
 from shadowbench.extremes.axes import AXES
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Scene, view_of
+from shadowbench.scenes.model import View, view_of
 from shadowbench.truths.trace import trace
+from tests.parallel import parallel
 
 SAME_VIEW = {"depth-format", "map-size"}  # at every value: only parameters change
 SOFT = {"light-size"}  # a share of the light per pixel: test_soft_closed_forms.py compares those with closed forms
@@ -24,8 +25,7 @@ WALKED = [
 ]
 
 
-def assert_agrees(scene: Scene, size: int, judged: Callable[..., Any]) -> None:
-    view = view_of(scene, scene.cameras[0], scene.lights[0], size)
+def assert_agrees(view: View, judged: Callable[..., Any]) -> None:
     against = judged(view, trace(view, pixel_samples=1), 3000)
     assert against.decided.mean() > 0.95
     assert (against.receiver & against.lit).sum() > 100
@@ -35,7 +35,28 @@ def assert_agrees(scene: Scene, size: int, judged: Callable[..., Any]) -> None:
 
 @pytest.mark.parametrize("name", ["spot-lamp", "railings"])
 def test_builtin_agrees_with_every_triangle_against_every_ray(name, judged) -> None:
-    assert_agrees(load_scene(name), 512, judged)
+    scene = load_scene(name)
+    assert_agrees(view_of(scene, scene.cameras[0], scene.lights[0], 512), judged)
+
+
+@pytest.mark.parametrize("name", ["inside-volume", "lamp-by-wall", "railings", "spot-lamp", "stairs"])
+def test_orthographic_view_agrees_with_every_triangle_against_every_ray(name, judged) -> None:
+    assert_agrees(parallel(load_scene(name), 256), judged)
+
+
+@pytest.mark.parametrize(("name", "size"), [("stairs", "400x225"), ("spot-lamp", "150x400")])
+def test_rectangle_agrees_with_every_triangle_against_every_ray(name, size, judged) -> None:
+    scene = load_scene(name)
+    assert_agrees(view_of(scene, scene.cameras[0], scene.lights[0], size), judged)
+    assert_agrees(parallel(scene, size), judged)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["inside-volume", "lamp-by-wall", "railings", "spot-lamp", "stairs"])
+def test_a_screen_agrees_with_every_triangle_against_every_ray(name, judged) -> None:
+    scene = load_scene(name)
+    assert_agrees(view_of(scene, scene.cameras[0], scene.lights[0], "1280x720"), judged)
+    assert_agrees(parallel(scene, "1280x720"), judged)
 
 
 @pytest.mark.slow
@@ -43,7 +64,9 @@ def test_builtin_agrees_with_every_triangle_against_every_ray(name, judged) -> N
     ("file", "size"), [("armadillo.obj", 256), ("2CylinderEngine.glb", 1024), ("bgfx_tree.obj", 1024)]
 )
 def test_mesh_agrees_with_every_triangle_against_every_ray(file, size, shared_scenes, judged) -> None:
-    assert_agrees(load_scene(shared_scenes / file), size, judged)
+    scene = load_scene(shared_scenes / file)
+    assert_agrees(view_of(scene, scene.cameras[0], scene.lights[0], size), judged)
+    assert_agrees(parallel(scene, size), judged)
 
 
 @pytest.mark.slow

@@ -69,10 +69,9 @@ def inside_hull(corners: Floats, points: Floats) -> np.ndarray:
 
 def ground_points(view: View, truth: Truth, pixel_rays: Callable[..., tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
     """Flat indices of the pixels that show the ground, and (N, 3) where their rays meet it."""
-    eye, directions = pixel_rays(view)
     pixels = np.flatnonzero((truth.triangle.ravel() >= 0) & (truth.triangle.ravel() < GROUND_FACES))
-    rays = directions[pixels]
-    return pixels, eye - rays * (eye[1] / rays[:, 1:2])
+    starts, rays = (each[pixels] for each in pixel_rays(view))
+    return pixels, starts - rays * (starts[:, 1:2] / rays[:, 1:2])
 
 
 @pytest.mark.parametrize(("body", "kind", "degrees", "side"), PAIRS)

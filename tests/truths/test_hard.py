@@ -83,11 +83,12 @@ def test_area_of_a_straight_edge_is_its_coverage(shape, looking, on_ground, sun)
     view = looking([shape("plane", 40.0), plate], sun, eye=(0.3, 1.5, 0.3), target=(0.6, 0.0, -0.6))
     truth = trace(view, pixel_samples=4)
     fine = 32
-    points = on_ground(replace(view, size=view.size * fine))
+    points = on_ground(replace(view, size=view.size.times(fine)))
     crossing = points + (2.0 / -sun.direction[1]) * -np.asarray(sun.direction)
-    lit = (crossing[..., 2] < 0).reshape(view.size, fine, view.size, fine).mean(axis=(1, 3))
+    size = view.size.height
+    lit = (crossing[..., 2] < 0).reshape(size, fine, size, fine).mean(axis=(1, 3))
     at_edge = (lit > 0) & (lit < 1)
-    assert at_edge.sum() > view.size / 2
+    assert at_edge.sum() > size / 2
     assert truth.receivers.all()
     error = truth.area - lit
     assert np.abs(error).max() <= 0.5 / 4 + 0.5 / fine

@@ -70,9 +70,9 @@ def clipped(corners: Floats, normals: Floats) -> Floats:
 
 def ground(view: View, truth: Truth, pixel_rays: Rays) -> tuple[np.ndarray, Floats]:
     """(size², ) whether a pixel shows the ground, y = 0, decided; and (size², 3) where its ray meets it."""
-    eye, directions = pixel_rays(view)
+    starts, rays = pixel_rays(view)
     first_mesh = (truth.triangle >= 0) & (truth.triangle < 2)
-    return (first_mesh & truth.receivers & ~truth.undecided).ravel(), eye - directions * (eye[1] / directions[:, 1:2])
+    return (first_mesh & truth.receivers & ~truth.undecided).ravel(), starts - rays * (starts[:, 1:2] / rays[:, 1:2])
 
 
 def half_plane(shape: Shape, reach: float, scale: float) -> list[Mesh]:

@@ -35,8 +35,8 @@ def panelled(name: str, size: int) -> View:
 def receivers_of(view: View) -> tuple[ViewRays, Receivers]:
     placed, _ = view.placed()
     rays = ViewRays(placed)
-    directions = rays.directions(slice(0, view.size))
-    return rays, rays.receivers(directions, rays.nearest(directions))
+    lines = rays.camera_rays(slice(0, view.size.height))
+    return rays, rays.receivers(lines, rays.nearest(lines))
 
 
 def neighbours(errors: Floats, pixels: np.ndarray, width: int) -> float:
@@ -53,7 +53,7 @@ def deviations(view: View) -> Floats:
     rays, receivers = receivers_of(view)
     pilot, _ = find_penumbra(Estimator(rays, light, OFFSET), receivers, view.size)
     soft = np.flatnonzero((pilot > 0.02) & (pilot < 0.98))
-    rows = receivers.rays[soft] // view.size
+    rows = receivers.rays[soft] // view.size.width
     receivers = receivers.select(soft[rows % math.ceil(len(soft) / PIXELS) == 0])
     reference = [
         Estimator(rays, light, OFFSET, SCRAMBLES + part).sums(receivers, MOST_SAMPLES, REPLICATIONS, 0)
@@ -66,7 +66,7 @@ def deviations(view: View) -> Floats:
     found = [estimate(Estimator(rays, light, OFFSET, seed), receivers, STANDARD_ERROR) for seed in range(SCRAMBLES)]
     values, errors = (np.array([each[part] for each in found]) for part in range(2))
     assert len(best) > 50
-    assert abs(neighbours(values - best, receivers.rays, view.size)) < 0.05
+    assert abs(neighbours(values - best, receivers.rays, view.size.width)) < 0.05
     assert (errors < STANDARD_ERROR).mean() >= 0.95
     z: Floats = (values - best) / np.hypot(errors, best_error)
     return z
@@ -129,7 +129,7 @@ def test_errors_are_independent_between_neighbours_and_as_large_as_told() -> Non
     z = wrong / np.maximum([each.spread for each in found], 1 / 512)
     assert len(best) > 50
     assert 1.0 < z.var() < 1.7
-    assert abs(neighbours(wrong, chosen.rays, view.size)) < 0.1
+    assert abs(neighbours(wrong, chosen.rays, view.size.width)) < 0.1
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import pytest
 from imgui_bundle import imgui
 
 from shadowbench.gl.device import Device
+from shadowbench.options import ViewSize
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
@@ -34,7 +35,7 @@ def viewer(device: Device, clock: SimpleNamespace, judge: Judge) -> Iterator[Vie
     """A viewer of a built-in scene at 64 × 64 pixels."""
     scene, known = load_scene("cube-on-plane"), techniques()
     specs = tuple(parse_spec(text, known) for text in ("shadow-map:size=64", "shadow-volume"))
-    state = ViewerState(scene, scene.cameras[0], scene.lights[0], specs, 64, Origin("cube-on-plane"))
+    state = ViewerState(scene, scene.cameras[0], scene.lights[0], specs, ViewSize(64, 64), Origin("cube-on-plane"))
     viewer = Viewer(device, state, known, judge, seconds=lambda: clock.now)
     yield viewer
     viewer.release()

@@ -17,6 +17,8 @@ from shadowbench.viewer import camera as by_hand
 from shadowbench.viewer.camera import distance, dragged, looked, orbited, panned, zoomed
 
 CAMERA = Camera("camera", (3.0, 2.0, 4.0), (0.5, 0.5, -0.2), math.radians(40.0), near=0.1, far=50.0)
+FLAT = replace(CAMERA, fov_y=0.0, height=3.0)
+BOTH = pytest.mark.parametrize("camera", [CAMERA, FLAT], ids=["perspective", "orthographic"])
 SUN = Light("sun", "directional", direction=(0.4, -1.0, -0.3))
 SPOT = Light("spot", "spot", direction=(0.0, -1.0, 0.2), position=(0.3, 2.0, 0.4), angle=1.0)
 ANGLE = st.floats(-6.0, 6.0)
@@ -27,7 +29,7 @@ def projected(camera: Camera, point: object) -> tuple[float, float]:
     """The place of a point in the picture."""
     right, up, back = camera.basis()
     offset = np.subtract(point, camera.position)
-    scale = math.tan(camera.fov_y / 2) * float(-back @ offset)
+    scale = camera.half_height(float(-back @ offset))
     return float(right @ offset) / scale, float(up @ offset) / scale
 
 
@@ -58,9 +60,19 @@ def test_looking_around_keeps_the_position_and_looking_left_shows_the_target_at_
     assert projected(looked(CAMERA, 0.0, 0.1), CAMERA.target)[1] < 0
 
 
+@BOTH
 @given(PLACE, PLACE)
-def test_panning_takes_the_target_along(x: float, y: float) -> None:
-    assert projected(panned(CAMERA, x, y), CAMERA.target) == pytest.approx((x, y), abs=1e-9)
+def test_panning_takes_the_target_along(camera: Camera, x: float, y: float) -> None:
+    assert projected(panned(camera, x, y), camera.target) == pytest.approx((x, y), abs=1e-9)
+
+
+@BOTH
+@given(st.floats(0.1, 10.0), PLACE, PLACE)
+def test_zooming_shrinks_what_is_beside_the_target(camera: Camera, factor: float, x: float, y: float) -> None:
+    right, up, _ = camera.basis()
+    point = camera.target + x * right + y * up
+    before, after = (projected(each, point) for each in (camera, zoomed(camera, factor)))
+    assert np.multiply(after, factor) == pytest.approx(before, abs=1e-9)
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
@@ -83,14 +95,15 @@ def test_a_sun_is_dragged_around_and_up_and_stays_above_the_horizon() -> None:
     assert by_hand.sun_angles(dragged(SUN, CAMERA, 0.0, -2.0))[1] == pytest.approx(by_hand.LOWEST)
 
 
+@BOTH
 @given(PLACE, PLACE)
-def test_a_lamp_is_dragged_parallel_to_the_picture(x: float, y: float) -> None:
-    moved = dragged(SPOT, CAMERA, x, y)
-    assert np.subtract(projected(CAMERA, moved.position), projected(CAMERA, SPOT.position)) == pytest.approx((x, y))
+def test_a_lamp_is_dragged_parallel_to_the_picture(camera: Camera, x: float, y: float) -> None:
+    moved = dragged(SPOT, camera, x, y)
+    assert np.subtract(projected(camera, moved.position), projected(camera, SPOT.position)) == pytest.approx((x, y))
     assert moved.direction == SPOT.direction
     behind = replace(SPOT, position=(8.0, 5.0, 9.0))
-    step = np.subtract(dragged(behind, CAMERA, x, y).position, behind.position)
-    assert projected(CAMERA, CAMERA.target + step) == pytest.approx((x, y), abs=1e-9)
+    step = np.subtract(dragged(behind, camera, x, y).position, behind.position)
+    assert projected(camera, camera.target + step) == pytest.approx((x, y), abs=1e-9)
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5))

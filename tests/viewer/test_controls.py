@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import NoBias, Sum, Texel
+from shadowbench.options import ViewSize
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Light
@@ -84,6 +85,7 @@ def test_a_plug_ins_parameters_have_widgets_too_and_a_text_is_read_as_in_a_spec(
     odd = parse_spec("odd", techniques([tmp_path / "odd.py"]))
     assert edited_spec(odd, {"odd": odd.technique}) is odd, "they are drawn, without a docstring too"
     assert {key: drawn[key] for key in type(odd.params).model_fields} == {
+        "contact": "begin_combo",
         "width": "slider_int",
         "level": "slider_float",
         "count": "drag_int",
@@ -154,6 +156,6 @@ def test_meshes_and_states_are_opened_and_other_files_are_one_line(viewer: Viewe
     opened(mesh)
     assert viewer.state.scene.name == "own"
     assert viewer.message.startswith(f"{mesh} is shown; ") and "no ground in own.obj: assumed" in viewer.message
-    save_state(replace(before, specs=before.specs[1:], overlay="error", size=96), tmp_path / "state.toml")
+    save_state(replace(before, specs=before.specs[1:], overlay="error", size=ViewSize(96, 54)), tmp_path / "state.toml")
     opened(tmp_path / "state.toml")
-    assert (viewer.state.specs, viewer.state.overlay, viewer.state.size) == (before.specs[1:], "error", 96)
+    assert (viewer.state.specs, viewer.state.overlay, viewer.state.size) == (before.specs[1:], "error", (96, 54))

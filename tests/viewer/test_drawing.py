@@ -17,6 +17,7 @@ from shadowbench.gl.gbuffer import download
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
+from shadowbench.options import ViewSize
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import View
@@ -30,7 +31,7 @@ from shadowbench.viewer.drawing import LEAST_SIZE, Drawing, Viewer, moving_size
 from shadowbench.viewer.judge import Traced
 from shadowbench.viewer.state import ViewerState
 
-SIZE = 64
+SIZE, SQUARE = ViewSize(64, 48), ViewSize(512, 512)
 KNOWN = techniques()
 Settle = Callable[[Viewer], None]
 BROKEN = """
@@ -52,7 +53,7 @@ class Broken(Technique):
         self.texture = stage.texture()
         self.wide = stage.texture((8, 8))
         if self.params.how == "nan":
-            self.texture.write(b'\\xff' * 4 * stage.size[0] ** 2)
+            self.texture.write(b'\\xff' * 4 * stage.size.pixels)
     def draw(self, frame):
         if self.params.how == "exit":
             raise SystemExit(3)
@@ -79,7 +80,7 @@ def state_of(view: View, *specs: str) -> ViewerState:
     return ViewerState(view.scene, view.scene.cameras[0], view.light, parsed, SIZE)
 
 
-def mask_of(drawing: Drawing, state: ViewerState, size: int = SIZE) -> np.ndarray:
+def mask_of(drawing: Drawing, state: ViewerState, size: ViewSize = SIZE) -> np.ndarray:
     drawn = drawing.draw(state, size)
     mask = drawn.visibility(drawn.masks[0])
     drawn.frame.surface.release()
@@ -107,7 +108,7 @@ def test_the_mask_is_that_of_render_also_after_motion(
         request = CellRequest(state.specs[0].full_text)
         expected = worker.call(Session.draw, state.view(), request).visibility
     moved = replace(state, camera=orbited(state.camera, 0.3, 0.1))
-    mask_of(drawing, moved, SIZE // 2)
+    mask_of(drawing, moved, SIZE.times(0.5))
     assert not np.array_equal(mask_of(drawing, moved), expected)
     assert np.array_equal(mask_of(drawing, state), expected)
 
@@ -119,7 +120,7 @@ def test_the_mask_is_that_of_render_also_after_motion(
         ("shader", "ShaderError: fragment shader: "),
         ("exit", "SystemExit: 3"),
         ("gl", "RuntimeError: OpenGL error GL_INVALID_ENUM in drawing broken"),
-        ("size", "ValueError: broken:how=size drew 8 × 8 pixels; allowed: 64 × 64"),
+        ("size", "ValueError: broken:how=size drew 8 × 8 pixels; allowed: 64 × 48"),
     ],
 )
 def test_what_a_technique_breaks_is_shown_and_the_other_is_drawn(
@@ -137,8 +138,8 @@ def test_overlays_show_the_error_and_the_mask(device: Device, drawing: Drawing, 
     state = state_of(builtin("sphere-and-torus"), "cascades:size=64,filter=hard")
     drawn = drawing.draw(state, SIZE)
     mask = drawn.visibility(drawn.masks[0])
-    lit, facets = mask > 0.5, np.tri(SIZE, dtype=bool)
-    wrong = Traced((~lit).astype(np.float32), np.ones((SIZE, SIZE), bool), facets, soft=False)
+    lit, facets = mask > 0.5, np.tri(*SIZE.shape, dtype=bool)
+    wrong = Traced((~lit).astype(np.float32), np.ones(SIZE.shape, bool), facets, soft=False)
 
     def pane(source: Any, **how: Any) -> np.ndarray:
         texture = drawing.picture(drawn, replace(state, **how), source, wrong)
@@ -156,15 +157,15 @@ def test_overlays_show_the_error_and_the_mask(device: Device, drawing: Drawing, 
 
 
 def test_a_moving_image_is_smaller_on_a_software_renderer_only() -> None:
-    assert [moving_size(512, ms, True) for ms in (10, 60, 150, 1000)] == [512, 256, 256, 128]
-    assert moving_size(512, 1000, False) == 512
-    assert moving_size(100, 1000, True) == LEAST_SIZE
-    assert moving_size(16, 1000, True) == 16
+    assert [moving_size(SQUARE, ms, True).height for ms in (10, 60, 150, 1000)] == [512, 256, 256, 128]
+    assert moving_size(SQUARE, 1000, False) == SQUARE
+    assert moving_size(ViewSize(160, 100), 1000, True) == (102, LEAST_SIZE)
+    assert moving_size(ViewSize(16, 16), 1000, True) == (16, 16)
 
 
 def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(viewer: Viewer, settle: Settle) -> None:
     settle(viewer)
-    assert status(viewer) == "scored at 64² against the full truth"
+    assert status(viewer) == "scored at 64 against the full truth"
     truth, drawn = trace(viewer.state.view()), viewer.drawn
     prepared, traced = prepare_truth(truth), viewer.judge.traced(viewer.state)
     assert drawn is not None and traced is not None
@@ -226,7 +227,7 @@ def test_a_mask_that_is_not_drawn_or_nan_has_no_scores(viewer: Viewer, clock: An
             time.sleep(0.01)
             viewer.step()
         assert viewer.judge.scores.keys() == {viewer.state.specs[1].full_text}
-        assert status(viewer) == f"scored at 64² against the full truth; A has no mask: {viewer.failures[0]}"
+        assert status(viewer) == f"scored at 64 against the full truth; A has no mask: {viewer.failures[0]}"
 
 
 @pytest.mark.slow
@@ -238,7 +239,7 @@ def test_scores_that_are_shown_as_fresh_are_always_of_what_is_shown(viewer: View
     for number in range(200):
         state, what = viewer.state, random.randrange(10)
         if what == 0:
-            viewer.change(replace(state, camera=random.choice(cameras), size=random.choice((32, 64))))
+            viewer.change(replace(state, camera=random.choice(cameras), size=random.choice((SIZE, ViewSize(48, 27)))))
         elif what == 1:
             viewer.change(state.with_spec(random.randrange(2), random.choice(specs)))
         elif what == 2:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
-from shadowbench.options import SceneOptions
+from shadowbench.options import SceneOptions, ViewSize
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.library import load_scene
@@ -31,7 +31,7 @@ LEAF = "mtllib leaf.mtl\nv 0 0 0\nv 1 0 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nusem
 def shown(source: str, options: SceneOptions | None = None, **others: Any) -> ViewerState:
     origin = Origin(source, options or SceneOptions())
     scene, spec = origin.load(), parse_spec("shadow-map:size=64,bias=constant(0.01)+normal-offset", KNOWN)
-    return replace(ViewerState(scene, scene.cameras[0], scene.lights[0], (spec,), 64, origin), **others)
+    return replace(ViewerState(scene, scene.cameras[0], scene.lights[0], (spec,), ViewSize(64, 36), origin), **others)
 
 
 def test_what_is_shown_after_saving_is_read_to_the_bit(tmp_path: Path) -> None:
@@ -45,6 +45,9 @@ def test_what_is_shown_after_saving_is_read_to_the_bit(tmp_path: Path) -> None:
     assert replace(read, scene=state.scene, origin=state.origin) == kept
     assert replace(kept, camera=moved.camera, light=sun) == moved
     assert kept.camera.fov_y == pytest.approx(moved.camera.fov_y, rel=1e-15)
+    isometric = replace(state, camera=replace(state.camera, fov_y=0.0, height=turn))
+    save_state(isometric, tmp_path / "state.toml")
+    assert read_state(tmp_path / "state.toml", KNOWN).camera == isometric.camera
     assert np.array_equal(read.scene.geometry.vertices, state.scene.geometry.vertices)
 
 

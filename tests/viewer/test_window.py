@@ -17,6 +17,7 @@ import psutil
 import pytest
 
 from shadowbench.commands import view as view_command
+from shadowbench.options import ViewSize
 from shadowbench.scores.masks import read_mask
 from shadowbench.viewer.drawing import Viewer
 from shadowbench.viewer.state import ViewerState, save_state
@@ -121,7 +122,7 @@ def test_the_command_opens_a_state_as_a_scene_and_a_mesh_from_a_side(
     shown: list[ViewerState] = []
     window = SimpleNamespace(run=lambda: None)
     monkeypatch.setattr(view_command, "_window", lambda: lambda state, _: (shown.append(state), window)[1])
-    save_state(replace(viewer.state, overlay="mask", size=48), tmp_path / "state.toml")
+    save_state(replace(viewer.state, overlay="mask", size=ViewSize(48, 27)), tmp_path / "state.toml")
     (tmp_path / "own.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nv 0 1 0\nf 1 2 3\nf 1 2 4\n")
     for words in (
         ["state.toml"],
@@ -131,6 +132,6 @@ def test_the_command_opens_a_state_as_a_scene_and_a_mesh_from_a_side(
         answer = shadowbench("view", tmp_path / words[0], *words[1:])
         assert answer.code == 0, answer.err
     state, scene, own = shown
-    assert (state.overlay, state.size) == ("mask", 48)
+    assert (state.overlay, state.size) == ("mask", (48, 27))
     assert (scene.overlay, scene.camera.name) == ("picture", "top")  # options read the file as any other scene
     assert (own.camera.name, own.light.name) == ("left", "lamp 0 9 0") and own.specs[0].text == "cube-map"

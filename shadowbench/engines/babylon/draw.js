@@ -13,9 +13,9 @@ const FILTERS = {
 const vector = ([x, y, z]) => new BABYLON.Vector3(-x, y, z); // scenes are left-handed: the loader of glTF mirrors x
 let engine, scene, meshes;
 
-export function open({ canvas, size }) {
+export function open({ canvas, width, height }) {
   engine = new BABYLON.Engine(canvas, false, { preserveDrawingBuffer: true });
-  engine.setSize(size, size);
+  engine.setSize(width, height);
   return BABYLON.Engine.Version;
 }
 
@@ -25,9 +25,14 @@ export async function load({ glb, view }) {
   scene.clearColor = new BABYLON.Color4(0, 0, 0, 1);
   await BABYLON.AppendSceneAsync(new Uint8Array(glb), scene, { pluginExtension: ".glb" });
   [...scene.lights, ...scene.cameras].forEach((own) => own.dispose());
-  const { fov_y, near: minZ, far: maxZ, position, up, target } = view.camera;
+  const { fov_y, height, near: minZ, far: maxZ, position, up, target } = view.camera;
   const camera = new BABYLON.FreeCamera("", vector(position), scene);
   Object.assign(camera, { upVector: vector(up), fov: BABYLON.Tools.ToRadians(fov_y), minZ, maxZ });
+  if (height) {
+    const [right, top] = [(height / 2) * (view.image.width / view.image.height), height / 2];
+    camera.mode = BABYLON.Camera.ORTHOGRAPHIC_CAMERA;
+    Object.assign(camera, { orthoLeft: -right, orthoRight: right, orthoBottom: -top, orthoTop: top });
+  }
   camera.setTarget(vector(target));
   scene.activeCamera = camera;
   meshes = scene.meshes.filter((mesh) => mesh.getTotalVertices() > 0);

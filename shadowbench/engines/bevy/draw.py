@@ -13,33 +13,32 @@ os.mkdir("assets")
 import pybevy  # noqa: E402
 
 bevy, readback = pybevy.prelude, pybevy._pybevy.render_readback
-app = camera = image = lamp = side = None
+app = camera = image = lamp = size = None
 
 
-def open(size):
-    global side
-    side = size
+def open(width, height):
     return metadata.version("pybevy"), "Vulkan"
 
 
 def load(model, view):
-    global app
+    global app, size
     shutil.copy(model, "assets")
     plugins = bevy.DefaultPlugins().set(bevy.WindowPlugin(primary_window=None)).disable(pybevy.winit.WinitPlugin)
     compiled = pybevy.render.RenderPlugin(synchronous_pipeline_compilation=True)  # or pictures lack what is not yet
     app = bevy.App().add_plugins(plugins.set(compiled), readback.ImageCopyPlugin())
     app.insert_resource(bevy.GlobalAmbientLight(brightness=0.0)).add_systems(bevy.Update, smooth).initialize()
-    app.world(lambda world: start(world, view["camera"]))
-    readback.spawn_image_copier(app, camera.to_bits(), image, side, side)
+    size = view["image"]
+    app.world(lambda world: start(world, view["camera"], **size))
+    readback.spawn_image_copier(app, camera.to_bits(), image, *size.values())
 
 
-def start(world, pose):
+def start(world, pose, width, height):
     global camera, image, lamp
     world.spawn(bevy.SceneRoot(world.resource(bevy.AssetServer).load_scene("scene.glb#Scene0")))
-    image = world.resource(bevy.Assets[bevy.Image]).add(bevy.Image.new_render_target(width=side, height=side))
+    image = world.resource(bevy.Assets[bevy.Image]).add(bevy.Image.new_render_target(width=width, height=height))
     black = bevy.Camera(clear_color=bevy.ClearColorConfig.Custom(bevy.Color.BLACK))
     kind = bevy.Camera3d(), black, pybevy.camera.RenderTarget.image(image), bevy.Tonemapping.NONE, bevy.Msaa.Off
-    lens = bevy.PerspectiveProjection(np.radians(pose["fov_y"]), 1.0, pose["near"], pose["far"])
+    lens = bevy.PerspectiveProjection(np.radians(pose["fov_y"]), width / height, pose["near"], pose["far"])
     view = bevy.Projection.Perspective(lens), seen(pose["position"], pose["target"], pose["up"])
     camera = world.spawn(*kind, *view).id()
     lamp = world.spawn(bevy.Transform()).id()
@@ -77,4 +76,4 @@ def draw(**request):
         if frame := readback.try_receive_frame(app, camera.to_bits()):
             same = same + 1 if frame == last and np.frombuffer(frame, np.uint8).reshape(-1, 4)[:, :3].any() else 0
             last = frame
-    return np.frombuffer(last, np.uint8).reshape(side, -1, 4)[:, :side]  # rows are padded
+    return np.frombuffer(last, np.uint8).reshape(size["height"], -1, 4)[:, : size["width"]]  # rows are padded

@@ -9,12 +9,9 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 Y_UP = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))  # from glTF to Blender, where z is up
-side = 0
 
 
-def open(size):
-    global side
-    side = size
+def open(width, height):
     render = bpy.context.scene.render
     render.engine, render.resolution_x, render.resolution_y = "BLENDER_EEVEE", 8, 8
     bpy.ops.render.render()  # before which the renderer has no name
@@ -29,13 +26,17 @@ def load(model, view):
     scene, pose = bpy.context.scene, view["camera"]
     camera = scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.matrix_world = Y_UP @ Matrix(pose["view"]).inverted()
-    camera.data.sensor_fit, camera.data.angle = "VERTICAL", math.radians(pose["fov_y"])
+    camera.data.sensor_fit = "VERTICAL"
+    if pose["height"]:
+        camera.data.type, camera.data.ortho_scale = "ORTHO", pose["height"]
+    else:
+        camera.data.angle = math.radians(pose["fov_y"])
     camera.data.clip_start, camera.data.clip_end = pose["near"], pose["far"]
     scene.collection.objects.link(camera)
     scene.world = None
     render = scene.render
     render.engine = "BLENDER_EEVEE"
-    render.resolution_x = render.resolution_y = side
+    render.resolution_x, render.resolution_y = view["image"]["width"], view["image"]["height"]
     render.filter_size, render.dither_intensity, scene.eevee.light_threshold = 0, 0, 1e-4
     render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
 
@@ -64,8 +65,9 @@ def draw(light, box, params, shadows, exposure):
         bpy.ops.render.render(write_still=True)
         image = bpy.data.images.load(scene.render.filepath)
         image.colorspace_settings.name = "Non-Color"
-        pixels = np.empty(side * side * 4, np.float32)
+        pixels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
         image.pixels.foreach_get(pixels)
-    bpy.data.images.remove(image)
     bpy.data.lights.remove(data)
-    return pixels.reshape(side, side, 4)[::-1]
+    picture = pixels.reshape(image.size[1], image.size[0], 4)[::-1]
+    bpy.data.images.remove(image)
+    return picture

@@ -1,7 +1,7 @@
 """Filament in a page: https://github.com/google/filament."""
 
 from shadowbench.plugin.engine import Engine
-from shadowbench.plugin.params import TechniqueParams
+from shadowbench.plugin.params import SubjectParams
 
 
 class Filament(Engine):
@@ -23,5 +23,5 @@ class Filament(Engine):
     sources = {"shipped": "filament/include/filament/LightManager.h, ShadowOptions, 1.53.4"}
 
     @classmethod
-    def map_size(cls, params: TechniqueParams) -> int | None:
+    def map_size(cls, params: SubjectParams) -> int | None:
         return 1024

@@ -1,7 +1,7 @@
 // Filament: https://google.github.io/filament/Filament.html#imagingpipeline/shadows
 let Filament, engine, renderer, swapChain, loader, camera, view, scene, asset, lamp;
 
-export async function open({ canvas, size }) {
+export async function open({ canvas, width, height }) {
   await new Promise((ready) => globalThis.Filament.init([], ready)); // which assigns it anew
   ({ Filament } = globalThis);
   engine = Filament.Engine.create(canvas, { preserveDrawingBuffer: true, antialias: false });
@@ -10,13 +10,13 @@ export async function open({ canvas, size }) {
   camera.setExposureDirect(1);
   view = engine.createView();
   view.setCamera(camera);
-  view.setViewport([0, 0, size, size]);
+  view.setViewport([0, 0, width, height]);
   view.setPostProcessingEnabled(false); // pictures are linear then
   renderer.setClearOptions({ clearColor: [0, 0, 0, 1], clear: true });
   return "1.53.4"; // it does not say
 }
 
-export async function load({ glb, view: { camera: pose, meshes } }) {
+export async function load({ glb, view: { camera: pose, image, meshes } }) {
   extinguish();
   if (asset) loader.destroyAsset(asset);
   if (scene) engine.destroyScene(scene);
@@ -32,7 +32,9 @@ export async function load({ glb, view: { camera: pose, meshes } }) {
       renderables.setReceiveShadows(renderables.getInstance(entity), receives);
     }
   }
-  camera.setProjectionFov(pose.fov_y, 1, pose.near, pose.far, Filament.Camera$Fov.VERTICAL);
+  const half = pose.height / 2, aspect = image.width / image.height, sides = [-aspect * half, aspect * half, -half, half];
+  if (half) camera.setProjection(Filament.Camera$Projection.ORTHO, ...sides, pose.near, pose.far);
+  else camera.setProjectionFov(pose.fov_y, aspect, pose.near, pose.far, Filament.Camera$Fov.VERTICAL);
   camera.lookAt(pose.position, pose.target, pose.up);
 }
 

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from shadowbench.plugin.engine import Engine, EngineParams
-from shadowbench.plugin.params import TechniqueParams, param
+from shadowbench.plugin.params import SubjectParams, param
 
 
 class OgreParams(EngineParams):
@@ -43,5 +43,5 @@ class Ogre(Engine):
     }
 
     @classmethod
-    def map_size(cls, params: TechniqueParams) -> int | None:
+    def map_size(cls, params: SubjectParams) -> int | None:
         return params.size if isinstance(params, OgreParams) and params.technique == "texture" else None

@@ -12,7 +12,7 @@ FOLDER = tempfile.TemporaryDirectory()  # of scene.glb
 app = target = texture = scene = camera = lamp = None
 
 
-def open(size):
+def open(width, height):
     global app, target, texture, scene, camera, lamp
     app = Ogre.Bites.ApplicationContext("shadowbench")
     app.createRoot()
@@ -23,10 +23,10 @@ def open(size):
     scene = app.getRoot().createSceneManager()
     ShaderGenerator.getSingleton().addSceneManager(scene)
     camera, lamp = scene.createCamera("camera"), scene.createLight()
-    camera.setAspectRatio(1.0)
+    camera.setAspectRatio(width / height)
     for each in camera, lamp:
         scene.getRootSceneNode().createChildSceneNode().attachObject(each)
-    kind = Ogre.TEX_TYPE_2D, size, size, 0, Ogre.PF_FLOAT32_RGBA, Ogre.TU_RENDERTARGET
+    kind = Ogre.TEX_TYPE_2D, width, height, 0, Ogre.PF_FLOAT32_RGBA, Ogre.TU_RENDERTARGET
     texture = Ogre.TextureManager.getSingleton().createManual("picture", Ogre.RGN_DEFAULT, *kind)
     target = texture.getBuffer().getRenderTarget()
     target.addViewport(camera).setMaterialScheme(Ogre.MSN_SHADERGEN)
@@ -48,7 +48,12 @@ def load(model, view):
     node.setOrientation(Ogre.Quaternion(*(Ogre.Vector3(*row[:3]) for row in pose["view"][:3])))
     camera.setNearClipDistance(0.99 * pose["nearest"])  # volumes need all of the 24 bits
     camera.setFarClipDistance(0)  # infinite, as volumes set it
-    camera.setFOVy(Ogre.Radian(Ogre.Degree(pose["fov_y"])))
+    if pose["height"]:
+        camera.setProjectionType(Ogre.PT_ORTHOGRAPHIC)
+        camera.setOrthoWindow(pose["height"] * camera.getAspectRatio(), pose["height"])
+    else:
+        camera.setProjectionType(Ogre.PT_PERSPECTIVE)
+        camera.setFOVy(Ogre.Radian(Ogre.Degree(pose["fov_y"])))
 
 
 def draw(light, params, shadows, exposure, **_):

@@ -10,11 +10,11 @@ KINDS = {"directional": core.DirectionalLight, "spot": core.Spotlight, "point": 
 engine = output = picture = scene = camera = None
 
 
-def open(size):
+def open(width, height):
     global engine, output, picture, camera
     core.load_prc_file_data("", "textures-power-2 none")
     engine, pipe = core.GraphicsEngine.get_global_ptr(), core.GraphicsPipeSelection.get_global_ptr().make_default_pipe()
-    made = core.WindowProperties.size(size, size), core.GraphicsPipe.BF_refuse_window
+    made = core.WindowProperties.size(width, height), core.GraphicsPipe.BF_refuse_window
     host = engine.make_output(pipe, "host", 0, core.FrameBufferProperties.get_default(), *made)
     frame = core.FrameBufferProperties()
     frame.float_color, frame.depth_bits = True, 32
@@ -37,8 +37,14 @@ def load(model, view):
     scene.set_shader_auto()
     scene.set_bin("unsorted", 0)  # in this order where surfaces meet
     camera.reparent_to(scene)
-    pose, lens = view["camera"], camera.node().get_lens()
-    lens.set_fov(pose["fov_y"], pose["fov_y"])
+    pose, aspect = view["camera"], view["image"]["width"] / view["image"]["height"]
+    if height := pose["height"]:
+        lens = core.OrthographicLens()
+        lens.set_film_size(aspect * height, height)
+    else:
+        across = 2 * np.arctan(aspect * np.tan(np.radians(pose["fov_y"]) / 2))
+        lens = core.PerspectiveLens(np.degrees(across), pose["fov_y"])
+    camera.node().set_lens(lens)
     lens.set_near_far(pose["near"], pose["far"])
     place(camera, pose["position"], pose["target"], pose["up"])
 

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from shadowbench.plugin.engine import Engine, EngineParams
-from shadowbench.plugin.params import TechniqueParams, param
+from shadowbench.plugin.params import SubjectParams, param
 
 
 class PlayCanvasParams(EngineParams):
@@ -48,6 +48,6 @@ class PlayCanvas(Engine):
     }
 
     @classmethod
-    def view_slices(cls, params: TechniqueParams) -> int:
+    def view_slices(cls, params: SubjectParams) -> int:
         """Number of frustum slices with a map of their own."""
         return params.cascades if isinstance(params, PlayCanvasParams) else 1

@@ -11,7 +11,7 @@ const FILTERS = {
 };
 let app, root, camera, light, asset;
 
-export async function open({ canvas, size }) {
+export async function open({ canvas, width, height }) {
   const device = { deviceTypes: [pc.DEVICETYPE_WEBGL2], antialias: false, preserveDrawingBuffer: true };
   const options = new pc.AppOptions();
   options.graphicsDevice = await pc.createGraphicsDevice(canvas, device);
@@ -20,7 +20,7 @@ export async function open({ canvas, size }) {
   app = new pc.AppBase(canvas);
   app.init(options);
   app.setCanvasFillMode(pc.FILLMODE_NONE);
-  app.setCanvasResolution(pc.RESOLUTION_FIXED, size, size);
+  app.setCanvasResolution(pc.RESOLUTION_FIXED, width, height);
   app.autoRender = false;
   app.scene.ambientLight = new pc.Color(0, 0, 0);
   app.start();
@@ -44,10 +44,11 @@ export async function load({ glb, view }) {
     const parts = root.findByName(name)?.findComponents("render") ?? [];
     parts.forEach((part) => Object.assign(part, { castShadows: casts, receiveShadows: receives }));
   }
-  const { fov_y: fov, near: nearClip, far: farClip, position, up, target } = view.camera;
+  const { fov_y: fov, height, near: nearClip, far: farClip, position, up, target } = view.camera;
   const plain = { clearColor: pc.Color.BLACK, toneMapping: pc.TONEMAP_NONE, gammaCorrection: pc.GAMMA_SRGB };
   camera = new pc.Entity("camera");
-  camera.addComponent("camera", { fov, nearClip, farClip, ...plain });
+  const lens = height ? { projection: pc.PROJECTION_ORTHOGRAPHIC, orthoHeight: height / 2 } : { fov };
+  camera.addComponent("camera", { ...lens, nearClip, farClip, ...plain });
   app.root.addChild(camera);
   camera.setPosition(...position);
   camera.lookAt(new pc.Vec3(...target), new pc.Vec3(...up));

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from shadowbench.plugin.engine import Engine, EngineParams
-from shadowbench.plugin.params import TechniqueParams, param
+from shadowbench.plugin.params import SubjectParams, param
 
 
 class PygfxParams(EngineParams):
@@ -36,5 +36,5 @@ class Pygfx(Engine):
     }
 
     @classmethod
-    def map_size(cls, params: TechniqueParams) -> int | None:
+    def map_size(cls, params: SubjectParams) -> int | None:
         return 1024

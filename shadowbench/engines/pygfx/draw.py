@@ -7,9 +7,9 @@ import pygfx
 renderer = scene = camera = None
 
 
-def open(size):
+def open(width, height):
     global renderer
-    target = pygfx.Texture(dim=2, size=(size, size, 1), format="rgba8unorm")
+    target = pygfx.Texture(dim=2, size=(width, height, 1), format="rgba8unorm")
     renderer = pygfx.WgpuRenderer(target, pixel_ratio=1, ppaa="none")
     return pygfx.__version__, renderer.device.adapter.info["device"]
 
@@ -23,7 +23,13 @@ def load(model, view):
         elif isinstance(node, pygfx.Mesh):
             node.cast_shadow = node.receive_shadow = True
     pose = view["camera"]
-    camera = pygfx.PerspectiveCamera(pose["fov_y"], 1, depth_range=(pose["near"], pose["far"]))
+    planes, height = (pose["near"], pose["far"]), pose["height"]
+    aspect = view["image"]["width"] / view["image"]["height"]
+    if height:
+        camera = pygfx.OrthographicCamera(aspect * height, height, depth_range=planes)
+    else:
+        mean = np.tan(np.radians(pose["fov_y"]) / 2) * (1 + aspect) / 2  # of width and height, which its angle is of
+        camera = pygfx.PerspectiveCamera(2 * np.degrees(np.arctan(mean)), aspect, depth_range=planes)
     camera.local.position = pose["position"]
     camera.local.reference_up = pose["up"]
     camera.look_at(pose["target"])

@@ -6,10 +6,10 @@ const FILTERS = { basic: THREE.BasicShadowMap, pcf: THREE.PCFShadowMap, vsm: THR
 const SIDES = { shipped: null, front: THREE.FrontSide, back: THREE.BackSide, both: THREE.DoubleSide };
 let renderer, scene, camera, light, meshes;
 
-export function open({ canvas, size }) {
+export function open({ canvas, width, height }) {
   renderer = new THREE.WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
   renderer.setPixelRatio(1);
-  renderer.setSize(size, size, false);
+  renderer.setSize(width, height, false);
   renderer.toneMapping = THREE.NoToneMapping;
   renderer.shadowMap.enabled = true;
   return THREE.REVISION;
@@ -32,8 +32,11 @@ export async function load({ glb, view }) {
     mesh.castShadow = mesh.userData.casts ?? true;
     mesh.receiveShadow = mesh.userData.receives ?? true;
   }
-  const { fov_y, near, far, position, up, target } = view.camera;
-  camera = new THREE.PerspectiveCamera(fov_y, 1, near, far);
+  const { fov_y, height, near, far, position, up, target } = view.camera;
+  const half = height / 2, aspect = view.image.width / view.image.height;
+  camera = height
+    ? new THREE.OrthographicCamera(-aspect * half, aspect * half, half, -half, near, far)
+    : new THREE.PerspectiveCamera(fov_y, aspect, near, far);
   camera.position.set(...position);
   camera.up.set(...up);
   camera.lookAt(...target);

@@ -9,12 +9,12 @@ from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer, vtkRenderWindow, 
 window = renderer = None
 
 
-def open(size):
+def open(width, height):
     global window
     window = vtkRenderWindow()
     window.SetOffScreenRendering(True)
     window.SetMultiSamples(0)
-    window.SetSize(size, size)
+    window.SetSize(width, height)
     window.Render()
     lines = window.ReportCapabilities().splitlines()
     return vtkVersion.GetVTKVersion(), next(line.split(": ")[1].strip() for line in lines if "renderer string" in line)
@@ -35,7 +35,11 @@ def load(model, view):
     camera.SetPosition(pose["position"])
     camera.SetFocalPoint(pose["target"])
     camera.SetViewUp(pose["up"])
-    camera.SetViewAngle(pose["fov_y"])
+    camera.SetParallelProjection(bool(pose["height"]))
+    if pose["height"]:
+        camera.SetParallelScale(pose["height"] / 2)
+    else:
+        camera.SetViewAngle(pose["fov_y"])
     camera.SetClippingRange(pose["near"], pose["far"])
 
 
@@ -65,4 +69,6 @@ def draw(light, params, shadows, exposure, **_):
     grabbed.SetInput(window)
     grabbed.Update()
     pixels = vtk_to_numpy(grabbed.GetOutput().GetPointData().GetScalars())
-    return (pixels.reshape(*window.GetSize(), 3)[::-1] / 255).astype(np.float32) ** 2.2  # its materials' own gamma
+    return (pixels.reshape(*window.GetSize()[::-1], 3)[::-1] / 255).astype(
+        np.float32
+    ) ** 2.2  # its materials' own gamma

@@ -26,12 +26,12 @@ async function load(view, cell) {
   const error = (at) => !mask || !truth || undecided?.data[at] >= 128 ? 0 : (mask.data[at] - truth.data[at]) / 255;
   const dark = (at) => mask && facets?.data[at] >= 128 ? 1 - mask.data[at] / 255 : 0; // of a smooth surface's own triangles
   const smooth = facets?.data.some((level, at) => at % 4 === 0 && level >= 128);
-  return { lit: lit?.data, ambient: ambient?.data, truth, mask, picture, size: (mask ?? picture ?? truth)?.width ?? 1, error, dark, smooth, soft: cell?.soft };
+  return { lit: lit?.data, ambient: ambient?.data, truth, mask, picture, shape: mask ?? picture ?? truth ?? { width: 1, height: 1 }, error, dark, smooth, soft: cell?.soft };
 }
 
 // Draws what `load` gave in a mode: shaded, mask or difference.
 function render(canvas, of, mode) {
-  const image = new ImageData(of.size, of.size), out = image.data, base = mode === "difference" ? of.truth ?? of.mask : of.mask;
+  const { width, height } = of.shape, image = new ImageData(width, height), out = image.data, base = mode === "difference" ? of.truth ?? of.mask : of.mask;
   for (let at = 0; at < out.length; at += 4) {
     const visibility = base ? base.data[at] / 255 : 1;
     const unlit = of.lit && of.lit[at] === of.ambient[at] && of.lit[at + 1] === of.ambient[at + 1]; // even without shadows
@@ -45,7 +45,7 @@ function render(canvas, of, mode) {
     out[at + 3] = 255;
     if (mode === "difference") tint(out, at, of);
   }
-  Object.assign(canvas, { width: of.size, height: of.size }).getContext("2d").putImageData(image, 0, 0);
+  Object.assign(canvas, { width, height }).getContext("2d").putImageData(image, 0, 0);
 }
 
 // Turns a pixel into pale grey, tinted by its error; of soft shadows by the root, as their errors are small.
@@ -110,6 +110,7 @@ class Viewer {
       canvas.ariaLabel = `${this.mode}: ${nameOf(cell)}`;
       const of = await load(view, cell);
       this.find(".smooth").hidden = !of.smooth;
+      this.stage.style.aspectRatio = of.shape.width / of.shape.height;
       render(canvas, of, this.mode);
     });
     return this.done = Promise.all([this.onDraw(this.a), ...sides]);
