@@ -1,4 +1,8 @@
 // Writes depth only.
 #include "cutout.glsl"
+#include "gradient.glsl"
 
-void main() { cut_out(); }
+void main() {
+    store_gradient();  // first, as derivatives need all four fragments
+    cut_out();
+}

@@ -21,6 +21,8 @@ struct ShadowCoord {
     float depth;              // as stored, in [0, 1]
     float bias;               // how much nearer to the light it is taken to be
     vec2 gradient;            // of the depth over uv that texels are compared with
+    float slack;     // added to the bias for each texel along both sides to a texel's centre
+    float longest;            // change of depth by which two planes that differ are extended at most
     vec3 axis;                // unit vector of decreasing depth, towards the light's plane, or a cube map's light
     float axis_distance;      // from the light along that axis; 1 for a directional light
     float depth_per_length;   // derivative of depth along that axis, per local length
@@ -29,13 +31,25 @@ struct ShadowCoord {
     vec2 texel;               // size of a texel at the receiver, in local lengths
 };
 
+struct Texel {
+    float depth;    // as stored
+    vec2 offset;    // from the receiver's point to where it is read, in texels; to its centre, if compared one by one
+    vec2 gradient;  // with GRADIENTS: of the triangle that is stored; see gradient.glsl
+};
+
+vec2 unpacked(uint gradient) { return vec2(uintBitsToFloat(gradient << 16), uintBitsToFloat(gradient & 0xFFFF0000u)); }
+
 // A kind of map, of a sun or a spot unless it is chosen otherwise: a file that defines
 //   ShadowCoord projected(ShadowCoord p)             the point of p.position in layer p.layer
 //   MAP_SAMPLER map_depths, lookup(p, offset)        the map, and its texture coordinates; offsets are in texels
-//   float nearest_depth(ShadowCoord p, vec2 offset), hardware_comparison(ShadowCoord p, vec2 offset, float depth)
-//   float plane_depth(ShadowCoord p, vec2 offset)    linear depth of the receiver's plane, less the bias
-//   vec3 to_texels(ShadowCoord p, vec4 v)            homogeneous texels of a point (w = 1) or direction (w = 0)
-// and, with ON_PLANE, compare_nearest and compare_linear as in shadow_map.glsl.
+//   Texel nearest_texel(ShadowCoord p, vec2 offset)
+//   Texel[4] texels_around(ShadowCoord p, vec2 corner)     from the one at these texels of the map, right first
+//   float hardware_comparison(ShadowCoord p, vec2 offset, float depth)
+//   float plane_depth(ShadowCoord p, vec2 offset)          linear depth of the receiver's plane, less the bias
+//   float receiver_at_centre(ShadowCoord p, Texel t)       depth of the receiver's plane at the texel's centre
+//   float caster_at_point(ShadowCoord p, Texel t)          depth of the stored triangle's plane at the receiver's point
+//   vec2 plane_gradient(ShadowCoord p)                     of depth over uv on the receiver's plane; 0 for a cube
+//   vec3 to_texels(ShadowCoord p, vec4 v)                  homogeneous texels of a point (w = 1) or direction (w = 0)
 #include "map/<projection>.glsl"
 
 ShadowCoord shadow_coord(Receiver r, int layer) {
@@ -46,6 +60,9 @@ ShadowCoord shadow_coord(Receiver r, int layer) {
     p.bias = 0.0;
     return projected(p);
 }
+
+// The offset of the centre of the texel at an offset.
+vec2 to_centre(ShadowCoord p, vec2 offset) { return floor(p.uv * map_size + offset) + 0.5 - p.uv * map_size; }
 
 ShadowCoord moved(ShadowCoord p, vec3 offset) {
     p.position += offset;

@@ -28,17 +28,52 @@ float resolution(ShadowCoord p) { return max(depth_step, position_step * p.depth
 //   float compare_nearest(ShadowCoord p, vec2 offset)    of the nearest texel: 1 lit, 0 in shadow
 //   float compare_linear(ShadowCoord p, vec2 offset)     of the four nearest, with bilinear weights
 //   vec4 contents_at(ShadowCoord p, vec2 offset)         what the filter stored there, blurred and from the mip levels
-// Texels are compared with the receiver's depth, or if `on_plane` is true in Python each with the receiver's plane there.
 // Filters as wide as the scene asks for may include plane.glsl.
-#if ON_PLANE == 0
+
+// A comparison, which a bias or the filter may bring: a file that defines
+//   bool texel_lit(ShadowCoord p, Texel t)    whether the stored caster does not shadow the receiver
+//   HARDWARE_DEPTH(p, offset)                 if it defines it, the depth with which all texels around are compared
+//   float texel_sure(ShadowCoord p, Texel t)  if it defines TEXEL_SURE, the same by the depth alone: 1, 0, or ½ for unsure
+#include <comparison>
+
+#ifdef HARDWARE_DEPTH
+float compare_nearest(ShadowCoord p, vec2 offset) { return texel_lit(p, nearest_texel(p, offset)) ? 1.0 : 0.0; }
+
+float compare_linear(ShadowCoord p, vec2 offset) {
+    return hardware_comparison(p, offset, HARDWARE_DEPTH(p, offset));
+}
+#else
 float compare_nearest(ShadowCoord p, vec2 offset) {
-    float depth = stored_range(p.depth, p.bias + depth_step);
-    return depth_sign * (depth - nearest_depth(p, offset)) <= p.bias ? 1.0 : 0.0;
+    return texel_lit(p, nearest_texel(p, to_centre(p, offset))) ? 1.0 : 0.0;
+}
+
+// Whether the four texels from a corner on are lit, right first: 1 or 0, sure ones perhaps ½.
+vec4 lit_around(ShadowCoord p, vec2 corner) {
+    Texel t[4] = texels_around(p, corner);
+    return vec4(texel_lit(p, t[0]), texel_lit(p, t[1]), texel_lit(p, t[2]), texel_lit(p, t[3]));
+}
+
+vec4 sure_around(ShadowCoord p, vec2 corner) {
+#ifdef TEXEL_SURE
+    Texel t[4] = texels_around(p, corner);
+    return vec4(texel_sure(p, t[0]), texel_sure(p, t[1]), texel_sure(p, t[2]), texel_sure(p, t[3]));
+#else
+    return lit_around(p, corner);
+#endif
 }
 
 float compare_linear(ShadowCoord p, vec2 offset) {
-    return hardware_comparison(p, offset, p.depth - depth_sign * p.bias);
+    vec2 at = p.uv * map_size + offset - 0.5, corner = floor(at), weight = at - corner;
+    vec4 lit = lit_around(p, corner);
+    return mix(mix(lit.x, lit.y, weight.x), mix(lit.z, lit.w, weight.x), weight.y);
 }
+#endif
+
+// Whether the caster of this linear depth, stored at an offset, is in front of the receiver.
+#ifdef BLOCKS
+bool blocks(ShadowCoord p, vec2 offset, float linear) { return BLOCKS(p, offset, linear); }
+#else
+bool blocks(ShadowCoord p, vec2 offset, float linear) { return compare_nearest(p, offset) == 0.0; }
 #endif
 uniform MAP_SAMPLER map_contents;  // what the filter stored, blurred
 

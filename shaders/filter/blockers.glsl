@@ -10,7 +10,7 @@ vec2 blockers(ShadowCoord p, mat3 across, float radius, mat2 turned, int count) 
     for (int i = 0; i < count; ++i) {
         vec2 offset = offset_across(across, radius * turned * disc_point(i, count));
         float stored = contents_at(p, offset).x;
-        if (stored >= plane_depth(p, offset)) continue;
+        if (!blocks(p, offset, stored)) continue;
         sum += p.linear - stored;
         ++found;
     }

@@ -3,6 +3,9 @@
 #include "cube_faces.glsl"
 #define MAP_SAMPLER samplerCube
 uniform MAP_SAMPLER map_depths;
+#if GRADIENTS == 1
+uniform usamplerCube map_gradients;
+#endif
 uniform samplerCubeShadow map_compare;  // the same map with hardware comparison, 2×2 linear, seamless at edges
 uniform float map_far;  // local length
 const bool has_near_plane = false;  // no caster is in front of the light
@@ -38,7 +41,31 @@ vec3 lookup(ShadowCoord p, vec2 offset) {
     return cube_faces[p.layer] * vec3(offset * p.texel, 0.0) - p.axis * p.axis_distance;
 }
 
-float nearest_depth(ShadowCoord p, vec2 offset) { return textureLod(map_depths, lookup(p, offset), 0.0).r; }
+// The direction to the centre of the texel at an offset, 1 along the axis of the texel's own face.
+vec3 toward_centre(ShadowCoord p, vec2 offset) {
+    vec3 toward = lookup(p, offset);
+    mat3 face = cube_faces[face_of(toward)];
+    vec3 on_face = toward * face;
+    vec2 texel = min(floor((0.5 + 0.5 * on_face.xy / on_face.z) * map_size), map_size - 1.0);  // on a seam, too
+    return face * vec3((2.0 * texel + 1.0) / map_size - 1.0, 1.0);
+}
+
+Texel nearest_texel(ShadowCoord p, vec2 offset) {
+#if GRADIENTS == 1
+    vec3 toward = toward_centre(p, offset);  // on a seam the hardware may choose another face
+    vec2 gradient = unpacked(textureLod(map_gradients, toward, 0.0).r);
+#else
+    vec3 toward = lookup(p, offset);
+    vec2 gradient = vec2(0.0);
+#endif
+    return Texel(textureLod(map_depths, toward, 0.0).r, offset, gradient);
+}
+
+Texel[4] texels_around(ShadowCoord p, vec2 corner) {
+    vec2 from = corner + 0.5 - p.uv * map_size;
+    return Texel[4](nearest_texel(p, from), nearest_texel(p, from + vec2(1.0, 0.0)),
+                    nearest_texel(p, from + vec2(0.0, 1.0)), nearest_texel(p, from + 1.0));
+}
 
 float hardware_comparison(ShadowCoord p, vec2 offset, float depth) {
     return texture(map_compare, vec4(lookup(p, offset), depth));
@@ -56,10 +83,20 @@ float plane_depth(ShadowCoord p, vec2 offset) {
     return along * height > 0.0 ? height / along / map_far - (p.depth - p.linear) : 1.0;
 }
 
-#if ON_PLANE == 1
-float compare_nearest(ShadowCoord p, vec2 offset) {
-    return plane_depth(p, offset) <= nearest_depth(p, offset) ? 1.0 : 0.0;
+vec2 plane_gradient(ShadowCoord p) { return vec2(0.0); }  // no plane has a constant one
+
+float receiver_at_centre(ShadowCoord p, Texel t) {
+    vec3 away = -p.axis * p.axis_distance, normal = p.receiver.normal;
+    float along = dot(normal, normalize(toward_centre(p, t.offset))), height = dot(normal, away);
+    return along * height > 0.0 ? height / along / map_far : 1.0;
 }
 
-float compare_linear(ShadowCoord p, vec2 offset) { return hardware_comparison(p, offset, plane_depth(p, offset)); }
-#endif
+// On a plane the inverse of the distance along the face's axis is linear over the face.
+float caster_at_point(ShadowCoord p, Texel t) {
+    vec3 centre = toward_centre(p, t.offset);
+    mat3 face = cube_faces[face_of(centre)];
+    vec3 on_face = -p.axis * face;
+    vec2 texels = (on_face.xy / on_face.z - (centre * face).xy) * map_size / 2.0;
+    float inverse = max(1.0 + dot(t.gradient, texels), 1e-6);
+    return t.depth / length(centre) / (on_face.z * inverse);
+}

@@ -8,6 +8,7 @@ uniform float depth_scale[LAYERS];     // depth per local length along the axis:
 uniform vec3 light_axis;               // unit vector along the light's axis, pointing back to the light
 #if ARRAY == 1
 #define MAP_SAMPLER sampler2DArray
+#define GRADIENT_SAMPLER usampler2DArray
 uniform sampler2DArrayShadow map_compare;  // the same maps with hardware comparison, 2×2 linear
 
 vec3 in_layer(ShadowCoord p, vec2 uv) { return vec3(uv, p.layer); }
@@ -15,6 +16,7 @@ vec3 lookup(ShadowCoord p, vec2 offset) { return in_layer(p, p.uv + offset / map
 float compared_at(vec3 at, float depth) { return texture(map_compare, vec4(at, depth)); }
 #else
 #define MAP_SAMPLER sampler2D
+#define GRADIENT_SAMPLER usampler2D
 uniform sampler2DShadow map_compare;  // the same map with hardware comparison, 2×2 linear
 
 vec2 in_layer(ShadowCoord p, vec2 uv) { return uv; }
@@ -22,6 +24,9 @@ vec2 lookup(ShadowCoord p, vec2 offset) { return in_layer(p, p.uv + offset / map
 float compared_at(vec2 at, float depth) { return texture(map_compare, vec3(at, depth)); }
 #endif
 uniform MAP_SAMPLER map_depths;
+#if GRADIENTS == 1
+uniform GRADIENT_SAMPLER map_gradients;
+#endif
 const bool has_near_plane = true;
 
 ShadowCoord projected(ShadowCoord p) {
@@ -38,8 +43,28 @@ ShadowCoord projected(ShadowCoord p) {
     return p;
 }
 
-float nearest_depth(ShadowCoord p, vec2 offset) {
-    return textureLod(map_depths, in_layer(p, (floor(p.uv * map_size + offset) + 0.5) / map_size), 0.0).r;
+Texel nearest_texel(ShadowCoord p, vec2 offset) {
+    vec2 at = (floor(p.uv * map_size + offset) + 0.5) / map_size;
+    Texel t = Texel(textureLod(map_depths, in_layer(p, at), 0.0).r, offset, vec2(0.0));
+#if GRADIENTS == 1
+    t.gradient = unpacked(textureLod(map_gradients, in_layer(p, at), 0.0).r);
+#endif
+    return t;
+}
+
+Texel[4] texels_around(ShadowCoord p, vec2 corner) {
+    vec2 from = corner + 0.5 - p.uv * map_size;
+    vec4 stored = textureGather(map_depths, lookup(p, from + 0.5));
+    Texel t[4] = Texel[4](Texel(stored.w, from, vec2(0.0)), Texel(stored.z, from + vec2(1.0, 0.0), vec2(0.0)),
+                          Texel(stored.x, from + vec2(0.0, 1.0), vec2(0.0)), Texel(stored.y, from + 1.0, vec2(0.0)));
+#if GRADIENTS == 1
+    uvec4 slopes = textureGather(map_gradients, lookup(p, from + 0.5));
+    t[0].gradient = unpacked(slopes.w);
+    t[1].gradient = unpacked(slopes.z);
+    t[2].gradient = unpacked(slopes.x);
+    t[3].gradient = unpacked(slopes.y);
+#endif
+    return t;
 }
 
 float hardware_comparison(ShadowCoord p, vec2 offset, float depth) { return compared_at(lookup(p, offset), depth); }
@@ -47,7 +72,8 @@ float hardware_comparison(ShadowCoord p, vec2 offset, float depth) { return comp
 // Gradient of depth over uv on the receiver's plane: constant over the map, for a spot too. Planes transform by the inverse
 // transpose.
 vec2 plane_gradient(ShadowCoord p) {
-    vec4 plane = vec4(p.receiver.normal, -dot(p.receiver.normal, p.receiver.position)) * map_to_world[p.layer];
+    float height = PARALLEL == 1 ? 0.0 : dot(p.receiver.normal, p.receiver.position);
+    vec4 plane = vec4(p.receiver.normal, -height) * map_to_world[p.layer];
     return plane.z == 0.0 ? vec2(0.0) : -plane.xy / plane.z;
 }
 
@@ -61,26 +87,5 @@ float plane_depth(ShadowCoord p, vec2 offset) {
     return p.linear + (w - p.axis_distance) * p.linear_per_length;
 }
 
-#if ON_PLANE == 1
-float compare(float stored, vec2 texel, ShadowCoord p) {
-    // Clamped as stored depths are: beyond the far plane the receiver's plane must not be behind an empty texel, nor
-    // before the near plane in front of casters clamped to it.
-    float depth = stored_range(p.depth + dot(p.gradient, (texel + 0.5) / map_size - p.uv), p.bias + depth_step);
-    return depth_sign * (depth - stored) <= p.bias ? 1.0 : 0.0;
-}
-
-float compare_nearest(ShadowCoord p, vec2 offset) {
-    return compare(nearest_depth(p, offset), floor(p.uv * map_size + offset), p);
-}
-
-// Hardware comparison does not support different depths.
-float compare_linear(ShadowCoord p, vec2 offset) {
-    vec2 at = p.uv * map_size + offset - 0.5;
-    vec2 corner = floor(at);
-    vec2 weight = at - corner;
-    vec4 stored = textureGather(map_depths, lookup(p, corner + 1.0 - p.uv * map_size));
-    float below = mix(compare(stored.w, corner, p), compare(stored.z, corner + vec2(1.0, 0.0), p), weight.x);
-    float above = mix(compare(stored.x, corner + vec2(0.0, 1.0), p), compare(stored.y, corner + 1.0, p), weight.x);
-    return mix(below, above, weight.y);
-}
-#endif
+float receiver_at_centre(ShadowCoord p, Texel t) { return p.depth + dot(p.gradient / map_size, t.offset); }
+float caster_at_point(ShadowCoord p, Texel t) { return t.depth - dot(t.gradient, t.offset); }

@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
 
+from pydantic import model_validator
+
 from shadowbench.plugin.params import Call, Component, param, parse_value
 
 MapKind = Literal["2d", "array", "cube"]
@@ -52,13 +54,16 @@ class Bias(Component):
     """Base class of the biases.
 
     maps: the supported kinds of shadow map; swept: the parameters that a study's `bias_sweep` multiplies; effects: the
-    parameters that are fields of its `effect`; on_plane: whether each texel is compared with the receiver's plane
-    there, and not all with the receiver's depth. Several biases that act together are a `Sum`, written with `+`.
+    parameters that are fields of its `effect`; comparison: its own shader, a file or its text, of the comparison of a
+    texel, by default with the receiver's depth; gradients: whether that needs the depth gradient of the triangle in
+    each texel. Several biases that act together are a `Sum`, written with `+`.
     """
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
     swept: ClassVar[tuple[str, ...]] = ()
     effects: ClassVar[dict[str, str]] = {}
+    comparison: ClassVar[str] = ""
+    gradients: ClassVar[bool] = False
     shader = "bias/none.glsl"
 
     @classmethod
@@ -75,13 +80,14 @@ class Bias(Component):
         return (self,)
 
     @property
+    def comparing(self) -> "Bias | None":
+        """The term that has a comparison of its own."""
+        return next((term for term in self.terms if term.comparison), None)
+
+    @property
     def effect(self) -> Effect:
         """What it does besides its shader, and how long it is."""
         return Effect(**{name: getattr(self, key) for name, key in self.effects.items()})
-
-    @property
-    def on_plane(self) -> bool:
-        return False
 
     def scaled(self, factor: float) -> Self:
         """A copy with the `swept` parameters multiplied. Raises ValidationError beyond a parameter's limits."""
@@ -198,16 +204,13 @@ class ReceiverPlane(Bias):
 
     name = "receiver-plane"
     shader = "bias/receiver-plane.glsl"
+    comparison = "comparison/plane.glsl"
     swept = ("slack",)
     effects = {"texels": "slack"}
     gradient: Literal["plane", "derivative"] = param("plane", "from the geometric normal or from screen derivatives")
     limit: float = param(10.0, "tan θ to which the gradient is limited", gt=0, le=1e6)
     slack: float = param(1.5, "texel widths along the ray, for surfaces curved within a texel", ge=0, le=1e6)
     ulps: float = param(4.0, "steps of the depth format added to the bias", ge=0, le=1e6)
-
-    @property
-    def on_plane(self) -> bool:
-        return True
 
 
 class Texel(Bias):
@@ -227,6 +230,21 @@ class Texel(Bias):
     grazing: float = param(50.0, "tan θ from which the receiver is offset along its normal instead", ge=0, le=1e6)
 
 
+class TwoPlanes(Bias):
+    """No length to choose: a caster shadows only what is behind it by two planes.
+
+    It must be in front of the receiver's plane at the texel's centre, and its own plane in front of the receiver. On a
+    surface that bends smoothly over a texel one of the two never is, and nothing detaches from where it stands. The map
+    also stores the slopes of its triangles, 4 bytes a texel.
+    """
+
+    name = "two-planes"
+    shader = "bias/two-planes.glsl"
+    comparison = "comparison/two-planes.glsl"
+    gradients = True
+    maps = ALL_MAPS
+
+
 class Sum(Bias):
     """The sum of two biases, `polygon-offset(2,4)+before-divide(0.01)`: the second applies to what the first has left.
 
@@ -237,6 +255,13 @@ class Sum(Bias):
     first: Bias
     second: Bias
 
+    @model_validator(mode="after")
+    def _compares_once(self) -> Self:
+        own = {term.comparison: term.name for term in self.terms if term.comparison}
+        if len(own) > 1:
+            raise ValueError(f"found {'+'.join(own.values())}, which both compare texels; allowed: one of them")
+        return self
+
     @property
     def terms(self) -> tuple[Bias, ...]:
         return (self.first, *self.second.terms)
@@ -244,10 +269,6 @@ class Sum(Bias):
     @property
     def effect(self) -> Effect:
         return self.first.effect + self.second.effect
-
-    @property
-    def on_plane(self) -> bool:
-        return self.first.on_plane or self.second.on_plane
 
     def scaled(self, factor: float) -> Self:
         return type(self)(first=self.first.scaled(factor), second=self.second.scaled(factor))

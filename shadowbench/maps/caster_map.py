@@ -121,6 +121,8 @@ class MapLayout:
         for part in parts:
             if self.kind not in part.maps:
                 return f"{part.name} has no meaning for {names[self.kind]}"
+        if (own := bias.comparing) and own.gradients and not filter.compares:
+            return f"{own.name} compares texels, which {filter.name} does not"
         return unsupported_map(device, self.size, self.depth, self.kind, self.layers)
 
 
@@ -199,18 +201,19 @@ class CasterMap:
         layout: MapLayout,
         bias: Bias = _NO_BIAS,
         contents: MapContents | None = None,
+        gradients: Color | None = None,
     ) -> None:
-        self.program, self.layout, self.contents = program, layout, contents
+        self.program, self.layout, self.contents, self.gradients = program, layout, contents, gradients
         depth_target = stage.depth_target(layout.size, layout.depth, layout.kind, layout.layers)
         self.texture, self.step = depth_target.texture, depth_target.step
         self._all_layers, self._layer_targets = depth_target.target, depth_target.layer_targets
         self._far = (1.0, 1.0, 1.0, 1.0)
         if contents is not None:
             self._far = contents.far
-            self._all_layers = stage.target(contents.texture, depth=self.texture)
+        if stored := [*([contents.texture] if contents else []), *([gradients] if gradients else [])]:
+            self._all_layers = stage.target(*stored, depth=self.texture)
             self._layer_targets = tuple(
-                stage.target(contents.texture, depth=self.texture, layer=layer)
-                for layer in range(len(self._layer_targets))
+                stage.target(*stored, depth=self.texture, layer=layer) for layer in range(len(self._layer_targets))
             )
         # Of triangles with the same depth at a texel, the last drawn decides what a filter stores besides.
         self._chunks = chunks = CasterChunks(stage.scene, layout.cull, contents is None, program.cut is not None)
@@ -242,6 +245,8 @@ class CasterMap:
         }
         if self.contents is not None:
             samplers["map_contents"] = self.contents.texture, self.contents.sampling
+        if self.gradients is not None:
+            samplers["map_gradients"] = self.gradients, Sampling(wrap="repeat" if wrap == "repeat" else "edge")
         return samplers
 
     def draw(self, frame: Frame, views: Sequence[LightView], layered: bool = False) -> None:
@@ -300,25 +305,31 @@ class FilteredMap(CasterMap):
         self.bias: Bias = params.bias
         self.filter: Filter = params.filter
         stored, contents = self.filter.contents, None
-        cube, on_plane = layout.kind == "cube", self.bias.on_plane or self.filter.on_plane
+        cube, own = layout.kind == "cube", self.bias.comparing
+        self.stores_gradients = own is not None and own.gradients
         self.defines = {
             "LAYERS": layout.layers,
             "ARRAY": int(layout.kind == "array"),
             "PARALLEL": int(parallel),
             "REVERSED": int(layout.reversed_depth),
             "LIT_BEYOND": int(layout.far_rule == "lit"),
-            "ON_PLANE": int(on_plane),
-            "GRADIENT_OF_RECEIVER": int(on_plane and not cube and not self.bias.on_plane),
+            "CUBE": int(cube),
+            "CONTENTS": int(stored is not None),
+            "GRADIENTS": int(self.stores_gradients),
+            "GRADIENT_OF_RECEIVER": int(self.filter.on_plane and own is None),
             "MIPMAPPED": int(stored is not None and stored.mips),
             **more,
         }
-        self.includes = {"projection": "cube" if cube else "matrix", "map": layout.kind}
+        comparison = own.comparison if own else f"comparison/{'plane' if self.filter.on_plane else 'depth'}.glsl"
+        self.includes = {"projection": "cube" if cube else "matrix", "map": layout.kind, "comparison": comparison}
         if stored is not None:
             contents = MapContents(stage, params, stored, layout, self.defines, self.includes)
         folder = "cube-map/" if cube else ""
         fragment = f"{folder}depth.frag" if contents is None else f"{folder}contents.frag"
         program = stage.program(vertex, fragment, geometry, params=params, defines=self.defines, includes=self.includes)
-        super().__init__(stage, program, layout, self.bias, contents)
+        side = (layout.size, layout.size)
+        slopes = stage.map_texture(side, layout.kind, layout.layers, 1, "u4") if self.stores_gradients else None
+        super().__init__(stage, program, layout, self.bias, contents, slopes)
 
     def resolve_pass(self, fragment: str, components: int = 1, **defines: int) -> ResolvePass:
         """A pass over the pixels by a shader that includes `shadow_map.glsl`. defines: in place of the map's."""
@@ -363,7 +374,8 @@ class FilteredMap(CasterMap):
     def facts(self, pixels: int) -> dict[str, float]:
         """Culled triangles, and texture reads: the filter's of each pixel, and those that prepare what it stores."""
         prepared = self.contents.reads if self.contents else 0
-        return {"culled_triangles": self.culled, "reads": self.filter.reads * pixels + prepared}
+        reads = self.filter.reads * (1 + self.stores_gradients)  # of a texel's depth, and of its gradient
+        return {"culled_triangles": self.culled, "reads": reads * pixels + prepared}
 
 
 def map_uniforms(light_views: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:

@@ -31,12 +31,14 @@ class Contents:
 class Filter(Component):
     """Base class of the filters. A subclass has a `name` and a `shader`; the rest has defaults.
 
-    maps: the supported kinds of shadow map; reads: texture reads per pixel, of which a hardware comparison of 2×2
+    maps: the supported kinds of shadow map; compares: whether it compares texels one by one or in fours, as a bias with
+    a comparison of its own needs; reads: texture reads per pixel, of which a hardware comparison of 2×2
     texels is one; on_plane: whether each texel is compared with the receiver's plane there, and not all with the
     receiver's depth.
     """
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
+    compares: ClassVar[bool] = True
 
     def radius(self, size: int) -> float:
         """The distance from a receiver to compared texels that the bias must span, in texels of a map of `size`.
@@ -149,6 +151,7 @@ class PCF20(Filter):
     name = "pcf-20"
     shader = "filter/pcf-20.glsl"
     maps = frozenset({"cube"})
+    compares = False
     spread: float = param(
         0.04, "offset of the taps in metres at the camera, twice that at its far plane", gt=0, metres=True
     )
@@ -171,6 +174,7 @@ class Filterable(Filter):
     """
 
     maps = ALL_MAPS
+    compares = False
     blur: int = param(5, "texels along a side of the blur's kernel; 1 for none", ge=1, le=64)
     kernel: Kernel = param("box", "weights of the blur; a Gaussian's standard deviation is a quarter of its width")
     mips: bool = param(False, "mip levels, with a footprint from the receiver's plane")

@@ -24,8 +24,8 @@ Casters cut out by alpha are drawn whole by shaders that do not test it. Those t
 `cut_out()`. A ray asks its `is_opaque`, with the textures `stage.cutouts` and the defines CUTOUTS and RAYS.
 
 A plug-in may also define a filter or a bias, which every technique whose kind of map it supports then has: a subclass
-of `filters.Filter` or `biases.Bias`, whose `shader` is the text of the functions that `shadow_map.glsl` lists, or a
-file beside it.
+of `filters.Filter` or `biases.Bias`, whose `shader`, and a bias's `comparison`, is the text of the functions that
+`shadow_map.glsl` lists, or a file beside it.
 """
 
 from abc import ABC, abstractmethod

@@ -21,7 +21,16 @@ from shadowbench.plugin.params import Component, SubjectParams, components_of, i
 from shadowbench.scenes.model import Placement, Scene
 
 Resource = TypeVar("Resource", bound=Releasable)
-MAP_DEFINES = {"LAYERS": "1", "ARRAY": "0", "PARALLEL": "0", "REVERSED": "0", "ON_PLANE": "0", "MIPMAPPED": "0"}
+MAP_DEFINES = {
+    "LAYERS": "1",
+    "ARRAY": "0",
+    "PARALLEL": "0",
+    "REVERSED": "0",
+    "MIPMAPPED": "0",
+    "GRADIENTS": "0",
+    "CONTENTS": "0",
+    "CUBE": "0",
+}
 """Defines of `map.glsl`: of one map of a sun or a spot."""
 _COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4, "nu2": 2}
 

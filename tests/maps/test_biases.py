@@ -22,6 +22,7 @@ EXACT = {
     "receiver-plane": "receiver-plane(gradient=plane,limit=10,slack=0,ulps=12)",
     "texel": "texel(scale=1,limit=8,ulps=4)",
     "normal-offset": "normal-offset(scale=1,ulps=4)",
+    "two-planes": "two-planes",
 }
 
 

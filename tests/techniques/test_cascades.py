@@ -113,10 +113,10 @@ def test_selection_uses_the_first_cascade_that_contains_the_point_or_that_of_its
 
 
 def test_one_cascade_is_one_map_of_that_box(studio, build, builtin) -> None:
-    for name in ("cube-on-plane", "street"):
+    for name, bias in (("cube-on-plane", "texel"), ("street", "texel"), ("street", "two-planes")):
         shot = studio.shot(builtin(name, SIZE))
-        one = build("cascades:count=1,box=scene,z_mult=1,size=256", shot)
-        single = build("shadow-map:fit=view,size=256", shot)
+        one = build(f"cascades:count=1,box=scene,z_mult=1,size=256,bias={bias}", shot)
+        single = build(f"shadow-map:fit=view,size=256,bias={bias}", shot)
         masks = [technique.draw(shot) for technique in (one, single)]
         assert np.abs(masks[0] - masks[1]).max() <= 4e-3 and masks[0].min() == 0  # samplers may weight by 1/256
         assert np.array_equal(one.technique.map_image(), single.technique.map_image())

@@ -14,7 +14,11 @@ SCENES = {"directional": "sphere-and-torus", "spot": "spot-lamp"}
 
 @pytest.mark.parametrize(
     ("kind", "bias", "filter_"),
-    pairs(SCENES, ["constant(0.005)", "polygon-offset", "texel", "receiver-plane"], ["hard", "hardware", "dither-4"]),
+    pairs(
+        SCENES,
+        ["constant(0.005)", "polygon-offset", "texel", "receiver-plane", "two-planes"],
+        ["hard", "hardware", "dither-4"],
+    ),
 )
 def test_reversed_depth_shadows_what_forward_depth_does(kind, bias, filter_, builtin, mask, device) -> None:
     if not device.clip_control:
@@ -86,7 +90,7 @@ def test_16_bits_are_too_few_for_a_deep_perspective_map(shape, looking, spot, st
 
 @pytest.mark.parametrize(
     ("bias", "fit", "size"),
-    by_turns(["texel", "constant(0.05)", "slope", "receiver-plane"], ["visible", "view"], [64, 256]),
+    by_turns(["texel", "constant(0.05)", "slope", "receiver-plane", "two-planes"], ["visible", "view"], [64, 256]),
 )
 def test_a_caster_in_front_of_the_near_plane_shadows_under_every_bias(size, fit, bias, shape, looking, mask, studio):
     """A low sun behind a block that stands far outside the picture: all that is seen lies in its shadow."""
