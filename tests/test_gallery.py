@@ -116,7 +116,7 @@ def test_settings_of_course_notes_are_specs_whose_sheets_exist_and_name_every_se
     assert set(re.findall(r"gallery.md#([\w-]+)", page)) <= sheets and len(sheets) == len(ARTEFACTS)
     named = {type(component) for spec in specs.values() for component in spec.components}
     others = {name for family in (Bias, Filter, Fit, Split) for name, one in family.table.items() if one not in named}
-    assert others == {"receiver-plane", "terminator", "castano", "dpcf", "view", "ends"}
+    assert others == {"receiver-plane", "two-planes", "terminator", "castano", "dpcf", "view", "ends"}
     presets = {f"{one.name}:preset={name}" for one in own_techniques() for name in {*one.presets} - {*ENGINES}}
     assert presets <= specs.keys()
 

@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
 from shadowbench.gl.device import moderngl
 from shadowbench.gl.gbuffer import view_projection
 from shadowbench.gl.program import Sampling

@@ -9,10 +9,11 @@ import pytest
 
 from shadowbench.extremes.axes import AXES, FRAMES
 from shadowbench.extremes.model import TEXEL, value_label
+from shadowbench.options import ViewSize
 from shadowbench.scenes.model import Light, LightKind, View
 from shadowbench.truths.trace import trace
 
-SMALL = 48
+SMALL = ViewSize(48, 48)
 
 every_light = pytest.mark.parametrize("kind", ["directional", "spot", "point"])
 

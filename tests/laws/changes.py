@@ -1,7 +1,7 @@
 """The laws: changes of a view that must not change its shadows, and why.
 
 Each takes a view in file coordinates and a random generator, and returns the changed view, with the camera's near and
-far planes transformed too. A docstring's first line is the law's text in docs/explanation/laws.md, the rest its reason.
+far planes transformed too. A docstring's first line is the law, the rest its reason.
 """
 
 from collections.abc import Callable

@@ -132,7 +132,7 @@ def aside(view: View, x: float, y: float) -> Camera:
     camera = view.camera
     right, up, _ = camera.basis()
     toward = np.subtract(camera.target, camera.position)
-    pixel = 2 * np.tan(camera.fov_y / 2) / view.size * np.linalg.norm(toward)
+    pixel = view.pixel * np.linalg.norm(toward)
     return replace(camera, target=vec3(camera.target + pixel * (x * right + y * up)))
 
 
