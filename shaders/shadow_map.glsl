@@ -54,13 +54,12 @@ vec4 lit_around(ShadowCoord p, vec2 corner) {
     return vec4(texel_lit(p, t[0]), texel_lit(p, t[1]), texel_lit(p, t[2]), texel_lit(p, t[3]));
 }
 
+#ifndef TEXEL_SURE
+#define texel_sure(p, t) float(texel_lit(p, t))
+#endif
 vec4 sure_around(ShadowCoord p, vec2 corner) {
-#ifdef TEXEL_SURE
     Texel t[4] = texels_around(p, corner);
     return vec4(texel_sure(p, t[0]), texel_sure(p, t[1]), texel_sure(p, t[2]), texel_sure(p, t[3]));
-#else
-    return lit_around(p, corner);
-#endif
 }
 
 float compare_linear(ShadowCoord p, vec2 offset) {
@@ -147,8 +146,6 @@ float lit(ShadowCoord p) {
 #if GRADIENT_OF_RECEIVER == 1
     p.gradient = plane_gradient(p);  // a filter asks for the receiver's plane, and the bias has none
 #endif
-#if GRADIENTS == 1
-    p.depth = stored_range(p.depth, p.bias + depth_step);
-#endif
+    if (GRADIENTS == 1) p.depth = stored_range(p.depth, p.bias + depth_step);
     return filter_visibility(p);
 }

@@ -5,9 +5,8 @@
 
 ShadowCoord bias(ShadowCoord p) {
 #if PARALLEL == 1  // in half the time, as the map's axes are at right angles to its rays
-    vec2 side = p.texel * map_size;
-    p.gradient = (mat3(world_to_map[p.layer]) * p.receiver.normal).xy * side * side
-               * (depth_sign * p.depth_per_length / p.receiver.cosine);
+    p.gradient = (mat3(world_to_map[p.layer]) * p.receiver.normal).xy * p.texel * p.texel
+               * (map_size * map_size * depth_sign * p.depth_per_length / p.receiver.cosine);
 #else
     p.gradient = plane_gradient(p);
 #endif

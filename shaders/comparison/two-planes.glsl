@@ -18,8 +18,7 @@ float texel_sure(ShadowCoord p, Texel t) {
 
 bool texel_lit(ShadowCoord p, Texel t) {
     float front = in_front(p, t), slack = dot(vec2(p.slack), abs(t.offset)) + p.bias;
-    // No receiver's plane is behind an empty texel.
-    float centre = min(depth_sign * receiver_change(p, t), 1.0 - from_near(p.depth));
+    float centre = min(depth_sign * receiver_change(p, t), 1.0 - from_near(p.depth));  // behind no empty texel
     float point = depth_sign * caster_change(p, t);
     // What is farther in front of the point shadows it, unless both planes are about there: that of a steep facet at a
     // silhouette is extended no farther. And so does what is in front of the near plane, and stored there.

@@ -27,12 +27,13 @@ float filter_visibility(ShadowCoord p) {
             lit += sum < unsure ? sum : 0.0;
         }
 #ifdef TEXEL_SURE
-    // A loop, which processors without branches leave too, but after a turn of none: so of one texel each.
+    // A loop of one texel a turn, as processors without branches leave loops too, after one turn more. In floats, as
+    // drivers on a CPU divide integers one by one.
     for (int i = 0; rest != 0; rest = i == 3 ? rest & rest - 1 : rest, i = (i + 1) & 3) {
-        float row = floor((float(findLSB(rest)) + 0.5) / quads);  // in floats, as drivers on a CPU divide integers one by one
-        vec2 at = 2.0 * vec2(float(findLSB(rest)) - row * quads, row) + vec2(i & 1, i >> 1);
-        bool inside = max(at.x, at.y) < float(FILTER_TAPS);
-        lit += inside && texel_lit(p, nearest_texel(p, first + 0.5 + at - p.uv * map_size)) ? 1.0 : 0.0;
+        float at_quad = float(findLSB(rest)), row = floor((at_quad + 0.5) / quads);
+        vec2 at = 2.0 * vec2(at_quad - row * quads, row) + vec2(i & 1, i >> 1);
+        if (max(at.x, at.y) < float(FILTER_TAPS))
+            lit += float(texel_lit(p, nearest_texel(p, first + 0.5 + at - p.uv * map_size)));
     }
 #endif
     return lit / float(FILTER_TAPS * FILTER_TAPS);
