@@ -46,8 +46,8 @@ vec2 unpacked(uint gradient) { return vec2(uintBitsToFloat(gradient << 16), uint
 //   Texel[4] texels_around(ShadowCoord p, vec2 corner)     from the one at these texels of the map, right first
 //   float hardware_comparison(ShadowCoord p, vec2 offset, float depth)
 //   float plane_depth(ShadowCoord p, vec2 offset)          linear depth of the receiver's plane, less the bias
-//   float receiver_at_centre(ShadowCoord p, Texel t)       depth of the receiver's plane at the texel's centre
-//   float caster_at_point(ShadowCoord p, Texel t)          depth of the stored triangle's plane at the receiver's point
+//   float receiver_change(ShadowCoord p, Texel t)          of depth on the receiver's plane to the texel's centre
+//   float caster_change(ShadowCoord p, Texel t)            of depth on the stored triangle's plane, the same way
 //   vec2 plane_gradient(ShadowCoord p)                     of depth over uv on the receiver's plane; 0 for a cube
 //   vec3 to_texels(ShadowCoord p, vec4 v)                  homogeneous texels of a point (w = 1) or direction (w = 0)
 #include "map/<projection>.glsl"

@@ -33,7 +33,8 @@ float resolution(ShadowCoord p) { return max(depth_step, position_step * p.depth
 // A comparison, which a bias or the filter may bring: a file that defines
 //   bool texel_lit(ShadowCoord p, Texel t)    whether the stored caster does not shadow the receiver
 //   HARDWARE_DEPTH(p, offset)                 if it defines it, the depth with which all texels around are compared
-//   float texel_sure(ShadowCoord p, Texel t)  if it defines TEXEL_SURE, the same by the depth alone: 1, 0, or ½ for unsure
+//   float texel_sure(ShadowCoord p, Texel t)  if it defines TEXEL_SURE, the same by the depth alone: 1, 0, or unsure
+const float unsure = 9.0;  // more than any four texels together
 #include <comparison>
 
 #ifdef HARDWARE_DEPTH
@@ -47,19 +48,18 @@ float compare_nearest(ShadowCoord p, vec2 offset) {
     return texel_lit(p, nearest_texel(p, to_centre(p, offset))) ? 1.0 : 0.0;
 }
 
-// Whether the four texels from a corner on are lit, right first: 1 or 0, sure ones perhaps ½.
+// Whether the four texels from a corner on are lit, right first: 1 or 0, sure ones perhaps unsure.
 vec4 lit_around(ShadowCoord p, vec2 corner) {
     Texel t[4] = texels_around(p, corner);
     return vec4(texel_lit(p, t[0]), texel_lit(p, t[1]), texel_lit(p, t[2]), texel_lit(p, t[3]));
 }
 
+#ifndef TEXEL_SURE
+#define texel_sure(p, t) float(texel_lit(p, t))
+#endif
 vec4 sure_around(ShadowCoord p, vec2 corner) {
-#ifdef TEXEL_SURE
     Texel t[4] = texels_around(p, corner);
     return vec4(texel_sure(p, t[0]), texel_sure(p, t[1]), texel_sure(p, t[2]), texel_sure(p, t[3]));
-#else
-    return lit_around(p, corner);
-#endif
 }
 
 float compare_linear(ShadowCoord p, vec2 offset) {
@@ -146,5 +146,6 @@ float lit(ShadowCoord p) {
 #if GRADIENT_OF_RECEIVER == 1
     p.gradient = plane_gradient(p);  // a filter asks for the receiver's plane, and the bias has none
 #endif
+    if (GRADIENTS == 1) p.depth = stored_range(p.depth, p.bias + depth_step);
     return filter_visibility(p);
 }

@@ -9,7 +9,7 @@ bool texel_lit(ShadowCoord p, Texel t) { return plane_depth(p, t.offset) <= t.de
 bool texel_lit(ShadowCoord p, Texel t) {
     // Clamped as stored depths are: beyond the far plane the receiver's plane must not be behind an empty texel, nor
     // before the near plane in front of casters clamped to it.
-    float depth = stored_range(receiver_at_centre(p, t), p.bias + depth_step);
+    float depth = stored_range(p.depth + receiver_change(p, t), p.bias + depth_step);
     return depth_sign * (depth - t.depth) <= p.bias;
 }
 #endif

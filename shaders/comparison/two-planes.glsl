@@ -3,31 +3,25 @@
 // to the centre: one of them is never in front.
 #define TEXEL_SURE
 
-struct AtCentre {
-    float slack, most;  // by which the caster may be in front if it does not shadow, and if the other plane says that it does not
-    float behind;       // by which the receiver's plane is behind the caster
-    bool near;          // what is farther in front of the receiver's point shadows it, unless both planes are about there:
-                        // that of a steep facet at a silhouette is extended no farther
-};
-
-float clamped_depth(ShadowCoord p) { return stored_range(p.depth, p.bias + depth_step); }
-
-AtCentre at_centre(ShadowCoord p, Texel t) {
-    // Casters in front of the near plane are stored at near; a slack larger than the receiver's depth would miss them.
-    float slack = min(p.bias + p.slack * (abs(t.offset.x) + abs(t.offset.y)), from_near(clamped_depth(p)) - depth_step);
-    float behind = depth_sign * (stored_range(receiver_at_centre(p, t), slack + depth_step) - t.depth);
-    bool near = depth_sign * (clamped_depth(p) - t.depth) <= p.longest + slack;
-    return AtCentre(slack, max(p.longest, slack), behind, near);
+// By how much more than the slack the caster is in front of the receiver's point.
+float in_front(ShadowCoord p, Texel t) {
+    vec2 reach = p.slack * abs(t.offset);  // in an order by which texels of a row or a column share sums
+    return depth_sign * p.depth - p.bias - reach.x - reach.y - depth_sign * t.depth;
 }
 
-// Without the caster's plane: 1 lit, 0 in shadow, and one half where that plane decides.
+// Without the caster's plane: 1 lit, 0 in shadow, and `unsure` where that plane decides.
 float texel_sure(ShadowCoord p, Texel t) {
-    AtCentre c = at_centre(p, t);
-    return c.near && c.behind <= c.slack ? 1.0 : c.near || c.behind <= c.most ? 0.5 : 0.0;
+    float front = in_front(p, t), centre = depth_sign * receiver_change(p, t);
+    if (front + centre <= 0.0 && front <= p.longest && from_near(t.depth) > 0.0) return 1.0;
+    return front + min(centre, 0.0) <= p.longest ? unsure : 0.0;
 }
 
 bool texel_lit(ShadowCoord p, Texel t) {
-    AtCentre c = at_centre(p, t);
-    float at_point = depth_sign * (clamped_depth(p) - caster_at_point(p, t));
-    return min(c.behind, at_point) <= c.slack && (c.near || max(c.behind, at_point) <= c.most);
+    float front = in_front(p, t), slack = dot(vec2(p.slack), abs(t.offset)) + p.bias;
+    float centre = min(depth_sign * receiver_change(p, t), 1.0 - from_near(p.depth));  // behind no empty texel
+    float point = depth_sign * caster_change(p, t);
+    // What is farther in front of the point shadows it, unless both planes are about there: that of a steep facet at a
+    // silhouette is extended no farther. And so does what is in front of the near plane, and stored there.
+    bool near = front <= p.longest || front + max(centre, point) <= max(p.longest - slack, 0.0);
+    return front + min(centre, point) <= 0.0 && near && from_near(t.depth) > 0.0;
 }

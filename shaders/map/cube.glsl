@@ -85,18 +85,18 @@ float plane_depth(ShadowCoord p, vec2 offset) {
 
 vec2 plane_gradient(ShadowCoord p) { return vec2(0.0); }  // no plane has a constant one
 
-float receiver_at_centre(ShadowCoord p, Texel t) {
+float receiver_change(ShadowCoord p, Texel t) {
     vec3 away = -p.axis * p.axis_distance, normal = p.receiver.normal;
     float along = dot(normal, normalize(toward_centre(p, t.offset))), height = dot(normal, away);
-    return along * height > 0.0 ? height / along / map_far : 1.0;
+    return (along * height > 0.0 ? height / along / map_far : 1.0) - p.depth;
 }
 
 // On a plane the inverse of the distance along the face's axis is linear over the face.
-float caster_at_point(ShadowCoord p, Texel t) {
+float caster_change(ShadowCoord p, Texel t) {
     vec3 centre = toward_centre(p, t.offset);
     mat3 face = cube_faces[face_of(centre)];
     vec3 on_face = -p.axis * face;
     vec2 texels = (on_face.xy / on_face.z - (centre * face).xy) * map_size / 2.0;
     float inverse = max(1.0 + dot(t.gradient, texels), 1e-6);
-    return t.depth / length(centre) / (on_face.z * inverse);
+    return t.depth - t.depth / length(centre) / (on_face.z * inverse);
 }

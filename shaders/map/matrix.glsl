@@ -54,11 +54,11 @@ Texel nearest_texel(ShadowCoord p, vec2 offset) {
 
 Texel[4] texels_around(ShadowCoord p, vec2 corner) {
     vec2 from = corner + 0.5 - p.uv * map_size;
-    vec4 stored = textureGather(map_depths, lookup(p, from + 0.5));
+    vec4 stored = textureGather(map_depths, in_layer(p, (corner + 1.0) / map_size));
     Texel t[4] = Texel[4](Texel(stored.w, from, vec2(0.0)), Texel(stored.z, from + vec2(1.0, 0.0), vec2(0.0)),
                           Texel(stored.x, from + vec2(0.0, 1.0), vec2(0.0)), Texel(stored.y, from + 1.0, vec2(0.0)));
 #if GRADIENTS == 1
-    uvec4 slopes = textureGather(map_gradients, lookup(p, from + 0.5));
+    uvec4 slopes = textureGather(map_gradients, in_layer(p, (corner + 1.0) / map_size));
     t[0].gradient = unpacked(slopes.w);
     t[1].gradient = unpacked(slopes.z);
     t[2].gradient = unpacked(slopes.x);
@@ -87,5 +87,5 @@ float plane_depth(ShadowCoord p, vec2 offset) {
     return p.linear + (w - p.axis_distance) * p.linear_per_length;
 }
 
-float receiver_at_centre(ShadowCoord p, Texel t) { return p.depth + dot(p.gradient / map_size, t.offset); }
-float caster_at_point(ShadowCoord p, Texel t) { return t.depth - dot(t.gradient, t.offset); }
+float receiver_change(ShadowCoord p, Texel t) { return dot(p.gradient / map_size, t.offset); }
+float caster_change(ShadowCoord p, Texel t) { return dot(t.gradient, t.offset); }

@@ -142,7 +142,7 @@ ShadowCoord bias(ShadowCoord p) {
 }
 """
     comparison = """
-bool texel_lit(ShadowCoord p, Texel t) { return depth_sign * (p.depth - caster_at_point(p, t)) <= p.bias; }
+bool texel_lit(ShadowCoord p, Texel t) { return depth_sign * (p.depth - t.depth + caster_change(p, t)) <= p.bias; }
 """
     gradients = True
     maps = frozenset({"2d", "array", "cube"})
