@@ -134,7 +134,7 @@ def tour(hands: Hands) -> None:
     assert hands.score("iou", 1) > 0.999
 
     sun, pane = viewer.state.light, canvas.panes[0]
-    x, y = pane.x + pane.side / 3, pane.y + pane.side / 2
+    x, y = pane.x + pane.width / 3, pane.y + pane.height / 2
     xdotool("keydown", "shift")
     hands.drag((x, y), (x + 90, y + 20), button=3)
     xdotool("keyup", "shift")
@@ -161,13 +161,13 @@ def tour(hands: Hands) -> None:
     hands.scored()
     hands.choose("##layout", "wipe", "", lambda: len(canvas.panes) == 1)
     pane = canvas.panes[0]
-    y = pane.y + 0.8 * pane.side
-    hands.drag((pane.x + pane.side / 2, y), (pane.x + 0.7 * pane.side, y))
+    y = pane.y + 0.8 * pane.height
+    hands.drag((pane.x + pane.width / 2, y), (pane.x + 0.7 * pane.width, y))
     hands.until("the line to move", lambda: 0.65 < viewer.state.wipe < 0.75)
     hands.picture("window")
 
     camera = viewer.state.camera
-    hands.drag((pane.x + 0.3 * pane.side, y), (pane.x + 0.3 * pane.side + 60, y))
+    hands.drag((pane.x + 0.3 * pane.width, y), (pane.x + 0.3 * pane.width + 60, y))
     hands.until("the camera to move", lambda: viewer.state.camera != camera)
     hands.click("save")
     hands.until("a state file", lambda: "view.toml: saved" in viewer.message)
