@@ -75,6 +75,7 @@ def wrong(scene: str, frames: list[Rendering]) -> NDArray[np.bool_]:
     return (truth.valid & (dark != truth.shadow)) | (truth.facet_shadow & dark)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ARTEFACTS)
 def test_the_metric_sees_the_artefact_and_the_cure_fixes_the_pixels_that_the_text_names(scene: str) -> None:
     one, frames = ARTEFACTS[scene], drawn(scene)

@@ -286,6 +286,7 @@ def test_invalid_option_values_are_one_line(shadowbench: Callable[..., Any], tmp
     assert not (tmp_path / "rows" / "rows.jsonl").exists()
 
 
+@pytest.mark.slow
 def test_times_of_this_machine_rank_if_asked_and_an_impossible_budget_is_not_met(
     shadowbench: Callable[..., Any], tmp_path: Path
 ) -> None:

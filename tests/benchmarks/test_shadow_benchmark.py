@@ -82,6 +82,7 @@ def test_a_suite_is_scored_and_timed_in_frames_of_the_reference(folder: Path) ->
     assert {*METRICS, "work_fragments", "gpu_bytes", "renderer", "frame_ms", "added_ms"} <= row.keys()
 
 
+@pytest.mark.slow
 def test_disabled_benchmarks_still_score(folder: Path) -> None:
     done = call(folder, "--benchmark-disable", "-k", "lamp or regressed")
     assert "1 failed, 1 skipped" in done.stdout, done.stdout

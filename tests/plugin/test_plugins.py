@@ -10,6 +10,7 @@ from pathlib import Path
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "sphere_proxies.py"
 
 
+@pytest.mark.slow
 def test_an_installed_technique_is_listed_and_measured(tmp_path: Path) -> None:
     """In processes of their own, beside an installed package, made without pip: its shader is a file."""
     package, record = tmp_path / "proxies", tmp_path / "proxies-1.0.dist-info"

@@ -279,6 +279,7 @@ def compositions(technique: Any) -> Iterator[str]:
         yield from (f"bias={one}+{other}" for one, other in combinations_with_replacement(fields["bias"], 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("technique", own_techniques(), ids=lambda technique: technique.name)
 def test_every_pair_of_components_compiles(technique, builtin, studio, build, device) -> None:
     """Under each kind of light in turn."""

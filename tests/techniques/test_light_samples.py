@@ -45,6 +45,7 @@ def errors(mask: np.ndarray, truth: Truth) -> np.ndarray:
     return (mask - truth.visibility)[penumbra]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spec", "name"),
     [*(("ray-traced:samples={}", name) for name in SIZED), ("light-samples:of=ray-traced,n={}", "rectangle")],
