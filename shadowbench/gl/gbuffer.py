@@ -194,6 +194,11 @@ def _world_to_camera(camera: Camera) -> Floats:
     return np.array(glm.lookAt(position, position - glm.dvec3(*back), glm.dvec3(*up)))
 
 
+def world_to_depth(camera: Camera) -> tuple[float, ...]:
+    """(a, b, c, d) of the view depth a·x + b·y + c·z + d of a point."""
+    return tuple((-_world_to_camera(camera)[2]).tolist())
+
+
 def view_projection(view: View) -> Floats:
     """(4, 4) float64 world-to-clip matrix of a view's camera, for column vectors."""
     world_to_clip: Floats = view.projection @ _world_to_camera(view.camera)
@@ -229,8 +234,8 @@ class GBufferPass:
         target.clear(depth=1.0)
         triangle.write(np.full(size.shape, -1, dtype=np.int32).tobytes())  # moderngl's clear writes floats
         far = view.near_far[1]
-        to_depth = tuple((-_world_to_camera(view.camera)[2]).tolist())
-        self.program.set(world_to_clip=view_projection(view), world_to_depth=to_depth, far=far, eye=view.camera.eye)
+        to_clip, to_depth = view_projection(view), world_to_depth(view.camera)
+        self.program.set(world_to_clip=to_clip, world_to_depth=to_depth, far=far, eye=view.camera.eye)
         textures = {"normals": (self.geometry.normals, Sampling()), **self.geometry.smooth}
         self.drawable.draw(target, textures, State(depth_test="<"))
         self.device.check("the G-buffer")

@@ -3,10 +3,9 @@
 from typing import TYPE_CHECKING, Literal
 
 from shadowbench.gl.device import moderngl
-from shadowbench.gl.gbuffer import view_projection
+from shadowbench.gl.gbuffer import view_projection, world_to_depth
 from shadowbench.gl.program import Sampling
 from shadowbench.plugin.params import Component, param
-from shadowbench.scenes.vectors import vec3
 
 if TYPE_CHECKING:
     from shadowbench.plugin.base import Frame, TechniqueParams
@@ -84,15 +83,13 @@ class ContactPass:
 
     def __call__(self, frame: "Frame", drawn: moderngl.Texture) -> moderngl.Texture:
         """Visibility with contact shadows; drawn: without them."""
-        to_clip, (_, _, back) = view_projection(frame.view), frame.camera.basis()
-        to_depth = *vec3(-back), float(back @ frame.camera.position)
         depth = frame.surface.depth
         more = {"drawn": (drawn, Sampling()), "surface_between": (depth, Sampling(linear=True))}
         with frame.timed("contact", changes="view"):
             self._program.set(
                 light=frame.light_uniform,
-                world_to_clip=to_clip,
-                world_to_depth=to_depth,
+                world_to_clip=view_projection(frame.view),
+                world_to_depth=world_to_depth(frame.camera),
                 eye=frame.camera.eye,
                 view_far=frame.view.near_far[1],
             )
