@@ -65,10 +65,10 @@ class Law:
 
 def kind_of(spec: str) -> str:
     """The technique of a spec, with the parameters that change its passes: `shadow-map fit=scene`."""
-    name, named = spec.partition(":")[0], "fit|rest|where"
+    name, named = spec.partition(":")[0], r"fit=(?!visible\b)|rest=|where="  # a default is named only with parameters
     if name == FLOOR:  # which costs nothing alone
-        named += "|contact"
-    return " ".join([name, *re.findall(rf"\b(?:{named})=\w+", spec)])
+        named += "|contact="
+    return " ".join([name, *re.findall(rf"\b(?:{named})\w+", spec)])
 
 
 def counts_of(row: Record, triangles: int) -> dict[str, float]:
