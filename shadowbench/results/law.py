@@ -65,7 +65,10 @@ class Law:
 
 def kind_of(spec: str) -> str:
     """The technique of a spec, with the parameters that change its passes: `shadow-map fit=scene`."""
-    name, named = spec.partition(":")[0], r"fit=(?!visible\b)|rest=|where="  # a default is named only with parameters
+    name = spec.partition(":")[0]
+    named = (
+        rf"fit=(?!{'view' if name == 'hybrid' else 'visible'}\b)|rest=|where="  # the default's parameters change none
+    )
     if name == FLOOR:  # which costs nothing alone
         named += "|contact="
     return " ".join([name, *re.findall(rf"\b(?:{named})\w+", spec)])
