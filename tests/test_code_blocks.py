@@ -36,7 +36,7 @@ LINE = "stairs  cascades:count=3  512  0.031 [0.029, 0.033]"  # of a page
 SIZE = 128  # pixels along a side of the views
 SMALLER = {  # by command, the largest values of options
     "run": ("--view-size", str(SIZE), "--rounds", "1"),
-    **dict.fromkeys(("export", "needs", "recommend", "render", "truth"), ("--view-size", str(SIZE))),
+    **dict.fromkeys(("export", "render", "truth", "needs"), ("--view-size", str(SIZE))),
 }
 OTHER_PROGRAMS = {
     "pytest": [sys.executable, "-m", "pytest", "-p", "no:cacheprovider"],
