@@ -9,7 +9,6 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.survey import samples
 from shadowbench.survey.survey import explanations_of, needs, verdict_of
 from tests.survey.conftest import LIGHTS, SUN, box, from_above, looking, plate
 
@@ -80,7 +79,7 @@ def test_a_view_of_one_pixel_has_needs() -> None:
 
 
 def test_a_large_view_needs_what_its_sampled_pixels_say(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(samples, "LATTICE", 256)
+    monkeypatch.setattr("shadowbench.survey.samples.LATTICE", 256)
     meshes = [plate(50.0), box(1.0, (0.0, 0.5, 0.0)), box(0.5, (1.0, 0.25, 0.5))]
     small, large = (needs(looking(meshes, SUN, size=size), penumbrae=False) for size in (256, 512))
     assert large.texels.size == pytest.approx(2 * small.texels.size, rel=0.01)
@@ -88,7 +87,7 @@ def test_a_large_view_needs_what_its_sampled_pixels_say(monkeypatch: pytest.Monk
 
 
 def test_the_command_prints_a_table_and_json(shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(samples, "LATTICE", 64)
+    monkeypatch.setattr("shadowbench.survey.samples.LATTICE", 64)
     table = shadowbench("needs", "cube-on-plane", "--view-size", "128")
     assert table.code == 0 and "map size, edges" in table.out
     assert "note: 25.0% of the pixels were sampled" in table.err
