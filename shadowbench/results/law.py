@@ -65,13 +65,11 @@ class Law:
 
 def kind_of(spec: str) -> str:
     """The technique of a spec, with the parameters that change its passes: `shadow-map fit=scene`."""
-    name = spec.partition(":")[0]
-    named = (
-        rf"fit=(?!{'view' if name == 'hybrid' else 'visible'}\b)|rest=|where="  # the default's parameters change none
-    )
+    name, named = spec.partition(":")[0], "fit|rest|where"
     if name == FLOOR:  # which costs nothing alone
-        named += "|contact="
-    return " ".join([name, *re.findall(rf"\b(?:{named})\w+", spec)])
+        named += "|contact"
+    kind = " ".join([name, *re.findall(rf"\b(?:{named})=\w+", spec)])
+    return kind.removesuffix(" fit=visible") if name == "shadow-map" else kind  # its default, with parameters
 
 
 def counts_of(row: Record, triangles: int) -> dict[str, float]:

@@ -25,13 +25,19 @@ def unit(vector: Sequence[float] | Floats) -> Floats:
     return array / np.linalg.norm(array)
 
 
+def cross(a: Floats, b: Floats) -> Floats:
+    """(3,) cross product of two vectors, with the bits of np.cross, which takes 20 times as long."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
 def perpendicular_basis(back: Floats, up: Sequence[float] | Floats) -> Floats:
     """(3, 3) right-handed basis with rows right, up, back; the last is the unit vector `back`.
 
     An `up` parallel to `back` is replaced by the coordinate axis most perpendicular to `back`.
     """
-    right = np.cross(unit(up), back)
+    right = cross(unit(up), back)
     if np.linalg.norm(right) < 1e-6:
-        right = np.cross(np.eye(3)[np.argmin(np.abs(back))], back)
+        right = cross(np.eye(3)[np.argmin(np.abs(back))], back)
     right = unit(right)
-    return np.stack([right, np.cross(back, right), back])
+    return np.array([right, cross(back, right), back])
