@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shadowbench.measure.flips import FINER, Stepped, flips
 
 from shadowbench import versions
 from shadowbench.errors import Unsupported
-from shadowbench.measure.flips import FINER, Stepped, flips
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.keys import sources_of
 from shadowbench.measure.scoring import mask_record, prepare_truth

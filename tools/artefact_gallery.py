@@ -14,9 +14,9 @@ from pages import LABEL, compare, labelled, measured, png
 from PIL import Image, ImageDraw
 
 import shadowbench as sb
-from shadowbench.measure.flips import FLIPS
 from shadowbench.measure.session import Rendering
 from shadowbench.reports.gallery import difference
+from shadowbench.scores.motion import MOTION
 from shadowbench.studies.artefacts import Artefact, artefacts
 from shadowbench.truths.trace import Truth
 
@@ -62,9 +62,11 @@ def draw(artefact: Artefact, size: int) -> Drawn:
         for spec in ("ray-traced", artefact.broken, artefact.cured)
     )
     truths = [sb.truth(scene, view_size=size, view=view) for view in views]
-    if artefact.metric == FLIPS.name:
+    if artefact.metric in MOTION:
         specs = [artefact.broken, artefact.cured]
-        values = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, step="camera")[FLIPS.name].tolist()
+        values = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, sequence="pan", frames=8)[
+            artefact.metric
+        ].tolist()
     else:
         values = [sb.score(frames[0].visibility, truths[0])[artefact.metric] for frames in (broken, cured)]
     return Drawn(truths, traced, broken, cured, values)
@@ -109,7 +111,7 @@ def section(artefact: Artefact, values: Sequence[str]) -> str:
     """The section of an artefact; values: its metric, broken and cured, and how often the work and memory it takes."""
     broken, cured, work, memory = values
     file = artefact.file.relative_to(DOCS.parent).as_posix()
-    third = "change since the last frame" if artefact.metric == FLIPS.name else "their difference"
+    third = "change since the last frame" if artefact.metric in MOTION else "their difference"
     paragraphs = [
         f"### {artefact.name}",
         f"![{artefact.name}: broken, ray traced, {third}, cured](../pictures/gallery/{artefact.scene}.png)",

@@ -336,7 +336,13 @@ class Session:
             self._kept[request] = self._build(open_view, request)
 
     def draw(
-        self, view: View, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0
+        self,
+        view: View,
+        request: CellRequest,
+        with_map: bool = False,
+        tinted: bool = False,
+        keep: int = 0,
+        index: int = 0,
     ) -> Rendering:
         """Draw a cell once and read the images back. Raises Unsupported, or any exception of the technique.
 

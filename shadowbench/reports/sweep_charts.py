@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from shadowbench.extremes.model import NAMES, Axis, Value, value_label
-from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
 from shadowbench.reports.charts import (
     BASE_CHART,
@@ -157,7 +156,7 @@ def _point(one: OperatingRange, light: str, row: Record, x: float) -> Chart:
 
 def _errors(row: Record) -> dict[str, float | None]:
     """The metrics in charts, by name; None without a value, or for shadows of the other kind."""
-    values = row_metrics(row)
+    values = row.get("metrics", {})
     judged = {name: values.get(name) for name in tolerances_of(values)}
     iou = judged.pop("iou", None)
     return dict.fromkeys(LIMITS) | judged | {ERROR: None if iou is None else 1 - iou}

@@ -9,16 +9,15 @@ from typing import Any
 import pandas as pd
 
 from shadowbench.extremes.model import Axis, Value, value_label
-from shadowbench.measure.flips import ROW_METRICS, row_metrics
+from shadowbench.measure.columns import ROW_METRICS
 from shadowbench.measure.rows import Record
 from shadowbench.scores.metrics import METRICS, is_soft
+from shadowbench.scores.motion import MOTION
 
-HARD = {"acne": 0.01, "leak": 0.01, "terminator": 0.01, "flips": 0.01, "iou": 0.95}
+HARD = {"acne": 0.01, "leak": 0.01, "terminator": 0.01, "flicker": 0.01, "iou": 0.95}
 SOFT = {"bleed": 0.01, "false_dark": 0.01, "rmse": 0.05}
 TOLERANCES: dict[str, float] = {**HARD, **SOFT}
 """Limits of tolerance, of hard and of soft shadows: a minimum for `iou`, maxima for the others.
-
-Flips are a share of receivers at true edges.
 """
 _NAMES = {"iou": "IoU", "rmse": "RMSE"}  # of the metrics that are no shares of an area
 
@@ -63,7 +62,7 @@ def failure(row: Record) -> Failure | None:
         return Failure(kind, text=reason)
     if status != "ok":
         return None
-    values = row_metrics(row)
+    values = row.get("metrics", {})
     if values["iou"] is None:
         return Failure("unjudged", text="neither the truth nor the mask has a shadow that is decided")
     exceeded = {
@@ -234,7 +233,7 @@ def points_frame(rows: Iterable[Record]) -> pd.DataFrame:
             "renderer",
             "status",
         ),
-        *(*METRICS, "failure", "command", "axis", "axis_value", "axis_unit", "light_kind", "flips", "receivers"),
+        *(*METRICS, "failure", "command", "axis", "axis_value", "axis_unit", "light_kind", *MOTION, "receivers"),
         *("undecided", "surface_mismatch", "gpu_bytes", "coordinates", "full_spec", "mask_sha256", "key"),
     ]
     lines = [{**row, **row.get("metrics", {}), "failure": str(failure(row) or "") or None} for row in rows]

@@ -25,6 +25,14 @@ def unit(vector: Sequence[float] | Floats) -> Floats:
     return array / np.linalg.norm(array)
 
 
+def rotation(axis: Sequence[float] | Floats, angle: float) -> Floats:
+    """(3, 3) right-handed rotation about an axis, by an angle in radians (Rodrigues)."""
+    x, y, z = unit(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return turn
+
+
 def perpendicular_basis(back: Floats, up: Sequence[float] | Floats) -> Floats:
     """(3, 3) right-handed basis with rows right, up, back; the last is the unit vector `back`.
 

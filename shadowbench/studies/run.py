@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, TypeVar
 
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.measure.campaign import Block, Campaign, Cell, Failure, Reporter
-from shadowbench.measure.flips import SIZE_AFTER
 from shadowbench.measure.worker import DeviceInfo
 from shadowbench.scenes.opening import first_of
 from shadowbench.studies.study import Study, scenes_of
@@ -109,7 +108,8 @@ def _announce(study: Study, blocks: Sequence[Block], campaign: Campaign) -> None
     cells = [(block, cell) for block in blocks for cell in block.cells]
     missing = [cell for block in blocks for cell in campaign.unscored(block)]
     timed = sum(block.times(cell) for block, cell in cells)
-    if (seconds := sum(_seconds(study, cell) for cell in missing)) >= _LONG_S:
+    frames = max((len(block.views) for block in blocks), default=1)
+    if (seconds := sum(_seconds(study, cell, frames) for cell in missing)) >= _LONG_S:
         rough = f"about {duration(seconds)} on two cores without a GPU"
         also = f" and {timed} to time" if timed else ""
         campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to draw{also}: {rough}")
@@ -141,18 +141,17 @@ def readable_blocks(study: Study, failures: list[Failure]) -> list[Block]:
 def check_sizes(study: Study, info: DeviceInfo) -> None:
     """Raises InputError if a map or the view is larger than the device allows."""
     largest = max(study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in study.cells()))
-    view = max(1, SIZE_AFTER[study.step]) * max(study.view_size)
-    for what, size in (("map size", largest), ("view size", view)):
+    for what, size in (("map size", largest), ("view size", max(study.view_size))):
         if size > info.max_map_size:
             raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
 
 
-def _seconds(study: Study, cell: Cell) -> float:
+def _seconds(study: Study, cell: Cell, frames: int) -> float:
     """Approximate seconds of drawing, scoring and timing a cell on two cores without a GPU."""
     view = study.view_size.pixels
     pixels = view + (cell.spec.map_size or 0) ** 2
     timed = _TIMED * study.rounds * pixels if cell.phase == 0 else 0.0
-    return _PIXEL_S * (_DRAWN * (pixels + SIZE_AFTER[study.step] ** 2 * view) + timed)
+    return _PIXEL_S * (_DRAWN * frames * pixels + timed)
 
 
 def duration(seconds: float) -> str:

@@ -12,12 +12,12 @@ from pydantic import BeforeValidator, Field, InstanceOf, model_validator
 from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder, replace_file
 from shadowbench.measure.campaign import DEFAULT_REFERENCE, Block, Cell, reference_name
-from shadowbench.measure.flips import Step, Stepped
 from shadowbench.measure.worker import Limits
 from shadowbench.options import (
     AS_STUDIED,
     DEFAULT_SIZE,
     FIRST,
+    FRAMES,
     MAP_SIZE,
     PHASES,
     ROUNDS,
@@ -30,6 +30,7 @@ from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.opening import Named, named, opened
+from shadowbench.scenes.sequences import frames_of, motion_named
 from shadowbench.strict import Strict, ViewSizeField, read_toml, validated
 from shadowbench.studies.crossing import CrossedSpecs, Techniques, convert, to_list
 from shadowbench.truths.embree import tracer_of
@@ -77,8 +78,8 @@ class Study(SceneFields):
 
     The fields are those of a study file. scenes: built-in names, paths, or loaded
     scenes. map_size: for specs that name no size; None for each technique's own. technique: crossed specs. phases:
-    subtexel offsets of the map's grid to measure, for `technique` entries without their own number. step: what moves a
-    little to count flips, None to count none. views, lights: "file" for the first camera and all lights of a scene,
+    subtexel offsets of the map's grid to measure, for `technique` entries without their own number. sequence: name of
+    one that the scenes have, None for still views; frames: how many of it, None for all. views, lights: "file" for the first camera and all lights of a scene,
     else by name. time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
 
@@ -88,7 +89,8 @@ class Study(SceneFields):
     view_size: ViewSizeField = DEFAULT_SIZE
     rounds: int = Field(9, ge=ROUNDS.least, le=ROUNDS.most, strict=True)
     phases: int = Field(1, ge=PHASES.least, le=PHASES.most, strict=True)
-    step: Step | None = None
+    sequence: str | None = None
+    frames: int | None = Field(None, ge=FRAMES.least, le=FRAMES.most, strict=True)
     coordinates: Coordinates = "relative"
     reference: InstanceOf[Spec] = DEFAULT_REFERENCE
     time_limit: float = Field(120.0, gt=0, le=86_400)
@@ -97,6 +99,12 @@ class Study(SceneFields):
     lights: Annotated[tuple[str | InstanceOf[Light], ...], _SOME] = ("file",)
     technique: Annotated[tuple[InstanceOf[CrossedSpecs], ...], _SOME]
     notes: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _of_a_sequence(self) -> Self:
+        if self.frames is not None and self.sequence is None:
+            raise ValueError(f"frames {self.frames}: is for a sequence, which is not given")
+        return self
 
     @property
     def specs(self) -> tuple[Spec, ...]:
@@ -147,6 +155,7 @@ class Study(SceneFields):
             "rounds": self.rounds,
             "phases": self.phases,
             "coordinates": self.coordinates,
+            **({"sequence": self.sequence} if self.sequence else {}),
             **self.scene_facts(),
         }
 
@@ -182,9 +191,13 @@ class Study(SceneFields):
 
     def block(self, view: View) -> Block:
         """The block of a view, with all cells."""
-        after = (Stepped(view, self.step).view,) if self.step else ()
+        views: tuple[View, ...] = (view,)
+        place = dict[str, Any]()
+        if self.sequence is not None:
+            views = frames_of(view, motion_named(view.scene, self.sequence), self.frames)
+            place = {"sequence": self.sequence, "frames": len(views)}
         cells = self.cells(view.light.soft)
-        return Block(view, cells, self.coordinates, self.rounds, self.reference, after, self.step)
+        return Block(views, cells, self.coordinates, self.rounds, self.reference, place)
 
     def lights_of(self, scene: Scene) -> list[Light]:
         """Lights of the study in a scene; "file" stands for all of the scene's."""
