@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 _COSTS = ("cost", "ratio", "gpu_bytes")  # memory: five cascades need more than one map of their size
 _PENUMBRA = ("bias_pen", "bleed", "false_dark", "noise", "banding", "width", "hardening")
-MOVING = ("flicker", "false_change", "pop", "swim", "lag")
+_MOVING = ("flicker", "false_change", "pop", "swim", "lag", "lag_bias")
 # As they are shown.
-_OF_HARD = ("error", "iou_soft", "ssim", "edge_px", "acne", "leak", "contact", "terminator", *MOVING, *_COSTS)
-_OF_SOFT = ("error", "rmse_pen", "iou", "ssim", *_PENUMBRA, *MOVING, *_COSTS)
+_OF_HARD = ("error", "iou_soft", "ssim", "edge_px", "acne", "leak", "contact", "terminator", *_MOVING, *_COSTS)
+_OF_SOFT = ("error", "rmse_pen", "iou", "ssim", *_PENUMBRA, *_MOVING, *_COSTS)
 _HEADINGS = {  # of others it is the name
     "iou": "1 − IoU",
     "iou_soft": "IoU soft",
@@ -29,7 +29,7 @@ _HEADINGS = {  # of others it is the name
     "ratio": "× ref",
     "gpu_bytes": "MiB",
 }
-_OPTIONAL = ("terminator", "bleed", "false_dark", "width", "hardening", *MOVING, *_COSTS)  # shown where a row has them
+_OPTIONAL = ("terminator", "bleed", "false_dark", "width", "hardening", *_MOVING, *_COSTS)  # shown where a row has them
 
 
 @dataclass(frozen=True)

@@ -247,7 +247,7 @@ class Campaign:
 
         @cache
         def write_view() -> None:
-            pictures.write_truth(view, truths[0][0])
+            pictures.write_truth(view, truths.first)
             pictures.write_shading(view, surface())
 
         def finish(row: Record, scores: CellScores) -> None:
@@ -263,7 +263,7 @@ class Campaign:
 
         with Background() as background:
             if keeps is None:
-                background.add(lambda: pictures.write_truth(view, truths[0][0]))
+                background.add(lambda: pictures.write_truth(view, truths.first))
             for cell, key in missing.items():
                 row, will_be_timed = self._row(block, cell, key), block.times(cell)
                 filmed = keeps is None and len(block.views) > 1 and cell in block.cells[:_FILMS]

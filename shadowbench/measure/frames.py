@@ -4,26 +4,28 @@ import hashlib
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import cached_property
 from math import fsum
-from typing import Any, Self, overload
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import MetricError
+from shadowbench.measure.points import Points
 from shadowbench.measure.rows import Record
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import Rendering
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison, PreparedTruth
 from shadowbench.scores.difference import difference_picture
-from shadowbench.scores.motion import motion_scores
-from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
+from shadowbench.scores.motion import Motion, Seen
+from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
 KEPT_BYTES = 1 << 30
 """Memory for truths of a block; beyond it the oldest are read from the cache again."""
-_PIXEL_BYTES = 80  # of a truth, prepared for metrics
+_PIXEL_BYTES = 112  # of a truth, what metrics share of it, and points
 OF_AREA = ("mae_area",)
 """Metrics that compare with the truth's `area`, which is sampled finely in the first frame alone: they are of it."""
 CURVES = ("iou", "rmse")
@@ -32,17 +34,25 @@ FILMED = 48
 """Most frames of a film."""
 
 
-class Truths:
-    """Truths of views in order, each with what metrics share of it; reading one begins to trace the next in a thread.
+class Traced(NamedTuple):
+    """The truth of a view, the same as the input of metrics, and the points that are followed through its frame."""
 
-    A context manager, which ends the thread.
+    truth: Truth
+    prepared: PreparedTruth
+    seen: Seen | None
+
+
+class Truths:
+    """Truths of views in order; reading one begins to trace the next in a thread. A context manager, which ends that.
+
+    They are read one after the other, from the first on as often as there are cells.
     """
 
     def __init__(self, views: Sequence[View]) -> None:
         self.views = tuple(views)
         self._most = max(2, KEPT_BYTES // (views[0].size.pixels * _PIXEL_BYTES))
         self._thread = ThreadPoolExecutor(1)
-        self._kept: dict[int, Future[tuple[Truth, PreparedTruth]]] = {}
+        self._kept: dict[int, Future[Traced]] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -50,39 +60,25 @@ class Truths:
     def __exit__(self, *_: object) -> None:
         self._thread.shutdown(cancel_futures=True)
 
-    def __getitem__(self, index: int) -> tuple[Truth, PreparedTruth]:
-        """The truth of a view and the input of metrics, by the view's index from 0. Raises as `cached_truth`."""
-        near = [index, index + 1][: len(self.views) - index]
-        for each in near:
-            kept = self._kept.pop(each) if each in self._kept else self._thread.submit(self._traced, each)
-            self._kept[each] = kept  # behind those that were read before
+    def __getitem__(self, index: int) -> Traced:
+        """The truth of a view, by its index from 0. Raises as `cached_truth`."""
+        for each in range(index, min(index + 2, len(self.views))):
+            # Behind those that were read before.
+            self._kept[each] = self._kept.pop(each) if each in self._kept else self._thread.submit(self._traced, each)
         while len(self._kept) > self._most:
             del self._kept[next(iter(self._kept))]
         return self._kept[index].result()
 
-    def _traced(self, index: int) -> tuple[Truth, PreparedTruth]:
-        truth = cached_truth(self.views[index], 1 if index else PIXEL_SAMPLES)
-        return truth, prepare_truth(truth)
+    @cached_property
+    def first(self) -> Truth:
+        """The truth of the first view."""
+        return cached_truth(self.views[0])
 
-
-class _Frames(Sequence[tuple[NDArray[np.float32], Truth]]):
-    """Masks of a cell with their truths, which are read when they are needed; masks: (H, W) uint16."""
-
-    def __init__(self, truths: Truths, masks: Sequence[NDArray[np.uint16]], seen: Sequence[Any]) -> None:
-        self._truths, self._masks, self._seen = truths, masks, seen
-
-    def __len__(self) -> int:
-        return len(self._masks)
-
-    @overload
-    def __getitem__(self, index: int) -> tuple[NDArray[np.float32], Truth]: ...
-    @overload
-    def __getitem__(self, index: slice) -> "Sequence[tuple[NDArray[np.float32], Truth]]": ...
-    def __getitem__(self, index: Any) -> Any:
-        if isinstance(index, slice):
-            return [self[each] for each in range(len(self))[index]]
-        at = range(len(self))[index]
-        return self._masks[at] / np.float32(65535), _measured(self._truths[at][0], self._seen[at])
+    def _traced(self, index: int) -> Traced:
+        truth = cached_truth(self.views[index], 1) if index else self.first
+        if index == 0:
+            self._points = Points()
+        return Traced(truth, prepare_truth(truth), self._points.see(truth) if len(self.views) > 1 else None)
 
 
 class CellScores:
@@ -90,8 +86,7 @@ class CellScores:
 
     def __init__(self, truths: Truths, filmed: bool) -> None:
         self._truths, self._filmed = truths, filmed
-        self._masks, self._seen = list[NDArray[np.uint16]](), list[NDArray[np.bool_] | None]()
-        self._records, self._drawn = list[Record](), list[Rendering]()
+        self._motion, self._records, self._drawn = Motion(), list[Record](), list[Rendering]()
         self._failure: MetricError | None = None
         self.film: list[NDArray[np.uint8]] = []
 
@@ -103,16 +98,15 @@ class CellScores:
     def add(self, drawn: Rendering, triangle: NDArray[np.int32] | None) -> None:
         """Score the next frame; triangle: ids that it was drawn over, None if unknown."""
         index = len(self._drawn)
-        truth, prepared = self._truths[index]
+        truth, prepared, seen = self._truths[index]
         if (measured := _measured(truth, drawn.measurable)) is not truth:
             truth, prepared = measured, prepare_truth(measured)
         try:
             self._records.append(mask_record(drawn.visibility, truth, prepared, triangle))
         except MetricError as error:
             self._failure = error
-        if len(self._truths.views) > 1:
-            self._masks.append(np.rint(drawn.visibility * 65535).astype(np.uint16))
-            self._seen.append(drawn.measurable)
+        if seen is not None:
+            self._motion.add(drawn.visibility, prepared, seen)
         if self._filmed and index < FILMED:
             self.film.append(_panel(Comparison(drawn.visibility, prepared)))
         if index:  # of later frames the numbers alone
@@ -132,16 +126,16 @@ class CellScores:
         if len(self._records) == 1:
             return fields
         values = {name: [one["metrics"][name] for one in self._records] for name in record["metrics"]}
-        moving = motion_scores(_Frames(self._truths, self._masks, self._seen))
-        curves, pop_frame = moving.pop("by_frame"), moving.pop("pop_frame")
+        moving = self._motion.scores()
+        pop_frame = moving.pop("pop_frame")
         digests = "".join(one["mask_sha256"] for one in self._records)
         known = [drawn.gpu_bytes for drawn in self._drawn if drawn.gpu_bytes is not None]
         return {
             **fields,
             "metrics": {name: series[0] if name in OF_AREA else _mean(series) for name, series in values.items()}
             | moving,
-            "pop_frame": pop_frame,
-            "by_frame": {name: values[name] for name in CURVES} | curves,
+            "pop_frame": None if pop_frame is None else int(pop_frame),
+            "by_frame": {name: values[name] for name in CURVES} | self._motion.curves(),
             "mask_sha256": hashlib.sha256(digests.encode()).hexdigest(),
             "gpu_bytes": max(known, default=None),
             "work": {name: round(_mean([one.work.get(name, 0) for one in self._drawn]) or 0) for name in first.work},

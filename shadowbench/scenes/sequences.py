@@ -5,6 +5,7 @@ same view in a sequence of 2 frames as in one of 300, and move shadow edges by f
 frame to frame.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -381,7 +382,7 @@ def _along_arc(before: Vec3, after: Vec3, share: float) -> Vec3:
 
 def _at(values: Sequence[tuple[float, Any]], time: float, between: Callable[..., Any] = _along_line) -> Any:
     """The value at a time; values: at times that increase from 0. The last one holds on."""
-    for (start, before), (end, after) in zip(values, values[1:], strict=False):
+    for (start, before), (end, after) in itertools.pairwise(values):
         if time < end:
             return between(before, after, (time - start) / (end - start))
     return values[-1][1]
