@@ -49,12 +49,12 @@ MORE = {
     "surface_mismatch": "Pixels in which the G-buffer shows another surface than the truth.",
     "coordinates": "`relative` to the scene's centre, or `absolute`.",
     "full_spec": "Spec with every parameter.",
-    "mask_sha256": "Digest of the mask's 16-bit levels, of frames that of their digests.",
+    "mask_sha256": "Digest of the mask's 16-bit levels.",
     "assumptions": "What was assumed where the scene's file says nothing.",
     "key": "Digest of everything that the scores depend on.",
     "sequence": "Sequence whose frames were drawn in order; empty for a still view.",
-    "frames": "Number of its frames. Metrics of one mask, work and facts are then means over the frames (`mae_area` and "
-    "times are of the first), `gpu_bytes` is the largest, and other columns are of the first.",
+    "frames": "Number of its frames. Metrics of one mask, work and facts are means over the frames, `gpu_bytes` is the "
+    "largest; `mae_area`, times and all other columns are of the first.",
     **{name: one.help for name, one in MOTION.items()},
     "pop_frame": "Frame, from 0, to which `pop` belongs.",
     **TRUTH_ERRORS,

@@ -1,6 +1,5 @@
 """Frames of a block: their truths, traced while the worker draws, and the scores of a cell over all of them."""
 
-import hashlib
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -128,7 +127,6 @@ class CellScores:
         values = {name: [one["metrics"][name] for one in self._records] for name in record["metrics"]}
         moving = self._motion.scores()
         pop_frame = moving.pop("pop_frame")
-        digests = "".join(one["mask_sha256"] for one in self._records)
         known = [drawn.gpu_bytes for drawn in self._drawn if drawn.gpu_bytes is not None]
         return {
             **fields,
@@ -136,7 +134,6 @@ class CellScores:
             | moving,
             "pop_frame": None if pop_frame is None else int(pop_frame),
             "by_frame": {name: values[name] for name in CURVES} | self._motion.curves(),
-            "mask_sha256": hashlib.sha256(digests.encode()).hexdigest(),
             "gpu_bytes": max(known, default=None),
             "work": {name: round(_mean([one.work.get(name, 0) for one in self._drawn]) or 0) for name in first.work},
             "facts": {name: _mean([one.facts.get(name) for one in self._drawn]) for name in first.facts},

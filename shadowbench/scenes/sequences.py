@@ -26,7 +26,7 @@ RATE = 24.0
 """Frames a second of the built-in sequences."""
 PAN = (0.5, 0.3)
 """Pixels to the right and up by which a pan moves the image in a frame."""
-ZOOM, ORBIT, CASTER = 1.0, 2.0, 0.7  # pixels a frame
+DOLLY, ZOOM, ORBIT, CASTER = 0.5, 1.0, 0.5, 0.7  # pixels a frame
 SLOW_SUN, QUICK_SUN = 0.02, 0.5  # degrees a frame
 LAMP, BOB, STRIDE = 0.002, 0.01, 12  # shares of the lamp's distance, and frames from step to step
 _OVERHEAD = math.sin(math.radians(10.0))
@@ -109,11 +109,12 @@ def _distance(camera: Camera) -> float:
 
 @_built_in
 def _dolly(view: View, index: int) -> View:
-    """The camera nears its target, so that the middle of the image's upper edge moves by a pixel a frame.
+    """The camera nears its target, so that points there at the image's upper edge move by half a pixel a frame.
 
-    That is 0.4% of the distance a frame at 512 pixels. An orthographic camera moves as well, and sees the same.
+    That is 0.2% of the distance a frame at 512 pixels; points a tenth as far move by 5 pixels. An orthographic camera
+    moves as well, and sees the same.
     """
-    camera, share = view.camera, (1 - 2 * ZOOM / view.size.height) ** index
+    camera, share = view.camera, (1 - 2 * DOLLY / view.size.height) ** index
     position = np.add(camera.target, share * np.subtract(camera.position, camera.target))
     return replace(view, camera=replace(camera, position=vec3(position)))
 
@@ -141,9 +142,9 @@ def _zoom(view: View, index: int) -> View:
 
 @_built_in
 def _orbit(view: View, index: int) -> View:
-    """The camera circles its target by the angle of two pixels a frame.
+    """The camera circles its target by the angle of half a pixel a frame, 0.036° at 512 pixels and 36°.
 
-    That is 0.15° at 512 pixels and 36°: a surface half as far as the target moves by 2 pixels over it.
+    A point half as far as the target moves by half a pixel, one a tenth as far by 5.
     """
     camera = view.camera
     pixel = 2 * (camera.slope or camera.height / 2 / _distance(camera)) / view.size.height
@@ -308,7 +309,7 @@ def motion_from_table(table: object, meshes: Sequence[Mesh], where: str) -> Moti
     names = [mesh.name for mesh in meshes]
     for name in dict.fromkeys(name for key in row.key for name in key.object):
         if name not in names:
-            raise InputError(f"{where}: object {name!r:.60}{alternatives(name, names, 'meshes')}")
+            raise InputError(f"{where}: object: found {name!r:.60}{alternatives(name, names, 'meshes')}")
     keyed = Keyed(row.name, row.seconds / (row.frames - 1), tuple(row.key))
     return Motion(row.name, keyed, f"of the scene's file, {row.seconds:g} s", row.frames, row.seconds, row.frames)
 

@@ -76,12 +76,11 @@ class SceneFields(Strict):
 class Study(SceneFields):
     """Scenes × views × lights × specs × map sizes × phases to measure, and the settings of the measurement.
 
-    The fields are those of a study file. scenes: built-in names, paths, or loaded
-    scenes. map_size: for specs that name no size; None for each technique's own. technique: crossed specs. phases:
-    subtexel offsets of the map's grid to measure, for `technique` entries without their own number. sequence: name of
-    one that the scenes have, None for still views; frames: how many of it, None for all.
-    views, lights: "file" for the first camera and all lights of a scene,
-    else by name. time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
+    The fields are those of a study file. scenes: built-in names, paths, or loaded scenes. map_size: for specs that name
+    no size; None for each technique's own. technique: crossed specs. phases: subtexel offsets of the map's grid to
+    measure, for `technique` entries without their own number. sequence: name of one that the scenes have, None for
+    still views; frames: how many of it, None for all. views, lights: "file" for the first camera and all lights of a
+    scene, else by name. time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
 
     about: str = ""
