@@ -115,7 +115,7 @@ def declared_work(technique: Technique, pixels: int, facts: dict[str, float]) ->
     chosen = getattr(technique.params, "filter", None)
     if "reads" not in work and isinstance(chosen, Filter):
         work["reads"] = pixels * chosen.reads
-    if more := technique.params.contact.reads:
+    if more := technique.params.contact.reads + technique.params.history.reads:
         work["reads"] = work.get("reads", 0) + pixels * more
     return work
 
