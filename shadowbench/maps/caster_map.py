@@ -20,6 +20,7 @@ from shadowbench.gl.targets import Color, DepthFormat, Kind, unsupported_map
 from shadowbench.maps.biases import Bias, NoBias
 from shadowbench.maps.culling import CasterChunks
 from shadowbench.maps.filters import Contents, Filter, Kernel
+from shadowbench.maps.updates import Always, Update
 from shadowbench.plugin.base import Frame
 from shadowbench.plugin.params import SubjectParams
 from shadowbench.plugin.stage import Stage
@@ -93,6 +94,7 @@ MAP_SOFT_GRID = {
 MapInputs = tuple[Textures, dict[str, Value]]
 """Textures and uniforms of a shader that reads a map."""
 _NO_BIAS = NoBias()
+_ALWAYS = Always()
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,8 @@ class MapLayout:
 
     kind, layers: one square map, an array of `layers`, or the six faces of a cube. clamp: clamps casters in front of
     the near plane to it; cull: skips casters that cannot shadow any receiver in the map; reversed_depth: 1 at near and
-    0 at far. wrap: outside the map; far_rule: receivers beyond the far plane are lit, or with none in shadow.
+    0 at far. wrap: outside the map; far_rule: receivers beyond the far plane are lit, or with none in shadow. update:
+    when it is redrawn.
     """
 
     size: int
@@ -113,6 +116,7 @@ class MapLayout:
     reversed_depth: bool = False
     wrap: Wrap = "border"
     far_rule: Literal["lit", "none"] = "lit"
+    update: Update = _ALWAYS
 
     def unsupported(self, device: Device, bias: Bias, filter: Filter) -> str | None:
         """Why bias, filter or device does not support such a map; None if all do."""
@@ -130,7 +134,7 @@ class MapContents:
     """A filter's contents of a map of one or more layers; its shader's `filter_contents` writes them with the depth.
 
     texture, sampling: the contents, of the map's kind, and how they are read; far: (4,) contents where no caster is,
-    which also surround the map; reads: texels read by the blur, and by the first mip level.
+    which also surround the map; reads: texels of a layer read by the blur, and by the first mip level.
     """
 
     def __init__(
@@ -152,7 +156,7 @@ class MapContents:
         x, y, z, w = np.pad(values, (0, 4 - contents.components)).tolist()
         self.far = x, y, z, w
         self.sampling = Sampling(linear=contents.linear, wrap=layout.wrap, border=self.far, mips=contents.mips)
-        self.reads = layers * size**2 * (2 * self._taps * (contents.blur > 1) + contents.mips)
+        self.reads = size**2 * (2 * self._taps * (contents.blur > 1) + contents.mips)
         self._passes: list[tuple[Drawable, list[moderngl.Framebuffer], Color, Sampling]] = []
         if contents.blur > 1:  # separable, through a scratch texture that has the rows beyond a layer's edges too
             scratch = stage.map_texture((size, size + self._taps - 1), "array", layers, *stored)
@@ -166,8 +170,8 @@ class MapContents:
                 targets = [stage.target(target, layer=layer) for layer in range(layers)]
                 self._passes.append((stage.fullscreen(program), targets, source, sampling))
 
-    def prepare(self, texels: Sequence[float] = ()) -> None:
-        """Blur the layers and compute their mip levels.
+    def prepare(self, layers: Sequence[int], texels: Sequence[float] = ()) -> None:
+        """Blur layers that were drawn and compute their mip levels.
 
         texels: width of each layer's texels, if they differ; the blur has the width in the scene that it has in the
         layer of the finest ones.
@@ -177,10 +181,10 @@ class MapContents:
         weights = [kernel_weights(kernel, share * blur, self._taps) for share in shares]
         # Rows of all layers before the columns of any, as a cube's faces read their neighbours.
         for drawable, targets, source, sampling in self._passes:
-            for layer, target in enumerate(targets):
+            for layer in layers:
                 drawable.program.set(weights=weights[layer], layer=layer)
-                drawable.draw(target, {"source": (source, sampling)})
-        if self._contents.mips:
+                drawable.draw(targets[layer], {"source": (source, sampling)})
+        if self._contents.mips and layers:
             self.texture.build_mipmaps()
 
 
@@ -204,7 +208,9 @@ class CasterMap:
         gradients: Color | None = None,
     ) -> None:
         self.program, self.layout, self.contents, self.gradients = program, layout, contents, gradients
-        depth_target = stage.depth_target(layout.size, layout.depth, layout.kind, layout.layers)
+        depth_target = layout.update.kept(
+            stage, "map", lambda: stage.depth_target(layout.size, layout.depth, layout.kind, layout.layers)
+        )
         self.texture, self.step = depth_target.texture, depth_target.step
         self._all_layers, self._layer_targets = depth_target.target, depth_target.layer_targets
         self._far = (1.0, 1.0, 1.0, 1.0)
@@ -249,10 +255,12 @@ class CasterMap:
             samplers["map_gradients"] = self.gradients, Sampling(wrap="repeat" if wrap == "repeat" else "edge")
         return samplers
 
-    def draw(self, frame: Frame, views: Sequence[LightView], layered: bool = False) -> None:
+    def draw(
+        self, frame: Frame, views: Sequence[LightView], layered: bool = False, layers: Sequence[int] | None = None
+    ) -> None:
         """Clear the map and draw the casters into each layer by its light view.
 
-        layered: one draw for all layers, by a program that sets `gl_Layer`.
+        layered: one draw for all layers, by a program that sets `gl_Layer`; layers: which the views are of, if not all.
         """
         matrices = [view.to_clip(self.layout.reversed_depth) for view in views]
         depths = [view.to_linear for view in views]
@@ -263,15 +271,22 @@ class CasterMap:
         ]
         if layered:
             draws = [({"world_to_clip": np.stack(matrices), "caster_to_linear": np.stack(depths)}, regions)]
-        self.draw_layers(frame, draws)
+        self.draw_layers(frame, draws, layers)
 
-    def draw_layers(self, frame: Frame, draws: Sequence[tuple[Mapping[str, Value], Sequence[Floats]]]) -> None:
+    def draw_layers(
+        self,
+        frame: Frame,
+        draws: Sequence[tuple[Mapping[str, Value], Sequence[Floats]]],
+        layers: Sequence[int] | None = None,
+    ) -> None:
         """Clear the map and draw the casters, once for all layers or once for each.
 
         draws: for each draw the program's uniforms, and convex regions as (P, 4) planes; casters that cannot shadow
-        any point of them are culled.
+        any point of them are culled. layers: of which each draw is, if not of all.
         """
-        targets = self._layer_targets if len(draws) > 1 else (self._all_layers,)
+        targets: Sequence[moderngl.Framebuffer] = self._layer_targets if len(draws) > 1 else (self._all_layers,)
+        if layers is not None:
+            targets = [self._layer_targets[layer] for layer in layers]
         self.culled = 0
         for target, (uniforms, regions) in zip(targets, draws, strict=True):
             ranges = self._chunks.index_ranges(frame.light_uniform, *regions)
@@ -323,13 +338,22 @@ class FilteredMap(CasterMap):
         comparison = own.comparison if own else f"comparison/{'plane' if self.filter.on_plane else 'depth'}.glsl"
         self.includes = {"projection": "cube" if cube else "matrix", "map": layout.kind, "comparison": comparison}
         if stored is not None:
-            contents = MapContents(stage, params, stored, layout, self.defines, self.includes)
+            contents = layout.update.kept(
+                stage, "contents", lambda: MapContents(stage, params, stored, layout, self.defines, self.includes)
+            )
         folder = "cube-map/" if cube else ""
         fragment = f"{folder}depth.frag" if contents is None else f"{folder}contents.frag"
         program = stage.program(vertex, fragment, geometry, params=params, defines=self.defines, includes=self.includes)
         side = (layout.size, layout.size)
-        slopes = stage.map_texture(side, layout.kind, layout.layers, 1, "u4") if self.stores_gradients else None
+        slopes, self._prepared = None, 0
+        if self.stores_gradients:
+            slopes = layout.update.kept(
+                stage, "gradients", lambda: stage.map_texture(side, layout.kind, layout.layers, 1, "u4")
+            )
         super().__init__(stage, program, layout, self.bias, contents, slopes)
+        folder = "cascades" if layout.kind == "array" else "shadow-map"
+        of_texels = params.history.of_texels
+        self._confidence = self.resolve_pass(f"{folder}/confidence.frag") if of_texels else None
 
     def resolve_pass(self, fragment: str, components: int = 1, **defines: int) -> ResolvePass:
         """A pass over the pixels by a shader that includes `shadow_map.glsl`. defines: in place of the map's."""
@@ -339,11 +363,12 @@ class FilteredMap(CasterMap):
         """Of the light by which the filter widens; see `Filter.light_radius`."""
         return self.filter.light_radius(light, self._stage.placement)
 
-    def prepare(self, frame: Frame, changes: Changes, texels: Sequence[float] = ()) -> None:
-        """Blur what the filter stores, if it does. texels: see `MapContents.prepare`."""
+    def prepare(self, frame: Frame, changes: Changes, layers: Sequence[int], texels: Sequence[float] = ()) -> None:
+        """Blur what the filter stores in layers that were drawn, if it does. texels: see `MapContents.prepare`."""
         if self.contents:
+            self._prepared = len(layers)
             with frame.timed("blur", changes=changes):
-                self.contents.prepare(texels)
+                self.contents.prepare(layers, texels)
 
     def inputs(self, light: Light, uniforms: Mapping[str, Value]) -> MapInputs:
         """Textures and uniforms of `shadow_map.glsl`. uniforms: of its projection."""
@@ -366,6 +391,13 @@ class FilteredMap(CasterMap):
             uniforms = {**uniforms, "light_radius": radius, "nearest_caster": nearest}
         return resolve(frame, textures, **uniforms)
 
+    def confidence(self) -> moderngl.Texture:
+        """As of `Technique.confidence`; needs a history that asks for it."""
+        frame, textures, uniforms = self.last
+        assert self._confidence is not None
+        with frame.timed("confidence", changes="view"):
+            return self._confidence(frame, textures, **uniforms)
+
     def debug(self, fragment: str) -> moderngl.Texture:
         """Four components of each pixel by another shader, with the inputs of the last lookup."""
         frame, textures, uniforms = self.last
@@ -373,7 +405,7 @@ class FilteredMap(CasterMap):
 
     def facts(self, pixels: int) -> dict[str, float]:
         """Culled triangles, and texture reads: the filter's of each pixel, and those that prepare what it stores."""
-        prepared = self.contents.reads if self.contents else 0
+        prepared = self._prepared * self.contents.reads if self.contents else 0
         reads = self.filter.reads * (1 + self.stores_gradients)  # of a texel's depth, and of its gradient
         return {"culled_triangles": self.culled, "reads": reads * pixels + prepared}
 

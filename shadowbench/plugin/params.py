@@ -170,6 +170,7 @@ class Component(Strict):
     table: ClassVar[dict[str, type[Self]]]
     presets: ClassVar[dict[str, str]] = {}  # parameters in spec syntax, by name: `screen-space(preset=bevy)`
     lifts: ClassVar[bool] = False  # whether shadows are received on the smooth surface, not on its triangles
+    remembers: ClassVar[bool] = False  # whether a frame depends on the frames before
     unwritten: ClassVar[bool] = False  # whether full specs leave it out, so that those of before it existed are equal
 
     @classmethod
