@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from shadowbench.measure.scoring import prepare_truth, surface_points
 from shadowbench.scenes.model import View
-from shadowbench.scenes.triangles import facet_normals
 from shadowbench.scenes.vectors import Floats
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import Mask, Single
@@ -55,10 +54,9 @@ class Points:
         place = surface_points(view, new, triangle) + np.array(view.camera.position)
         weights = _weights(geometry.corners(triangle), place)
         self._before = view
-        self._triangle, self._weights, self._place = (
-            np.concatenate([old[kept], each])
-            for old, each in zip((self._triangle, self._weights, self._place), (triangle, weights, place), strict=True)
-        )
+        self._triangle = np.concatenate([self._triangle[kept], triangle])
+        self._weights = np.concatenate([self._weights[kept], weights])
+        self._place = np.concatenate([self._place[kept], place])
         pixel, right, below = np.concatenate([around, np.stack([new, 0 * new, 0 * new])], axis=1)
         return Seen(kept, pixel, right, below, np.concatenate([read, free[new]]), still)
 
@@ -85,8 +83,8 @@ def _followed(
 ) -> tuple[Indices, Indices, Mask]:
     """`kept`, (3, K) `pixel`, `right` and `below`, and `read` of `Seen`, of the points that are still in sight.
 
-    triangle, place: (N,), (N, 3) of the points so far; seen, decided: (H · W,) triangle at each pixel, and whether it is a decided
-    receiver.
+    triangle, place: (N,), (N, 3) of the points so far; seen, decided: (H · W,) the triangle at each pixel, and whether
+    it is a decided receiver.
     """
     geometry, camera, (width, height) = view.scene.geometry, view.camera, view.size
     at = place - np.array(camera.position)
@@ -106,10 +104,11 @@ def _followed(
         place = np.where(inside, rows * width + columns, 0)
         same = inside & (seen[place] == own)
         rest = np.flatnonzero(inside & ~same & (seen[place] >= 0))
-        normals, others = (facet_normals(geometry.corners(each[rest])) for each in (own, seen[place]))
-        off = np.einsum("ni,ni->n", normals, surface_points(view, place[rest], seen[place[rest]]) - at[rest])
-        aligned = np.abs(np.einsum("ni,ni->n", normals, others)) >= ALIGNED
-        same[rest] = aligned & (np.abs(off) <= STEP * pixel_size[rest])
+        cosines = np.einsum("ni,ni->n", geometry.normals[own[rest]], geometry.normals[seen[place[rest]]])
+        rest = rest[np.abs(cosines) >= ALIGNED]
+        apart = surface_points(view, place[rest], seen[place[rest]]) - at[rest]
+        off = np.einsum("ni,ni->n", geometry.normals[own[rest]], apart)
+        same[rest] = np.abs(off) <= STEP * pixel_size[rest]
         return same, same & decided[place]
 
     (y, x), (down, across) = nearest, steps
