@@ -137,9 +137,10 @@ class Geometry:
         """Whether any surface is."""
         return self.corner_normals is not None
 
-    def corners(self, triangles: NDArray[np.intp]) -> Floats:
+    def corners(self, triangles: NDArray[np.integer]) -> Floats:
         """(N, 3, 3) corners of (N,) triangles."""
-        return self.vertices[self.faces[triangles]]
+        corners: Floats = self.vertices[self.faces[triangles]]
+        return corners
 
     def select(self, triangles: NDArray[np.intp]) -> "Geometry":
         """Only these triangles, given in ascending order, opaque; each with vertices of its own."""
