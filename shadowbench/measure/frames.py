@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shadowbench.errors import MetricError
 from shadowbench.measure.points import Points
 from shadowbench.measure.rows import Record
-from shadowbench.measure.scoring import mask_record, prepare_truth
+from shadowbench.measure.scoring import comparison_record, prepare_truth
 from shadowbench.measure.session import Rendering
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison, PreparedTruth
@@ -100,14 +100,15 @@ class CellScores:
         truth, prepared, seen = self._truths[index]
         if (measured := _measured(truth, drawn.measurable)) is not truth:
             truth, prepared = measured, prepare_truth(measured)
+        comparison = Comparison(drawn.visibility, prepared)
         try:
-            self._records.append(mask_record(drawn.visibility, truth, prepared, triangle))
+            self._records.append(comparison_record(comparison, truth, triangle))
         except MetricError as error:
             self._failure = error
         if seen is not None:
-            self._motion.add(drawn.visibility, prepared, seen)
+            self._motion.add(comparison, seen)
         if self._filmed and index < FILMED:
-            self.film.append(_panel(Comparison(drawn.visibility, prepared)))
+            self.film.append(_panel(comparison))
         if index:  # of later frames the numbers alone
             nothing = np.zeros((0, 0), np.float32)
             drawn = replace(drawn, visibility=nothing, picture=np.zeros((0, 0, 3), np.uint8), measurable=None)
@@ -127,13 +128,14 @@ class CellScores:
         values = {name: [one["metrics"][name] for one in self._records] for name in record["metrics"]}
         moving = self._motion.scores()
         pop_frame = moving.pop("pop_frame")
+        changes = {name: [None, *curve] for name, curve in self._motion.curves().items()}
         known = [drawn.gpu_bytes for drawn in self._drawn if drawn.gpu_bytes is not None]
         return {
             **fields,
             "metrics": {name: series[0] if name in OF_AREA else _mean(series) for name, series in values.items()}
             | moving,
             "pop_frame": None if pop_frame is None else int(pop_frame),
-            "by_frame": {name: values[name] for name in CURVES} | self._motion.curves(),
+            "by_frame": {name: values[name] for name in CURVES} | changes,
             "gpu_bytes": max(known, default=None),
             "work": {name: round(_mean([one.work.get(name, 0) for one in self._drawn]) or 0) for name in first.work},
             "facts": {name: _mean([one.facts.get(name) for one in self._drawn]) for name in first.facts},

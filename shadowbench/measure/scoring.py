@@ -62,7 +62,12 @@ def mask_record(
     A soft truth adds its own error, root mean square over receivers and over the penumbra, what widths are from, and
     whether they are too wide or too narrow.
     """
-    comparison = Comparison(visibility, prepared)
+    return comparison_record(Comparison(visibility, prepared), truth, surface)
+
+
+def comparison_record(comparison: Comparison, truth: Truth, surface: NDArray[np.int32] | None = None) -> dict[str, Any]:
+    """`mask_record` of a mask that is compared with the prepared truth already."""
+    prepared, visibility = comparison.truth, comparison.visibility
     record: dict[str, Any] = {
         "metrics": values_of(comparison),
         "receivers": int(np.count_nonzero(truth.receivers)),

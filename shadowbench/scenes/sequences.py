@@ -236,6 +236,10 @@ def _walker(view: View, index: int) -> View:
         for old, new in zip(scene.meshes, posed, strict=False)
     ):
         raise InputError(f"{nothing}: no glTF with a clip, nor the shape walker")
+    if [len(mesh.faces) for mesh in posed] != [len(mesh.faces) for mesh in content_of(scene).meshes]:
+        raise InputError(
+            f"sequence walker: in frame {index} of {scene.name} other triangles have an area; allowed: all"
+        )
     ground = [mesh for mesh in scene.meshes if scene.ground is not None and mesh is scene.ground[0]]
     return replace(view, scene=replace(scene, meshes=(*posed, *ground))) if index else view
 
