@@ -102,7 +102,7 @@ def _along(stability: Stability, axis: Axis, styles: Styles | None, metric: str)
         },
     )
     scale = {"type": "symlog", "constant": 1e-4, "domain": [0, 1], "nice": False}
-    y = quantity("y", None, scale=scale, axis={"values": [0, 1e-4, 1e-3, 1e-2, 1e-1, 1], "format": ".2~%"})
+    y = quantity("y", None, scale=scale, axis={"values": [0, 1e-4, 1e-3, 1e-2, 1e-1, 1], "format": "~g"})
     dash = {
         "field": "light",
         "title": None,
