@@ -187,8 +187,8 @@ def run(
     `phase`. `front()` and `sizes()` of the result draw its charts.
     study: a study file or built-in study, `default` for None, with the defaults of all other arguments; light: name
     of a light, by default each light of a scene in turn; rounds: how often each cell is timed, 0 for no timing;
-    sequence: one of the scene's file or a built-in one, whose first `frames` are drawn in order and scored in motion,
-    None for still views; folder: run folder to keep rows, masks and
+    sequence: one of the scene's file or built in, "all" of the latter, or several with commas, whose first `frames` are
+    drawn in order and scored in motion; folder: run folder to keep rows, masks and
     pictures in, or to resume. A cell that fails is a line with that status. Raises InputError.
     """
     files = _paths(plugins)

@@ -242,9 +242,10 @@ class Measuring:
         bounds=PHASES,
     )
     sequence: str | None = option(
-        "Draw each cell in the frames of a sequence of the scene's file, or of dolly, pan, zoom, orbit, slow-sun, "
-        "quick-sun, carried-lamp, moving-caster or walker, and score its motion against a truth of each frame.",
-        "NAME",
+        "Draw each cell in the frames of a sequence, and score its motion against a truth of each frame: one of the "
+        "scene's file, or dolly, pan, zoom, orbit, slow-sun, quick-sun, carried-lamp, moving-caster, walker, or all of "
+        "these; several are separated by commas.",
+        "NAME,...",
     )
     frames: int | None = option("How many frames of the sequence  [all, 24].", "N", bounds=FRAMES)
 

@@ -9,6 +9,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -67,12 +68,19 @@ def frames_of(view: View, motion: Motion, frames: int | None = None) -> tuple[Vi
     return _with_shared_planes([motion.move(view, index) for index in range(count)])
 
 
-def motion_named(scene: Scene, name: str) -> Motion:
-    """A sequence of a scene's file, or a built-in one. Raises InputError for an unknown name."""
+ALL = "all"
+"""Names the built-in sequences in which something of a scene moves."""
+
+
+def motions_of(scene: Scene, names: Sequence[str]) -> list[Motion]:
+    """Sequences of a scene's file, or built-in ones, by name. Raises InputError for an unknown name."""
     known = {motion.name: motion for motion in (*scene.motions, *BUILT_IN.values())}
-    if name not in known:
-        raise InputError(f"--sequence: found {name!r:.60}{alternatives(name, known, f'those of {scene.name}')}")
-    return known[name]
+    for name in names:
+        if name not in (*known, ALL):
+            also = alternatives(name, [*known, ALL], f"those of {scene.name}")
+            raise InputError(f"--sequence: found {name!r:.60}{also}")
+    built_in = [name for name in BUILT_IN if name != "walker" or _poses_change(scene)] if ALL in names else []
+    return [known[name] for name in dict.fromkeys([*names, *built_in]) if name != ALL]
 
 
 def _with_shared_planes(views: Sequence[View]) -> tuple[View, ...]:
@@ -227,21 +235,25 @@ def _walker(view: View, index: int) -> View:
 
     They are those of glTF files with a clip; the shape `walker` takes a stride a second.
     """
-    scene, nothing = view.scene, f"sequence walker: {view.scene.name} has no pose that changes with time"
-    if scene.posed is None:
-        raise InputError(f"{nothing}: it was not read from a scene file or a glTF")
+    scene = view.scene
+    if scene.posed is None or not _poses_change(scene):
+        what = "a glTF with a clip, or the shape walker, in a scene file or alone"
+        raise InputError(f"sequence walker: {scene.name} has no pose that changes with time; allowed: {what}")
     posed = content_of(scene.posed(index / RATE)).meshes
-    if index == 1 and all(
-        len(old.vertices) == len(new.vertices) and (old.vertices == new.vertices).all()
-        for old, new in zip(scene.meshes, posed, strict=False)
-    ):
-        raise InputError(f"{nothing}: no glTF with a clip, nor the shape walker")
     if [len(mesh.faces) for mesh in posed] != [len(mesh.faces) for mesh in content_of(scene).meshes]:
         raise InputError(
             f"sequence walker: in frame {index} of {scene.name} other triangles have an area; allowed: all"
         )
     ground = [mesh for mesh in scene.meshes if scene.ground is not None and mesh is scene.ground[0]]
     return replace(view, scene=replace(scene, meshes=(*posed, *ground))) if index else view
+
+
+@lru_cache(1)
+def _poses_change(scene: Scene) -> bool:
+    if scene.posed is None:
+        return False
+    before, after = content_of(scene).meshes, content_of(scene.posed(1 / RATE)).meshes
+    return not all(np.array_equal(old.vertices, new.vertices) for old, new in zip(before, after, strict=False))
 
 
 def _displaced(view: View, moves: Mapping[str, tuple[Floats, Floats]]) -> View:

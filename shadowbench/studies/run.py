@@ -41,8 +41,9 @@ def dealt(items: Sequence[T], part: str | None, identity: Callable[[T], object],
 
 
 def names_of(block: Block) -> list[str]:
-    """Names of a block's scene, camera and light, by which blocks of a study are dealt to its parts."""
-    return [block.view.scene.name, block.view.camera.name, block.view.light.name]
+    """Names of a block's scene, camera, light and sequence, by which blocks of a study are dealt to its parts."""
+    names = [block.view.scene.name, block.view.camera.name, block.view.light.name]
+    return [*names, block.place["sequence"]] if block.place else names
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from shadowbench.options import SceneOptions
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View, view_of
 from shadowbench.scenes.opening import opened
-from shadowbench.scenes.sequences import BUILT_IN, frames_of, motion_named
+from shadowbench.scenes.sequences import BUILT_IN, frames_of, motions_of
 
 SIZE = 512
 
@@ -116,7 +116,14 @@ def test_what_has_no_pose_no_such_name_or_too_many_frames_is_one_line(tmp_path) 
         ("fly-by", 6, "--frames 6: sequence fly-by allows whole numbers from 2 to 5"),
     ):
         with pytest.raises(InputError, match=words):
-            frames_of(before, motion_named(scene, name), frames)
+            frames_of(before, *motions_of(scene, [name]), frames)
+
+
+def test_all_are_those_in_which_something_of_the_scene_moves() -> None:
+    assert [motion.name for motion in motions_of(load_scene("walker"), ["all"])] == list(BUILT_IN)
+    assert [motion.name for motion in motions_of(load_scene("stairs"), ["zoom", "all"])] == [
+        "zoom", *(name for name in BUILT_IN if name not in ("zoom", "walker")),
+    ]  # fmt: skip
 
 
 KEYED = """
@@ -155,7 +162,7 @@ def test_keys_are_joined_linearly_and_directions_along_an_arc(tmp_path) -> None:
     file.write_text(KEYED)
     scene = load_scene(file)
     before = view_of(scene, scene.cameras[0], scene.lights[0], 64)
-    frames = frames_of(before, motion_named(scene, "fly-by"))
+    frames = frames_of(before, *motions_of(scene, ["fly-by"]))
     assert [one.camera.position[0] for one in frames] == pytest.approx([0.0, 0.5, 1.0, 1.0, 1.0])
     assert [math.degrees(one.camera.fov_y) for one in frames] == pytest.approx([40.0, 35.0, 30.0, 25.0, 20.0])
     slopes = [math.degrees(math.atan2(one.light.direction[0], -one.light.direction[1])) for one in frames]
@@ -191,4 +198,4 @@ def test_a_key_of_what_the_light_has_not_is_refused(tmp_path) -> None:
     file.write_text(KEYED)
     scene = opened(str(file), SceneOptions(lamp="1,3,1"))
     with pytest.raises(InputError, match="key of light direction"):
-        frames_of(view_of(scene, scene.cameras[0], scene.lights[0], 64), motion_named(scene, "fly-by"))
+        frames_of(view_of(scene, scene.cameras[0], scene.lights[0], 64), *motions_of(scene, ["fly-by"]))
