@@ -19,7 +19,7 @@ from shadowbench.scores.penumbrae import FEWEST
 
 EDGE_PX = 2  # around true and drawn edges and penumbrae, where a change is flicker
 ERRORS = 3.0  # standard errors of the truth by which a mask may change more than it
-SWIM_PX = 8  # to either side: the piece of an edge that has an offset
+SWIM_PX = 4  # to either side: the piece of an edge that has an offset
 LEAST_EDGE = 0.5 / (2 * SWIM_PX + 1)  # share of a window's pixels: an edge through half of it
 FEWEST_PAIRS = 3  # of frames, of which one can be unusual
 
@@ -210,9 +210,9 @@ _TABLE = (
         changes in most frames, nor whether the area is in one piece. Empty below 4 frames.
     """),
     _metric("swim", "lower", 0.01, """
-        Standard deviation over time of the distance in pixels of drawn edges from true ones, each by its mean over 17 ×
-        17 px: edges that crawl as the camera moves. Does not see a displacement that lasts, nor noise, which averages
-        out. Empty unless light and casters are still.
+        Standard deviation over time of the distance in pixels of drawn edges from true ones, each by its mean over 9 ×
+        9 px: edges that crawl as the camera moves. Does not see a displacement that lasts, nor noise and thin shadows
+        that move sideways, which average out. Empty unless light and casters are still.
     """),
     _metric("lag", "near 0", 0.05, """
         Frames by which points of surfaces turn lit or dark later than in the truth, mean of both ways. Does not see
