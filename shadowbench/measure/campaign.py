@@ -18,7 +18,6 @@ from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.machine import machine_key, write_run_file
 from shadowbench.measure.pictures import Background, Pictures
 from shadowbench.measure.rows import Record, Result, RowStore, identity
-from shadowbench.measure.session import Rendering
 from shadowbench.measure.time_rows import time_row
 from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.spec import Spec
@@ -165,7 +164,7 @@ class Campaign:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.store.close()
         if self._truths is not None:
-            self._truths.__exit__()
+            self._truths.close()
 
     def trace(self, blocks: Sequence[Block]) -> list[Shadows | None]:
         """What each block's view shows, whose truth is in the cache then; None for one that fails, if it keeps going.
@@ -240,7 +239,7 @@ class Campaign:
         missing, view, pictures = self.unscored(block), block.view, self._pictures
         if self._truths is None or self._truths.views != block.views:
             if self._truths is not None:
-                self._truths.__exit__()
+                self._truths.close()
             self._truths = Truths(block.views)
         truths, keeps = self._truths, self._keeps_images
         surface = cache(partial(self.drawer.surface, block))
@@ -251,10 +250,7 @@ class Campaign:
             pictures.write_shading(view, surface())
 
         def finish(row: Record, scores: CellScores) -> None:
-            try:
-                row = {**row, "status": "ok", **scores.record(), **self._facts(block, scores.first)}
-            except MetricError as error:
-                row = {**row, "status": f"failed: {error}"}
+            row = self._scored(block, row, scores)
             if row["status"] == "ok" and (keeps is None or keeps(row)):
                 write_view()
                 pictures.write_cell(row["key"], scores.first)
@@ -270,7 +266,7 @@ class Campaign:
                 scores = CellScores(truths, filmed)
                 background.finish()  # which bounds the images in memory
                 try:
-                    triangle = surface().triangle if cell.spec.technique.own else None
+                    triangle = surface().triangle  # of the first frame, and before: the worker draws frames in order
                     if will_be_timed:
                         self.drawer.build(block, cell)
                     frames = self.drawer.draw(block, cell, keep=will_be_timed)
@@ -278,7 +274,9 @@ class Campaign:
                         background.begin()
                         drawn = next(frames)
                         background.finish()
-                        background.add(partial(scores.add, drawn, None if index else triangle))
+                        background.add(
+                            partial(scores.add, drawn, triangle if index == 0 and cell.spec.technique.own else None)
+                        )
                 except (Unsupported, CellFailed) as reason:
                     background.add(partial(self.store.append, {**row, "status": status_of(reason)}))
                 else:
@@ -296,14 +294,15 @@ class Campaign:
         row |= {"home_spec": cell.home.text} if cell.home else {}
         return row | {"renderer": self.drawer.info.renderer}
 
-    def _facts(self, block: Block, drawn: Rendering) -> Record:
-        """What a row says besides scores: the scene's triangles and assumptions, and the engine that drew."""
-        facts = {"triangles": block.view.scene.geometry.count}
-        return (
-            facts
-            | ({"engine": dict(drawn.engine)} if drawn.engine else {})
-            | {"assumptions": list(block.view.scene.notes)}
-        )
+    def _scored(self, block: Block, row: Record, scores: CellScores) -> Record:
+        """A cell's score row, of a cell that was drawn."""
+        try:
+            row = {**row, "status": "ok", **scores.record()}
+        except MetricError as error:
+            return {**row, "status": f"failed: {error}"}
+        scene, engine = block.view.scene, scores.first.engine
+        row |= {"triangles": scene.geometry.count, "assumptions": list(scene.notes)}
+        return row | ({"engine": dict(engine)} if engine else {})
 
     def _time(self, block: Block) -> None:
         """Time the successful cells that lack a time, or a ratio since their reference failed."""

@@ -5,7 +5,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
 from math import fsum
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ class Traced(NamedTuple):
 
 
 class Truths:
-    """Truths of views in order; reading one begins to trace the next in a thread. A context manager, which ends that.
+    """Truths of views in order; reading one begins to trace the next in a thread, which `close` ends.
 
     They are read one after the other, from the first on as often as there are cells.
     """
@@ -53,10 +53,8 @@ class Truths:
         self._thread = ThreadPoolExecutor(1)
         self._kept: dict[int, Future[Traced]] = {}
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """End the thread, after what it traces now."""
         self._thread.shutdown(cancel_futures=True)
 
     def __getitem__(self, index: int) -> Traced:

@@ -1,5 +1,6 @@
 """Cells drawn and scored in the frames of a sequence."""
 
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -66,7 +67,7 @@ def test_truths_are_those_of_each_frame_whether_or_not_all_of_them_are_kept(
     block: Block, kept: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("shadowbench.measure.frames.KEPT_BYTES", kept)
-    with Truths(block.views) as truths:
+    with closing(Truths(block.views)) as truths:
         for _ in range(2):  # cells
             for index, view in enumerate(block.views):
                 np.testing.assert_array_equal(truths[index].truth.visibility, cached_truth(view).visibility)
@@ -101,3 +102,15 @@ def test_a_row_of_a_sequence_has_means_of_its_masks_metrics_and_those_of_motion(
             valid = truth.receivers & ~truth.undecided
             drawn = np.asarray(film.convert("L"))[:, SIZE : 2 * SIZE] / 255
             np.testing.assert_allclose(drawn[valid], mask[valid], atol=1 / 255)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_the_truth_drawn_anew_in_each_frame_has_no_error_in_any_sequence(bench: Any, tmp_path: Path, name: str) -> None:
+    """Also where casters move, so that each frame is another scene to the process that draws."""
+    views = frames_of(chosen_view("walker", SIZE), BUILT_IN[name], FRAMES)
+    with bench.campaign(tmp_path, LogReporter()) as campaign:
+        ((result,),) = campaign.measure([Block(views, (Cell(parse_spec("ray-traced", techniques())),))])
+    metrics = result.score["metrics"]
+    assert metrics["iou"] == 1 and metrics["flicker"] == metrics["pop"] == 0
+    assert {metrics[score] for score in ("false_change", "swim", "lag", "lag_bias")} <= {None, 0}
