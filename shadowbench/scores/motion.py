@@ -101,7 +101,7 @@ class Motion:
         usual = float(np.median(self._pop)) if len(self._pop) >= FEWEST_PAIRS else None
         pop = None if usual is None else max(self._pop) - usual
         lag = bias = None
-        if self._transitions[:, 0].min() >= FEWEST:
+        if self._moved and self._transitions[:, 0].min() >= FEWEST:
             to_light, to_shadow = self._transitions[:, 1] / self._transitions[:, 0]
             lag, bias = float(to_light + to_shadow) / 2, float(to_light - to_shadow) / 2
         return {
