@@ -55,8 +55,8 @@ class Points:
         weights = _weights(geometry.corners(triangle), place)
         self._before = view
         self._triangle = np.concatenate([self._triangle[kept], triangle])
-        self._weights = np.concatenate([self._weights[kept], weights])
-        self._place = np.concatenate([self._place[kept], place])
+        self._weights = np.concatenate([self._weights.take(kept, axis=0), weights])
+        self._place = np.concatenate([self._place.take(kept, axis=0), place])
         pixel, right, below = np.concatenate([around, np.stack([new, 0 * new, 0 * new])], axis=1)
         return Seen(kept, pixel, right, below, np.concatenate([read, free[new]]), still)
 
@@ -88,12 +88,12 @@ def _followed(
     """
     geometry, camera, (width, height) = view.scene.geometry, view.camera, view.size
     at = place - np.array(camera.position)
-    right, up, back = camera.basis() @ at.T
+    right, up, back = np.einsum("ai,ni->an", camera.basis(), at)
     pixel_size = (camera.height - 2 * camera.slope * back) / height
     pixel_size[pixel_size <= 0] = np.nan  # behind the camera
     column, row = (width - 1) / 2 + right / pixel_size, (height - 1) / 2 - up / pixel_size
     kept = np.flatnonzero((abs(column + 0.5 - width / 2) < width / 2) & (abs(row + 0.5 - height / 2) < height / 2))
-    own, at, pixel_size = triangle[kept], at[kept], pixel_size[kept]
+    own, at, pixel_size = triangle[kept], at.take(kept, axis=0), pixel_size[kept]
     nearest = np.rint([row[kept], column[kept]]).astype(np.int32)
     aside = [row[kept], column[kept]] - nearest
     steps = np.where(abs(aside) <= CENTRE, 0, np.sign(aside)).astype(np.int32)
@@ -120,4 +120,4 @@ def _followed(
     candidates = np.flatnonzero(in_sight)[::-1]
     oldest[pixel[candidates]] = candidates  # of several, the one assigned last stays
     stay = np.flatnonzero(oldest[pixel] == np.arange(len(pixel)))
-    return kept[stay].astype(np.int32), np.stack([pixel, across, down * width])[:, stay], read[stay]
+    return kept[stay].astype(np.int32), np.stack([pixel, across, down * width]).take(stay, axis=1), read[stay]

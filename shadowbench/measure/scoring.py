@@ -34,7 +34,7 @@ def positions(view: View, triangle: NDArray[np.int32]) -> Floats:
     return points
 
 
-def surface_points(view: View, pixel: NDArray[np.integer], triangle: NDArray[np.integer]) -> Floats:
+def surface_points(view: View, pixel: NDArray[Any], triangle: NDArray[Any]) -> Floats:
     """(N, 3) points at the centres of pixels (N,), row by row, on the planes of triangles (N,), as `positions`."""
     camera, (width, height) = view.camera, view.size
     row, column = np.divmod(pixel, width)

@@ -137,10 +137,9 @@ class Geometry:
         """Whether any surface is."""
         return self.corner_normals is not None
 
-    def corners(self, triangles: NDArray[np.integer]) -> Floats:
+    def corners(self, triangles: NDArray[np.intp] | NDArray[np.int32]) -> Floats:
         """(N, 3, 3) corners of (N,) triangles."""
-        corners: Floats = self.vertices[self.faces[triangles]]
-        return corners
+        return self.vertices[self.faces[triangles]]
 
     def select(self, triangles: NDArray[np.intp]) -> "Geometry":
         """Only these triangles, given in ascending order, opaque; each with vertices of its own."""

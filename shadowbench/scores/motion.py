@@ -65,8 +65,7 @@ class Motion:
     def add(self, comparison: Comparison, seen: Seen) -> None:
         """The next frame, and the points in it, all of them of one `Points`."""
         truth, followed = comparison.truth, len(seen.kept)
-        gone = np.ones(len(self._points["mask"]), np.bool_)
-        gone[seen.kept] = False
+        gone = np.delete(np.arange(len(self._points["mask"])), seen.kept)
         self._past += _sums({name: values[gone] for name, values in self._points.items()})
         new = np.zeros(len(seen.pixel) - followed, np.float32)
         before = {name: np.concatenate([values[seen.kept], new]) for name, values in self._points.items()}
@@ -101,7 +100,7 @@ class Motion:
         usual = float(np.median(self._pop)) if len(self._pop) >= FEWEST_PAIRS else None
         pop = None if usual is None else max(self._pop) - usual
         lag = bias = None
-        if self._transitions[:, 0].min() >= FEWEST:
+        if self._moved and self._transitions[:, 0].min() >= FEWEST:
             to_light, to_shadow = self._transitions[:, 1] / self._transitions[:, 0]
             lag, bias = float(to_light + to_shadow) / 2, float(to_light - to_shadow) / 2
         return {
