@@ -79,8 +79,10 @@ STRIPS = {  # scene, spec that a member completes, left, top and side of a part 
         (2, 3, 4),
         "the gap that the bias leaves, what a march fills of it, and what it darkens falsely",
     ),
+    "histories": ("stairs", "shadow-map:size=256,filter=hard,history={}", (4, 4, 3), "the stairs of texels, and acne"),
     "fits": ("street", "shadow-map:size=512,filter=hard,fit={}", (2, 4, 3), "the size of texels, and what is missing"),
 }
+FRAMES = {"histories": 64}  # of a still view, the last of which is shown
 COUNTED = {name: f"{name},count=4" for name in ("shares", "ends")}  # their defaults are of four cascades
 Scores = dict[str, float | None]
 
@@ -100,7 +102,7 @@ def main() -> int:
             values = score(rendering.visibility, prepare_truth(cached_truth(view)))
             scores[technique.name] = {key: values[key] for key in _shown(view)}
             (PICTURES / f"{technique.name}.png").write_bytes(png([rendering.picture], LARGEST))
-        for family in _families():
+        for family in (one for one in _families() if _file(one) in STRIPS):
             (PICTURES / f"{_file(family)}.png").write_bytes(png([strip(worker, family)], LARGEST))
     for file, text in _pages(scores).items():
         file.write_text(text, encoding="utf-8")
@@ -126,7 +128,9 @@ def strip(worker: Worker, family: type[Component]) -> NDArray[np.uint8]:
     for name in (*family.table, *presets):
         request = CellRequest(spec.format(COUNTED.get(name, name)))
         with suppress(Unsupported):
-            picture = Image.fromarray(worker.call(Session.draw, view, request, tinted=True).picture)
+            for index in range(FRAMES.get(_file(family), 1)):
+                drawn = worker.call(Session.draw, view, request, tinted=True, index=index)
+            picture = Image.fromarray(drawn.picture)
             box = np.multiply((left, top, left + side, top + side), eighth).tolist()
             tile = picture.crop(box).resize((TILE, TILE), Image.Resampling.NEAREST)
             tiles.append(labelled(np.asarray(tile), name[name.find("(") + 1 :].rstrip(")")))
@@ -208,7 +212,11 @@ def _family(family: type[Component]) -> str:
         for info in one.Params.model_fields.values()
         if isinstance(info.default, family)
     ]
-    name, (scene, spec, _, seen) = _file(family), STRIPS[_file(family)]
+    name, lines = _file(family), list[str]()
+    if name in STRIPS:
+        scene, spec, _, seen = STRIPS[name]
+        shown = f"`{spec.format('…')}` on `{scene}`: {seen}."
+        lines = [f"![{name.capitalize()} on {Path(scene).stem}](../../pictures/techniques/{name}.png)", "", shown, ""]
     lines = [
         f"# {name.capitalize()}",
         "",
@@ -216,10 +224,7 @@ def _family(family: type[Component]) -> str:
         "",
         f"Allowed values of `{family.__name__.lower()}` of {', '.join(users)}.",
         "",
-        f"![{name.capitalize()} on {Path(scene).stem}](../../pictures/techniques/{name}.png)",
-        "",
-        f"`{spec.format('…')}` on `{scene}`: {seen}.",
-        "",
+        *lines,
     ]
     above: dict[str, tuple[str, str]] = {}
     served = {ALL_MAPS: [], frozenset({"cube"}): ["For cube maps.", ""]}
@@ -261,7 +266,7 @@ def _families() -> list[type[Component]]:
 def _file(family: type[Component]) -> str:
     """Name of a family's page and picture: its plural."""
     name = family.__name__.lower()
-    return name + ("es" if name.endswith("s") else "s")
+    return name[:-1] + "ies" if name.endswith("y") else name + ("es" if name.endswith("s") else "s")
 
 
 def _first_sentence(technique: type[Technique]) -> str:

@@ -93,8 +93,7 @@ MAP_SOFT_GRID = {
 }
 MapInputs = tuple[Textures, dict[str, Value]]
 """Textures and uniforms of a shader that reads a map."""
-_NO_BIAS = NoBias()
-_ALWAYS = Always()
+_NO_BIAS, _ALWAYS = NoBias(), Always()
 
 
 @dataclass(frozen=True)
@@ -134,7 +133,7 @@ class MapContents:
     """A filter's contents of a map of one or more layers; its shader's `filter_contents` writes them with the depth.
 
     texture, sampling: the contents, of the map's kind, and how they are read; far: (4,) contents where no caster is,
-    which also surround the map; reads: texels of a layer read by the blur, and by the first mip level.
+    which also surround the map; reads: texels read by the blur, and by the first mip level.
     """
 
     def __init__(
@@ -156,7 +155,7 @@ class MapContents:
         x, y, z, w = np.pad(values, (0, 4 - contents.components)).tolist()
         self.far = x, y, z, w
         self.sampling = Sampling(linear=contents.linear, wrap=layout.wrap, border=self.far, mips=contents.mips)
-        self.reads = size**2 * (2 * self._taps * (contents.blur > 1) + contents.mips)
+        self.reads = layers * size**2 * (2 * self._taps * (contents.blur > 1) + contents.mips)
         self._passes: list[tuple[Drawable, list[moderngl.Framebuffer], Color, Sampling]] = []
         if contents.blur > 1:  # separable, through a scratch texture that has the rows beyond a layer's edges too
             scratch = stage.map_texture((size, size + self._taps - 1), "array", layers, *stored)
@@ -170,8 +169,8 @@ class MapContents:
                 targets = [stage.target(target, layer=layer) for layer in range(layers)]
                 self._passes.append((stage.fullscreen(program), targets, source, sampling))
 
-    def prepare(self, layers: Sequence[int], texels: Sequence[float] = ()) -> None:
-        """Blur layers that were drawn and compute their mip levels.
+    def prepare(self, texels: Sequence[float] = ()) -> None:
+        """Blur the layers and compute their mip levels.
 
         texels: width of each layer's texels, if they differ; the blur has the width in the scene that it has in the
         layer of the finest ones.
@@ -181,10 +180,10 @@ class MapContents:
         weights = [kernel_weights(kernel, share * blur, self._taps) for share in shares]
         # Rows of all layers before the columns of any, as a cube's faces read their neighbours.
         for drawable, targets, source, sampling in self._passes:
-            for layer in layers:
+            for layer, target in enumerate(targets):
                 drawable.program.set(weights=weights[layer], layer=layer)
-                drawable.draw(targets[layer], {"source": (source, sampling)})
-        if self._contents.mips and layers:
+                drawable.draw(target, {"source": (source, sampling)})
+        if self._contents.mips:
             self.texture.build_mipmaps()
 
 
@@ -208,9 +207,8 @@ class CasterMap:
         gradients: Color | None = None,
     ) -> None:
         self.program, self.layout, self.contents, self.gradients = program, layout, contents, gradients
-        depth_target = layout.update.kept(
-            stage, "map", lambda: stage.depth_target(layout.size, layout.depth, layout.kind, layout.layers)
-        )
+        of = layout.size, layout.depth, layout.kind, layout.layers
+        depth_target = layout.update.kept(stage, "map", lambda: stage.depth_target(*of))
         self.texture, self.step = depth_target.texture, depth_target.step
         self._all_layers, self._layer_targets = depth_target.target, depth_target.layer_targets
         self._far = (1.0, 1.0, 1.0, 1.0)
@@ -255,12 +253,10 @@ class CasterMap:
             samplers["map_gradients"] = self.gradients, Sampling(wrap="repeat" if wrap == "repeat" else "edge")
         return samplers
 
-    def draw(
-        self, frame: Frame, views: Sequence[LightView], layered: bool = False, layers: Sequence[int] | None = None
-    ) -> None:
+    def draw(self, frame: Frame, views: Sequence[LightView], layered: bool = False) -> None:
         """Clear the map and draw the casters into each layer by its light view.
 
-        layered: one draw for all layers, by a program that sets `gl_Layer`; layers: which the views are of, if not all.
+        layered: one draw for all layers, by a program that sets `gl_Layer`.
         """
         matrices = [view.to_clip(self.layout.reversed_depth) for view in views]
         depths = [view.to_linear for view in views]
@@ -271,22 +267,15 @@ class CasterMap:
         ]
         if layered:
             draws = [({"world_to_clip": np.stack(matrices), "caster_to_linear": np.stack(depths)}, regions)]
-        self.draw_layers(frame, draws, layers)
+        self.draw_layers(frame, draws)
 
-    def draw_layers(
-        self,
-        frame: Frame,
-        draws: Sequence[tuple[Mapping[str, Value], Sequence[Floats]]],
-        layers: Sequence[int] | None = None,
-    ) -> None:
+    def draw_layers(self, frame: Frame, draws: Sequence[tuple[Mapping[str, Value], Sequence[Floats]]]) -> None:
         """Clear the map and draw the casters, once for all layers or once for each.
 
         draws: for each draw the program's uniforms, and convex regions as (P, 4) planes; casters that cannot shadow
-        any point of them are culled. layers: of which each draw is, if not of all.
+        any point of them are culled.
         """
-        targets: Sequence[moderngl.Framebuffer] = self._layer_targets if len(draws) > 1 else (self._all_layers,)
-        if layers is not None:
-            targets = [self._layer_targets[layer] for layer in layers]
+        targets = self._layer_targets if len(draws) > 1 else (self._all_layers,)
         self.culled = 0
         for target, (uniforms, regions) in zip(targets, draws, strict=True):
             ranges = self._chunks.index_ranges(frame.light_uniform, *regions)
@@ -319,7 +308,7 @@ class FilteredMap(CasterMap):
         self._stage, self._params, self.hull = stage, params, hull
         self.bias: Bias = params.bias
         self.filter: Filter = params.filter
-        stored, contents = self.filter.contents, None
+        stored, contents, kept = self.filter.contents, None, layout.update.kept
         cube, own = layout.kind == "cube", self.bias.comparing
         self.stores_gradients = own is not None and own.gradients
         self.defines = {
@@ -338,22 +327,19 @@ class FilteredMap(CasterMap):
         comparison = own.comparison if own else f"comparison/{'plane' if self.filter.on_plane else 'depth'}.glsl"
         self.includes = {"projection": "cube" if cube else "matrix", "map": layout.kind, "comparison": comparison}
         if stored is not None:
-            contents = layout.update.kept(
-                stage, "contents", lambda: MapContents(stage, params, stored, layout, self.defines, self.includes)
-            )
+            composed = params, stored, layout, self.defines, self.includes
+            contents = kept(stage, "contents", lambda: MapContents(stage, *composed))
         folder = "cube-map/" if cube else ""
         fragment = f"{folder}depth.frag" if contents is None else f"{folder}contents.frag"
         program = stage.program(vertex, fragment, geometry, params=params, defines=self.defines, includes=self.includes)
-        side = (layout.size, layout.size)
-        slopes, self._prepared = None, 0
+        slopes, side = None, (layout.size, layout.size)
         if self.stores_gradients:
-            slopes = layout.update.kept(
-                stage, "gradients", lambda: stage.map_texture(side, layout.kind, layout.layers, 1, "u4")
-            )
+            slopes = kept(stage, "slopes", lambda: stage.map_texture(side, layout.kind, layout.layers, 1, "u4"))
         super().__init__(stage, program, layout, self.bias, contents, slopes)
-        folder = "cascades" if layout.kind == "array" else "shadow-map"
-        of_texels = params.history.of_texels
-        self._confidence = self.resolve_pass(f"{folder}/confidence.frag") if of_texels else None
+        self._prepared, self._confidence = False, None
+        if params.history.of_texels:
+            folder = "cascades" if layout.kind == "array" else "shadow-map"
+            self._confidence = self.resolve_pass(f"{folder}/confidence.frag")
 
     def resolve_pass(self, fragment: str, components: int = 1, **defines: int) -> ResolvePass:
         """A pass over the pixels by a shader that includes `shadow_map.glsl`. defines: in place of the map's."""
@@ -363,12 +349,12 @@ class FilteredMap(CasterMap):
         """Of the light by which the filter widens; see `Filter.light_radius`."""
         return self.filter.light_radius(light, self._stage.placement)
 
-    def prepare(self, frame: Frame, changes: Changes, layers: Sequence[int], texels: Sequence[float] = ()) -> None:
-        """Blur what the filter stores in layers that were drawn, if it does. texels: see `MapContents.prepare`."""
-        if self.contents:
-            self._prepared = len(layers)
+    def prepare(self, frame: Frame, changes: Changes, redrawn: bool, texels: Sequence[float] = ()) -> None:
+        """Blur what the filter stores in a map that was redrawn, if it does. texels: see `MapContents.prepare`."""
+        self._prepared = redrawn
+        if self.contents and redrawn:
             with frame.timed("blur", changes=changes):
-                self.contents.prepare(layers, texels)
+                self.contents.prepare(texels)
 
     def inputs(self, light: Light, uniforms: Mapping[str, Value]) -> MapInputs:
         """Textures and uniforms of `shadow_map.glsl`. uniforms: of its projection."""
@@ -392,9 +378,9 @@ class FilteredMap(CasterMap):
         return resolve(frame, textures, **uniforms)
 
     def confidence(self) -> moderngl.Texture:
-        """As of `Technique.confidence`; needs a history that asks for it."""
-        frame, textures, uniforms = self.last
+        """As of `Technique.confidence`, of the last lookup."""
         assert self._confidence is not None
+        frame, textures, uniforms = self.last
         with frame.timed("confidence", changes="view"):
             return self._confidence(frame, textures, **uniforms)
 
@@ -405,7 +391,7 @@ class FilteredMap(CasterMap):
 
     def facts(self, pixels: int) -> dict[str, float]:
         """Culled triangles, and texture reads: the filter's of each pixel, and those that prepare what it stores."""
-        prepared = self._prepared * self.contents.reads if self.contents else 0
+        prepared = self.contents.reads if self.contents and self._prepared else 0
         reads = self.filter.reads * (1 + self.stores_gradients)  # of a texel's depth, and of its gradient
         return {"culled_triangles": self.culled, "reads": reads * pixels + prepared}
 

@@ -1,6 +1,6 @@
-"""When the layers of a map are redrawn, and what those that are not were drawn with."""
+"""When a map is redrawn, and what it was drawn with until then."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -16,20 +16,20 @@ T = TypeVar("T")
 
 
 class Update(Component):
-    """Base class of when maps are redrawn, in the frames of a sequence. In its first frame all are.
+    """Base class of when maps are redrawn in a sequence of frames; in the first they are.
 
-    Until then a map is looked up as it was drawn: with the light and the window of that frame, from the new camera.
-    compares: whether a layer is left as it is if light, window and casters are.
+    Until then a map is looked up as it was drawn, with the light and the window of that frame, from the new camera.
+    compares: whether it is redrawn only if light, window or casters are others.
     """
 
     compares: ClassVar[bool] = False
 
-    def due(self, index: int, layer: int) -> bool:
-        """Whether a layer may have to be redrawn in a frame."""
+    def due(self, index: int) -> bool:
+        """Whether a frame may redraw the map."""
         return True
 
     def kept(self, stage: Stage, name: str, make: Callable[[], T]) -> T:
-        """What `make` returns, remembered from frame to frame unless maps are always redrawn."""
+        """What `make` returns, remembered if maps are."""
         return stage.remembered(name, make) if self.remembers else make()
 
 
@@ -41,24 +41,20 @@ class Always(Update):
 
 
 class Every(Update):
-    """In every n-th frame: shadows lag behind light and casters by up to n − 1 frames, and end where the camera goes.
-
-    With `stagger`, cascades take turns: the i-th is redrawn in the frames k with k ≡ i modulo n.
-    """
+    """In every n-th frame: shadows lag behind light and casters by up to n − 1 frames, and end where the map did."""
 
     name = "every"
     remembers = True
     n: int = param(2, "frames from one redraw to the next", ge=1, le=1024)
-    stagger: bool = param(False, "cascades take turns")
 
-    def due(self, index: int, layer: int) -> bool:
-        return (index - layer * self.stagger) % self.n == 0
+    def due(self, index: int) -> bool:
+        return index % self.n == 0
 
 
 class Needed(Update):
-    """Where light, window or casters are others than when it was drawn: the same shadows as always, for less.
+    """Where light, window or casters are others than in the frame before: the same shadows as always, for less.
 
-    A window that follows the camera is another in each frame, unless it moves by whole texels.
+    A window that follows the camera, or is jittered by a history, is another in each frame.
     """
 
     name = "needed"
@@ -67,57 +63,39 @@ class Needed(Update):
 
 
 @dataclass(frozen=True, eq=False)
-class Layer(Generic[T]):
-    """What a layer was drawn with: in a frame, under a light, with a window that `key` tells from others."""
-
-    index: int
+class _Drawn(Generic[T]):
     light: Light
     window: T
-    key: Any
+    key: Floats
+    casters: Floats
+
+    def equals(self, other: "_Drawn[T]") -> bool:
+        arrays = (self.key, other.key), (self.casters, other.casters)
+        return self.light == other.light and all(np.array_equal(one, another) for one, another in arrays)
 
 
-class Layers(Generic[T]):
-    """The layers of a map, each as drawn in this frame or, by the map's update, in an earlier one.
+class LastDraw(Generic[T]):
+    """What a map was drawn with: in this frame or, by its update, in an earlier one."""
 
-    together: whether one draw redraws all.
-    """
+    def __init__(self, stage: Stage, update: Update) -> None:
+        self._update, geometry = update, stage.scene.geometry
+        self._casters = geometry.vertices[geometry.caster_faces] if update.compares else np.zeros(0)
+        self._kept: dict[str, _Drawn[T]] = update.kept(stage, "drawn", dict)
 
-    def __init__(self, stage: Stage, update: Update, count: int = 1, together: bool = False) -> None:
-        self._update, self._all, self._together = update, range(count), together
-        self._drawn: dict[int, Layer[T]] = update.kept(stage, "layers", dict)
-        if update.compares:
-            kept: dict[str, Floats] = stage.remembered("casters", dict)
-            casters = stage.scene.geometry.vertices[stage.scene.geometry.caster_faces]
-            if not np.array_equal(casters, kept.setdefault("corners", casters)):
-                kept["corners"] = casters
-                self._drawn.clear()
-
-    def redrawn(self, frame: Frame, fit: Callable[[], Sequence[tuple[T, Any]]]) -> list[int]:
-        """Which layers must be drawn in a frame. fit: each layer's window and key; called if any is due."""
-        drawn, update = self._drawn, self._update
-        if frame.index == 0:
-            drawn.clear()
-        due = [layer for layer in self._all if layer not in drawn or update.due(frame.index, layer)]
-        if not due:
-            return []
-        fitted = [Layer(frame.index, frame.light, *window) for window in fit()]
-        if update.compares:
-            due = [n for n in due if n not in drawn or not _same(drawn[n], fitted[n])]
-        if due and self._together:
-            due = list(self._all)
-        drawn.update((layer, fitted[layer]) for layer in due)
-        return due
+    def redraws(self, frame: Frame, fit: Callable[[], tuple[T, Any]]) -> bool:
+        """Whether a frame draws the map. fit: its window there, and what the depths depend on, as an array."""
+        last = self._kept.get("last") if frame.index else None
+        if last and not self._update.due(frame.index):
+            return False
+        now = _Drawn(frame.light, *fit(), self._casters)
+        self._kept["last"] = now
+        return not (last and self._update.compares and now.equals(last))
 
     @property
-    def windows(self) -> list[T]:
-        """Each layer's window."""
-        return [self._drawn[layer].window for layer in self._all]
+    def window(self) -> T:
+        """The map's window."""
+        return self._kept["last"].window
 
     def looked_up(self, frame: Frame) -> Frame:
-        """A frame under the light of the layer that was redrawn last."""
-        light = max((self._drawn[layer] for layer in self._all), key=lambda layer: layer.index).light
-        return replace(frame, view=replace(frame.view, light=light))
-
-
-def _same(one: Layer[T], other: Layer[T]) -> bool:
-    return one.light == other.light and np.array_equal(one.key, other.key)
+        """A frame under the light of the map."""
+        return replace(frame, view=replace(frame.view, light=self._kept["last"].light))

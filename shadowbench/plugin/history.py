@@ -18,21 +18,17 @@ if TYPE_CHECKING:
 class History(Component):
     """Base class of histories. A shader defines `float share_of_frame(ivec2 pixel)`; the frames before have the rest.
 
-    A point's history is where the camera before saw it, the bilinear mean of those of the four nearest pixels there
-    whose surface lies within a pixel of its plane; without one, and in the first frame of a sequence, it has this
-    frame alone. of_texels: whether `map_confidence` is read, a texture as of `Technique.confidence`.
+    A point's history is where the camera before saw that place: the bilinear mean of those of the four nearest pixels
+    whose surface lies within a pixel of the point's plane. Without one, and in the first frame of a sequence, the frame
+    has all. of_texels: whether the shader reads `map_confidence`, see `Technique.confidence`.
     """
 
     of_texels: ClassVar[bool] = False
 
-    def phase(self, index: int) -> int:
-        """The phase that a frame adds to the technique's."""
-        return 0
-
     @property
     def reads(self) -> int:
-        """The most texels that it reads per pixel, besides this frame's."""
-        return 0
+        """Texels that it reads per pixel, besides this frame's."""
+        return 4 * self.remembers + self.of_texels
 
 
 class NoHistory(History):
@@ -42,25 +38,18 @@ class NoHistory(History):
     unwritten = True
 
 
-class _Kept(History):
+class Blend(History):
+    """Base class of those that blend, under jittered phases."""
+
     remembers = True
-    jitter: int = param(
-        16, "phases of a fit's window, in turn, of which each frame has one; 1: it rests", ge=1, le=1024
-    )
-
-    def phase(self, index: int) -> int:
-        return index % self.jitter
-
-    @property
-    def reads(self) -> int:
-        return 4
+    jitter: int = param(64, "phases of the texel grid, a frame each, in turn; with 1 it rests", ge=1, le=1024)
 
 
-class Exponential(_Kept):
-    """The exponential mean over frames: x = α · frame + (1 − α) · history, which lags by (1 − α)/α frames.
+class Exponential(Blend):
+    """The exponential mean over frames, x = α · frame + (1 − α) · history, which lags by (1 − α)/α frames.
 
-    Over the jittered phases of a texel grid it is smooth where a frame has stairs. It lags behind whatever moves but
-    the camera: light, casters, and receivers, which it takes to rest.
+    Over the jittered phases of a texel grid it is smooth where a frame has stairs. Moved receivers have the history of
+    the place, not of the surface.
     """
 
     name = "exponential"
@@ -68,37 +57,32 @@ class Exponential(_Kept):
     alpha: float = param(0.1, "α, the share of this frame", gt=0, le=1)
 
 
-class Confidence(_Kept):
+class Confidence(Blend):
     """A share by the confidence in the shadow test, conf^power (Scherzer, Jeschke and Wimmer 2007).
 
-    conf = 1 − 2 · max(|x − x_c|, |y − y_c|) of the point (x, y) in the map, in texels, and the centre (x_c, y_c) of its
-    texel: a test is right at centres. Over the jittered phases every point comes near one, so that shadows converge to
-    hard ones as sharp as pixels. The confidence knows no motion of the light: what is not near a centre stays.
+    conf = 1 − 2 · max(|x − x_c|, |y − y_c|) of a point (x, y) in the map, in texels, and the centre (x_c, y_c) of its
+    texel, where the test is right. Over the jittered phases every point comes near one: edges get as sharp as pixels.
     """
 
     name = "confidence"
     shader = "history/confidence.glsl"
     of_texels = True
-    power: float = param(8.0, "exponent of the confidence", ge=0, le=64)
-
-    @property
-    def reads(self) -> int:
-        return 5
+    power: float = param(4.0, "exponent of the confidence", ge=0, le=64)
 
 
 @dataclass(eq=False)
 class _Past:
-    """The frame before. images: two by turns, the last one first; RGBA, positions and visibility, −1 without any."""
+    """The frame before. images: two by turns, its own first; RGBA, position and visibility, −1 where there is none."""
 
     images: tuple[moderngl.Texture, moderngl.Texture]
     view: View | None = None
 
 
 class HistoryPass:
-    """Draws a technique under a jittered phase and blends it with the frames before. draw: of the technique."""
+    """Draws a technique under a jittered phase, and blends with the frames before. draw: of the technique."""
 
     def __init__(self, stage: "Stage", technique: "Technique", draw: "Callable[[Frame], moderngl.Texture]") -> None:
-        self._technique, self._draw, self._params = technique, draw, technique.params
+        self._technique, self._draw = technique, draw
         self._past = stage.remembered(
             "history", lambda: _Past((stage.texture(components=4), stage.texture(components=4)))
         )
@@ -109,21 +93,18 @@ class HistoryPass:
 
     def __call__(self, frame: "Frame") -> moderngl.Texture:
         """Visibility of this frame and of those before."""
-        past, history = self._past, self._params.history
-        phase = replace(frame.phase, index=frame.phase.index + history.phase(frame.index))
+        past, history = self._past, self._technique.params.history
+        assert isinstance(history, Blend)
+        phase = replace(frame.phase, index=frame.phase.index + frame.index % history.jitter)
         drawn = self._draw(replace(frame, phase=phase))
         before = past.view if past.view and frame.index else frame.view
         last, other = past.images
-        textures = {"drawn": (drawn, Sampling()), "past": (last, Sampling())}
+        textures = {**frame.surface.inputs, "drawn": (drawn, Sampling()), "past": (last, Sampling())}
         if history.of_texels:
             textures["map_confidence"] = self._technique.confidence(), Sampling()
         with frame.timed("history"):
-            self._program.set(
-                light=frame.light_uniform,
-                past_clip=view_projection(before),
-                past_pixel=before.pixel,
-                first=float(frame.index == 0),
-            )
-            self._triangle.draw(self._targets[other], {**frame.surface.inputs, **textures})
+            self._program.set(light=frame.light_uniform, past_clip=view_projection(before), past_pixel=before.pixel)
+            self._program.set(first=float(frame.index == 0))
+            self._triangle.draw(self._targets[other], textures)
         past.images, past.view = (other, last), frame.view
         return self._texture

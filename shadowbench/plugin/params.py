@@ -163,7 +163,7 @@ class SubjectParams(Strict):
 
 
 class Component(Strict):
-    """Base class of biases, filters, fits, splits and contact shadows; a `name` adds one to its family's table."""
+    """Base class of biases, filters, fits, splits, updates, contacts and histories; a `name` adds one to its table."""
 
     name: ClassVar[str]
     shader: ClassVar[str] = ""  # file that fills the include slot of the parameter, or its text of several lines

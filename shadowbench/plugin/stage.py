@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -45,16 +45,16 @@ class ShaderText:
     uniforms: Mapping[str, float]
 
 
+@dataclass(eq=False)
 class Memory:
     """What a cell remembers from frame to frame, also when it is built again for geometry that moved.
 
     values: by name, as made by `Stage.remembered`; bytes: device memory of their textures and buffers.
     """
 
-    def __init__(self) -> None:
-        self.values: dict[str, Any] = {}
-        self.bytes = 0
-        self.resources: list[Releasable] = []
+    values: dict[str, Any] = field(default_factory=dict)
+    resources: list[Releasable] = field(default_factory=list)
+    bytes: int = 0
 
 
 class Stage:
@@ -292,11 +292,13 @@ class Stage:
 
     def release(self, but_memory: bool = False) -> None:
         """Release all resources of the stage, but_memory: without what it remembers."""
-        released = self._resources if but_memory else [*self.memory.resources, *self._resources]
-        self.device.free(reversed(released))
+        self.device.free(reversed(self._resources))
         self._resources.clear()
         if not but_memory:
-            self.memory = Memory()
+            self.device.free(reversed(self.memory.resources))
+            self.memory.resources.clear()
+            self.memory.values.clear()
+            self.memory.bytes = 0
         self.bytes = self.memory.bytes
 
 
@@ -309,7 +311,7 @@ def _shader_values(
     uniforms: dict[str, float] = {}
 
     def add(params: SubjectParams | Component, prefix: str) -> None:
-        for key, field in type(params).model_fields.items():
+        for key, info in type(params).model_fields.items():
             name, value = prefix + key, getattr(params, key)
             if isinstance(value, Component):
                 slots.update({name: value.shader} if value.shader else {})
@@ -317,7 +319,7 @@ def _shader_values(
             elif isinstance(value, bool | int):
                 defines[name.upper()] = str(int(value))
             elif isinstance(value, float):
-                uniforms[name] = placement.length(value) if in_metres(field) else value
+                uniforms[name] = placement.length(value) if in_metres(info) else value
             else:
                 defines[f"{name}_{value}".upper().replace("-", "_")] = "1"
                 slots[name] = str(value)

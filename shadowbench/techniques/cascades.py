@@ -15,13 +15,12 @@ from shadowbench.maps.biases import Bias, Texel
 from shadowbench.maps.caster_map import MAP_GRID, MAP_SOFT_GRID, FilteredMap, MapLayout, map_uniforms
 from shadowbench.maps.filters import Filter, Hardware
 from shadowbench.maps.fits import PracticalSplit, Split, widened
-from shadowbench.maps.updates import Always, Layers, Update
+from shadowbench.maps.updates import Always, LastDraw, Update
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
 from shadowbench.techniques.shadow_map import BEVY, GODOT, UNITY
 
-_Window = tuple[Slice, LightView, Floats]
 _SPHERES = "count=4,box=sphere,stable=true"  # as in all engines
 
 
@@ -92,15 +91,13 @@ class Cascades(Technique):
                 raise ValueError(f"split={self.split.name}: found count={self.count}; allowed: {self.split.slices}")
             if self.stable and self.box != "sphere":
                 raise ValueError(f"stable=true: found box={self.box}; allowed: sphere")
-            if self.layers == "geometry" and getattr(self.update, "stagger", False):
-                raise ValueError("stagger=true: found layers=geometry, which redraws all; allowed: passes")
             return self
 
         @property
         def layout(self) -> MapLayout:
             """The layout of the maps."""
             clamp, cull, update = self.depth_clamp, self.cull, self.update
-            return MapLayout(self.size, self.depth, "array", self.count, clamp=clamp, cull=cull, update=update)
+            return MapLayout(self.size, self.depth, "array", self.count, clamp, cull, update=update)
 
     params: Params
 
@@ -123,28 +120,25 @@ class Cascades(Technique):
         defines = {"LAYERS": params.count, "BLENDED": int(params.blend > 0)}
         self.map = FilteredMap(stage, params, params.layout, self.hull, True, vertex, geometry, defines)
         self.resolve = self.map.resolve_pass("cascades/resolve.frag")
-        self.layers = Layers[_Window](stage, params.update, params.count, together=params.layers == "geometry")
+        self.last = LastDraw[list[tuple[Slice, LightView, Floats]]](stage, params.update)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         with frame.timed("fit", changes="view"):
-            redrawn = self.layers.redrawn(frame, lambda: self._windows(frame))
-            self.slices, self.light_views, self.margins = zip(*self.layers.windows, strict=True)
+            redraws = self.last.redraws(frame, lambda: self._windows(frame))
+            self.slices, self.light_views, self.margins = zip(*self.last.window, strict=True)
         with frame.timed("depth", changes="view"):
-            if self.params.layers == "passes":
-                self.map.draw(frame, [self.light_views[layer] for layer in redrawn], layers=redrawn)
-            elif redrawn:
-                self.map.draw(frame, self.light_views, layered=True)
-        self.map.prepare(frame, "view", redrawn, [max(view.texel) for view in self.light_views])
-        frame = self.layers.looked_up(frame)
+            if redraws:
+                self.map.draw(frame, self.light_views, layered=self.params.layers == "geometry")
+        self.map.prepare(frame, "view", redraws, [max(view.texel) for view in self.light_views])
+        frame = self.last.looked_up(frame)
         with frame.timed("resolve", changes="view"):
             return self.map.look_up(self.resolve, frame, self.map.inputs(frame.light, self._uniforms(frame)))
 
-    def _windows(self, frame: Frame) -> list[tuple[_Window, Floats]]:
-        """Each slice with its light view and the margins in it, and all that the contents of its map depend on."""
+    def _windows(self, frame: Frame) -> tuple[list[tuple[Slice, LightView, Floats]], Floats]:
+        """Each slice with its light view and the margins in it; the light views' matrices."""
         space = light_space(frame.light)
         windows = [(part, *self._light_view(space, part, frame)) for part in self._slices(frame)]
-        finest = min(max(view.texel) for _, view, _ in windows)  # by which blurs are scaled
-        return [(window, np.append(window[1].to_map(), finest)) for window in windows]
+        return windows, np.stack([view.to_map() for _, view, _ in windows])
 
     def _slices(self, frame: Frame) -> list[Slice]:
         params, scale = self.params, self.stage.placement.scale

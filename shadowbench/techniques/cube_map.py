@@ -12,7 +12,7 @@ from shadowbench.gl.targets import FACES, DepthFormat
 from shadowbench.maps.biases import Bias, Texel
 from shadowbench.maps.caster_map import MAP_GRID, MAP_SOFT_GRID, FilteredMap, MapInputs, MapLayout
 from shadowbench.maps.filters import Filter, Hardware
-from shadowbench.maps.updates import Always, Layers, Update
+from shadowbench.maps.updates import Always, LastDraw, Update
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
@@ -81,26 +81,24 @@ class CubeMap(Technique):
         geometry = "cube-map/faces.geom" if params.layers == "geometry" else None
         vertex = f"cube-map/{params.layers}.vert"
         self.map = FilteredMap(stage, params, params.layout, self.hull, vertex=vertex, geometry=geometry)
-        self.layers = Layers[float](stage, params.update)
+        self.last = LastDraw[float](stage, params.update)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         inputs = self.draw_map(frame)
         with frame.timed("resolve", changes="view"):
-            return self.map.look_up(self.resolve, self.layers.looked_up(frame), inputs)
+            return self.map.look_up(self.resolve, self.last.looked_up(frame), inputs)
 
     def draw_map(self, frame: Frame) -> MapInputs:
         """Draw the faces; the textures and uniforms of shadow_map.glsl."""
         with frame.timed("depth", changes="light"):
-            redrawn = self.layers.redrawn(frame, lambda: [self._window(frame)])
-            (self.far,) = self.layers.windows
-            if redrawn:
+            reach = np.linalg.norm(self.hull.points - frame.light.position, axis=1)
+            far = float(reach.max()) * _MARGIN
+            redraws = self.last.redraws(frame, lambda: (far, far))
+            self.far = self.last.window
+            if redraws:
                 self._draw_faces(frame)
-        self.map.prepare(frame, "light", range(FACES) if redrawn else ())
-        return self.map.inputs(self.layers.looked_up(frame).light, {"map_far": self.far})
-
-    def _window(self, frame: Frame) -> tuple[float, float]:
-        far = float(np.linalg.norm(self.hull.points - frame.light.position, axis=1).max()) * _MARGIN
-        return far, far
+        self.map.prepare(frame, "light", redraws)
+        return self.map.inputs(self.last.looked_up(frame).light, {"map_far": self.far})
 
     def _draw_faces(self, frame: Frame) -> None:
         self.map.program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)

@@ -26,7 +26,7 @@ from shadowbench.maps.caster_map import (
 )
 from shadowbench.maps.filters import Filter, Hardware
 from shadowbench.maps.fits import Fit, FittedParams, FittedView
-from shadowbench.maps.updates import Always, Layers, Update
+from shadowbench.maps.updates import Always, LastDraw, Update
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, param
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.vectors import Floats
@@ -158,25 +158,24 @@ class ShadowMap(Technique):
         self.stage, params = stage, self.params
         self.fitted = FittedView(stage, params.fit, params.size, params.filter.reach(params.size))
         self.map = FilteredMap(stage, params, params.layout, self.fitted.hull)
-        self.layers = Layers[LightView](stage, params.update)
+        self.last = LastDraw[LightView](stage, params.update)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         inputs = self.draw_map(frame)
         with frame.timed("resolve", changes="view"):
-            return self.map.look_up(self._resolve_pass(frame.light), self.layers.looked_up(frame), inputs)
+            return self.map.look_up(self._resolve_pass(frame.light), self.last.looked_up(frame), inputs)
 
     def draw_map(self, frame: Frame) -> MapInputs:
         """Fit and draw the map; the textures and uniforms of shadow_map.glsl."""
         params, moves = self.params, self.params.fit.invalidated_by
         with frame.timed("fit", changes=moves):
-            redrawn = self.layers.redrawn(frame, lambda: [self._window(frame)])
-            (self.light_view,) = self.layers.windows
+            redraws = self.last.redraws(frame, lambda: self._window(frame))
+            self.light_view = self.last.window
         with frame.timed("depth", changes=moves):
-            if redrawn:
+            if redraws:
                 self.map.draw(frame, [self.light_view])
-        self.map.prepare(frame, moves, redrawn)
-        light = self.layers.looked_up(frame).light
-        return self.map.inputs(light, map_uniforms([self.light_view], params.reversed))
+        self.map.prepare(frame, moves, redraws)
+        return self.map.inputs(self.last.looked_up(frame).light, map_uniforms([self.light_view], params.reversed))
 
     def _window(self, frame: Frame) -> tuple[LightView, Floats]:
         view = self.fitted(frame, self.map.light_radius(frame.light))
