@@ -82,7 +82,6 @@ STRIPS = {  # scene, spec that a member completes, left, top and side of a part 
     "histories": ("stairs", "shadow-map:size=256,filter=hard,history={}", (4, 4, 3), "the stairs of texels, and acne"),
     "fits": ("street", "shadow-map:size=512,filter=hard,fit={}", (2, 4, 3), "the size of texels, and what is missing"),
 }
-FRAMES = {"histories": 64}  # of a still view, the last of which is shown
 COUNTED = {name: f"{name},count=4" for name in ("shares", "ends")}  # their defaults are of four cascades
 Scores = dict[str, float | None]
 
@@ -128,7 +127,7 @@ def strip(worker: Worker, family: type[Component]) -> NDArray[np.uint8]:
     for name in (*family.table, *presets):
         request = CellRequest(spec.format(COUNTED.get(name, name)))
         with suppress(Unsupported):
-            for index in range(FRAMES.get(_file(family), 1)):
+            for index in range(64 if _file(family) == "histories" else 1):  # of a still view
                 drawn = worker.call(Session.draw, view, request, tinted=True, index=index)
             picture = Image.fromarray(drawn.picture)
             box = np.multiply((left, top, left + side, top + side), eighth).tolist()
@@ -212,20 +211,14 @@ def _family(family: type[Component]) -> str:
         for info in one.Params.model_fields.values()
         if isinstance(info.default, family)
     ]
-    name, lines = _file(family), list[str]()
+    name, answers = _file(family), f"Allowed values of `{family.__name__.lower()}` of {', '.join(users)}."
+    lines = [f"# {name.capitalize()}", "", measured(COMMAND), "", answers, ""]
     if name in STRIPS:
         scene, spec, _, seen = STRIPS[name]
-        shown = f"`{spec.format('…')}` on `{scene}`: {seen}."
-        lines = [f"![{name.capitalize()} on {Path(scene).stem}](../../pictures/techniques/{name}.png)", "", shown, ""]
-    lines = [
-        f"# {name.capitalize()}",
-        "",
-        measured(COMMAND),
-        "",
-        f"Allowed values of `{family.__name__.lower()}` of {', '.join(users)}.",
-        "",
-        *lines,
-    ]
+        lines += [f"![{name.capitalize()} on {Path(scene).stem}](../../pictures/techniques/{name}.png)", ""]
+        lines += [f"`{spec.format('…')}` on `{scene}`: {seen}.", ""]
+    else:
+        lines += ["```text", f"shadow-map:{family.__name__.lower()}={[*family.table][-1]}", "```", ""]
     above: dict[str, tuple[str, str]] = {}
     served = {ALL_MAPS: [], frozenset({"cube"}): ["For cube maps.", ""]}
     for row in family.table.values():
