@@ -40,7 +40,7 @@ class Cascades(Technique):
     phased = True
     catalogue = Entry(
         picture_scene="deep-street",
-        grid={"count": (2, 3, 5), **MAP_GRID},
+        grid={"count": (2, 3, 5), "oriented": (True,), **MAP_GRID},
         soft_grid=MAP_SOFT_GRID,
         variants=("box=scene", "box=tight", "box=sphere,stable=true"),
     )
