@@ -64,9 +64,8 @@ def draw(artefact: Artefact, size: int) -> Drawn:
     truths = [sb.truth(scene, view_size=size, view=view) for view in views]
     if artefact.metric in MOTION:
         specs = [artefact.broken, artefact.cured]
-        values = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, sequence="pan", frames=8)[
-            artefact.metric
-        ].tolist()
+        table = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, sequence="pan", frames=8)
+        values = table[artefact.metric].tolist()
     else:
         others = [sb.render(scene, spec, view_size=size, view=views[0]) for spec in artefact.others]
         masks = [one.visibility for one in (broken[0], cured[0], *others)]
