@@ -10,7 +10,6 @@ from shadowbench.plugin.base import Frame
 from shadowbench.plugin.params import Component, param
 from shadowbench.plugin.stage import Stage
 from shadowbench.scenes.model import Light
-from shadowbench.scenes.vectors import Floats
 
 T = TypeVar("T")
 
@@ -66,12 +65,7 @@ class Needed(Update):
 class _Drawn(Generic[T]):
     light: Light
     window: T
-    key: Floats
-    casters: Floats
-
-    def equals(self, other: "_Drawn[T]") -> bool:
-        arrays = (self.key, other.key), (self.casters, other.casters)
-        return self.light == other.light and all(np.array_equal(one, another) for one, another in arrays)
+    others: tuple[Any, Any]  # arrays of what else the depths depend on: `fit`'s, and the casters
 
 
 class LastDraw(Generic[T]):
@@ -87,9 +81,10 @@ class LastDraw(Generic[T]):
         last = self._kept.get("last") if frame.index else None
         if last and not self._update.due(frame.index):
             return False
-        now = _Drawn(frame.light, *fit(), self._casters)
-        self._kept["last"] = now
-        return not (last and self._update.compares and now.equals(last))
+        window, depends = fit()
+        now = self._kept["last"] = _Drawn(frame.light, window, (depends, self._casters))
+        same = last and last.light == now.light and all(map(np.array_equal, last.others, now.others))
+        return not (same and self._update.compares)
 
     @property
     def window(self) -> T:

@@ -70,7 +70,7 @@ def _radical_inverse(index: int, base: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The inputs of one draw. `index` counts draws; at 0, results of earlier frames are invalid."""
+    """The inputs of one draw. `index` counts draws; at 0, what `stage.remembered` keeps of earlier ones is invalid."""
 
     view: View
     phase: Phase

@@ -14,7 +14,7 @@ from shadowbench.measure.rows import Record
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.motion import MOTION
 
-HARD = {"acne": 0.01, "leak": 0.01, "terminator": 0.01, "flicker": 0.04, "swim": 0.006, "iou": 0.95}
+HARD = {"acne": 0.01, "leak": 0.01, "terminator": 0.01, "flicker": 0.04, "swim": 0.01, "iou": 0.95}
 SOFT = {"bleed": 0.01, "false_dark": 0.01, "rmse": 0.05}
 TOLERANCES: dict[str, float] = {**HARD, **SOFT}
 """Limits of tolerance, of hard and of soft shadows: a minimum for `iou`, maxima for the others.
