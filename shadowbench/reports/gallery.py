@@ -61,6 +61,8 @@ def _scored_cell(row: Record, one: Setting, summary: Summary) -> dict[str, Any]:
     else:
         edge = metrics.get("edge_px")
         others = ["edge –" if edge is None else f"edge {digits(edge)} px"]
+    if row["frames"] > 1:
+        others.append(f"means of {row['frames']} frames, of which the first is shown")
     how = {"predicted_ms": " (predicted)", "work_cost": " of work"}
     software = " (software renderer)" if summary.run.software else ""
     cost = "not timed" if summary.cost in ("frame_ms", "map_size") else "not ranked"
