@@ -7,6 +7,7 @@ shadowbench score stairs --lit out/lit.png --shadowed out/shadowed.png
 
 import argparse
 import json
+import math
 from pathlib import Path
 
 import vtk
@@ -19,9 +20,9 @@ def main() -> None:
     arguments = parser.parse_args()
     description = json.loads((arguments.folder / "view.json").read_text(encoding="utf-8"))
     window, renderer = load(arguments.folder / description["model"], description)
-    save(window, arguments.folder / "lit.png")
+    save(window, description["image"], arguments.folder / "lit.png")
     renderer.SetPass(shadow_pass(1024))
-    save(window, arguments.folder / "shadowed.png")
+    save(window, description["image"], arguments.folder / "shadowed.png")
 
 
 def load(model: Path, description: dict) -> tuple[vtk.vtkRenderWindow, vtk.vtkRenderer]:
@@ -29,7 +30,11 @@ def load(model: Path, description: dict) -> tuple[vtk.vtkRenderWindow, vtk.vtkRe
     window, renderer = vtk.vtkRenderWindow(), vtk.vtkRenderer()
     window.SetOffScreenRendering(True)
     window.SetMultiSamples(0)  # a mask is sampled at pixel centres
-    window.SetSize(description["image"]["width"], description["image"]["height"])
+    width, height = description["image"]["width"], description["image"]["height"]
+    side = max(
+        width, height
+    )  # VTK's shadow maps are wrong in windows that are not square; the picture is a corner of one
+    window.SetSize(side, side)
     window.AddRenderer(renderer)
     renderer.SetBackground(0, 0, 0)
     importer = vtk.vtkGLTFImporter()
@@ -43,7 +48,13 @@ def load(model: Path, description: dict) -> tuple[vtk.vtkRenderWindow, vtk.vtkRe
     camera.SetPosition(found["position"])
     camera.SetFocalPoint(found["target"])
     camera.SetViewUp(found["up"])
-    camera.SetViewAngle(found["fov_y"])
+    camera.SetWindowCenter(1 - width / side, 1 - height / side)
+    if found["height"]:  # orthographic
+        camera.ParallelProjectionOn()
+        camera.SetParallelScale(found["height"] / 2 * side / height)
+    else:
+        half = math.radians(found["fov_y"]) / 2
+        camera.SetViewAngle(math.degrees(2 * math.atan(math.tan(half) * side / height)))
     camera.SetClippingRange(found["near"], found["far"])
     return window, renderer
 
@@ -79,11 +90,12 @@ def shadow_pass(size: int) -> vtk.vtkRenderPass:
     return camera
 
 
-def save(window: vtk.vtkRenderWindow, file: Path) -> None:
-    """Render, and write the image."""
+def save(window: vtk.vtkRenderWindow, size: dict, file: Path) -> None:
+    """Render, and write the window's lower left corner of this size."""
     window.Render()
-    grabbed = vtk.vtkWindowToImageFilter()
+    grabbed, side = vtk.vtkWindowToImageFilter(), max(size.values())
     grabbed.SetInput(window)
+    grabbed.SetViewport(0, 0, size["width"] / side, size["height"] / side)
     grabbed.ReadFrontBufferOff()
     writer = vtk.vtkPNGWriter()
     writer.SetFileName(str(file))

@@ -151,7 +151,7 @@ class Does(Wild):
             time.sleep(1)
 
     def do_eat(self, texture):
-        held = [np.ones(8 << 20) for _ in range(48)]
+        held = [np.ones(8 << 20) for _ in range(20)]  # more than the limit of 1 GiB
         while held:
             time.sleep(1)
 

@@ -1,5 +1,6 @@
 """Subsets of long parameter lists: pairs in place of products, and what `make test-slow` runs of a list."""
 
+import datetime
 from collections.abc import Collection, Iterable, Sequence
 from itertools import combinations, product
 from typing import Any
@@ -17,6 +18,11 @@ def sampled(values: Iterable[Any], sample: Collection[Any]) -> list[Any]:
         )
         for value in values
     ]
+
+
+def todays(values: Sequence[Any], days: int) -> Sequence[Any]:
+    """Each day other values, so that in so many days all are taken."""
+    return values[datetime.date.today().toordinal() % days :: days]
 
 
 def pairs(*factors: Iterable[Any]) -> list[tuple[Any, ...]]:

@@ -44,7 +44,7 @@ rays, memory textures and buffers. RTR is *Real-Time Rendering*, 4th edition, 20
 
 @dataclass(frozen=True)
 class Drawn:
-    """An artefact's frames, one for each camera of its scene, and its metric's values, broken and cured."""
+    """An artefact's frames, one for each camera, and the metric's values: broken, cured, of other cures."""
 
     truths: list[Truth]
     traced: list[Rendering]
@@ -64,11 +64,12 @@ def draw(artefact: Artefact, size: int) -> Drawn:
     truths = [sb.truth(scene, view_size=size, view=view) for view in views]
     if artefact.metric in MOTION:
         specs = [artefact.broken, artefact.cured]
-        values = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, sequence="pan", frames=8)[
-            artefact.metric
-        ].tolist()
+        table = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, sequence="pan", frames=8)
+        values = table[artefact.metric].tolist()
     else:
-        values = [sb.score(frames[0].visibility, truths[0])[artefact.metric] for frames in (broken, cured)]
+        others = [sb.render(scene, spec, view_size=size, view=views[0]) for spec in artefact.others]
+        masks = [one.visibility for one in (broken[0], cured[0], *others)]
+        values = [sb.score(mask, truths[0])[artefact.metric] for mask in masks]
     return Drawn(truths, traced, broken, cured, values)
 
 
@@ -108,8 +109,9 @@ def _framed(panel: NDArray[np.uint8], left: int, top: int, side: int) -> NDArray
 
 
 def section(artefact: Artefact, values: Sequence[str]) -> str:
-    """The section of an artefact; values: its metric, broken and cured, and how often the work and memory it takes."""
-    broken, cured, work, memory = values
+    """The section of an artefact; values: how often the work and memory its cure takes, and the metric as `Drawn`'s."""
+    work, memory, broken, cured, *others = values
+    also = ", ".join(f"{value} with `{spec}`" for spec, value in zip(artefact.others, others, strict=True))
     file = artefact.file.relative_to(DOCS.parent).as_posix()
     third = "change since the last frame" if artefact.metric in MOTION else "their difference"
     paragraphs = [
@@ -118,7 +120,8 @@ def section(artefact: Artefact, values: Sequence[str]) -> str:
         _wrapped(artefact.see),
         _wrapped(f"**Cause.** {artefact.cause}"),
         _wrapped(f"**Cure.** {artefact.cure}"),
-        f"Measured: `{artefact.metric}` {broken} broken, {cured} cured, for {work} times work, {memory} times memory.",
+        f"Measured: `{artefact.metric}` {broken} broken, {cured} cured, for {work} times work, {memory} times memory"
+        f"{also and f'; {also}'}.",
         _wrapped(f"**Question.** {artefact.question}"),
         f"```sh\nshadowbench run {file} -t '{artefact.broken}' -t '{artefact.cured}'\n```",
         _wrapped(f"{artefact.source}."),
@@ -146,7 +149,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="exit 1 if the committed text is stale; draws nothing")
     if parser.parse_args().check:
-        return compare(PAGE, page({one.scene: "…" * 4 for one in artefacts()}), Path(__file__).name)
+        return compare(PAGE, page({one.scene: "…" * (4 + len(one.others)) for one in artefacts()}), Path(__file__).name)
     shutil.rmtree(PICTURES, ignore_errors=True)
     PICTURES.mkdir(parents=True)
     values = {}
@@ -156,7 +159,7 @@ def main() -> int:
         (PICTURES / f"{one.scene}.png").write_bytes(png([_panels(one, drawn, index) for index in frames], LARGEST))
         before, after = drawn.broken[0], drawn.cured[0]
         costs = after.work["cost"] / before.work["cost"], after.gpu_bytes / before.gpu_bytes
-        values[one.scene] = [*(f"{value:.4f}" for value in drawn.values), *(f"{cost:.2f}" for cost in costs)]
+        values[one.scene] = [*(f"{cost:.2f}" for cost in costs), *(f"{value:.4f}" for value in drawn.values)]
         print(f"{one.name}: {', '.join(values[one.scene])}")
     PAGE.write_text(page(values), encoding="utf-8")
     print(PAGE)

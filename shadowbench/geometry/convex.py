@@ -58,7 +58,7 @@ def corners(planes: Floats, extent: float) -> Floats:
     extent: largest coordinate of the region, which scales the tolerance for rounding.
     """
     a, b, c = planes[_triples(len(planes))]
-    bc, ca, ab = np.cross(b[:, :3], c[:, :3]), np.cross(c[:, :3], a[:, :3]), np.cross(a[:, :3], b[:, :3])
+    bc, ca, ab = np.cross([b[:, :3], c[:, :3], a[:, :3]], [c[:, :3], a[:, :3], b[:, :3]])
     determinant = np.einsum("ij,ij->i", a[:, :3], bc)
     intersect = np.abs(determinant) > 1e-12
     points = -(a[:, 3:] * bc + b[:, 3:] * ca + c[:, 3:] * ab)[intersect] / determinant[intersect, None]

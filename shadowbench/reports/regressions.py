@@ -224,8 +224,8 @@ def _mask(folder: Path, row: Record) -> NDArray[np.float32] | None:
 
 
 def worst_place(wrong: NDArray[np.floating]) -> tuple[slice, slice]:
-    """The square with the largest sum of (H, W) errors, of those half a side apart; its side is an eighth of H."""
-    side = min(max(_LEAST_SIDE, len(wrong) // _ENLARGED), *wrong.shape)
+    """The square with the largest sum of (H, W) errors, of those half a side apart; its side is an eighth of W."""
+    side = min(max(_LEAST_SIDE, wrong.shape[1] // _ENLARGED), *wrong.shape)
     total = np.pad(wrong, ((1, 0), (1, 0))).cumsum(0).cumsum(1)
     rows, columns = (np.arange(0, count - side + 1, max(1, side // 2)) for count in wrong.shape)
     low, high = np.ix_(rows, columns), np.ix_(rows + side, columns + side)

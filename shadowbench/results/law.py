@@ -68,7 +68,8 @@ def kind_of(spec: str) -> str:
     name, named = spec.partition(":")[0], "fit|rest|where"
     if name == FLOOR:  # which costs nothing alone
         named += "|contact"
-    return " ".join([name, *re.findall(rf"\b(?:{named})=\w+", spec)])
+    kind = " ".join([name, *re.findall(rf"\b(?:{named})=\w+", spec)])
+    return kind.removesuffix(" fit=visible") if name == "shadow-map" else kind  # its default, with parameters
 
 
 def counts_of(row: Record, triangles: int) -> dict[str, float]:

@@ -19,8 +19,8 @@ SOFT = {"bleed": 0.01, "false_dark": 0.01, "rmse": 0.05}
 TOLERANCES: dict[str, float] = {**HARD, **SOFT}
 """Limits of tolerance, of hard and of soft shadows: a minimum for `iou`, maxima for the others.
 
-Along the axes of movement of maps of 1024² texels, 1% of the pixels at true edges flip from frame to frame where
-`flicker`, under a moving light, or `swim`, for a moving camera, reach these pixels.
+Along the axes of movement about 1% of the pixels at true edges flip from frame to frame where `flicker`, under a moving
+light, or `swim`, for a moving camera, reach these pixels.
 """
 _WHOLE = {"iou": "IoU {:.3f}", "rmse": "RMSE {:.3f}"}  # of the whole mask
 _TEXTS = {**_WHOLE, "flicker": "flicker {:.3f} px", "swim": "swim {:.4f} px"}  # of the metrics that are no shares

@@ -14,7 +14,7 @@ class Artefact:
 
     chapter: the kind of technique that has it; scene: name of its scene file; metric: that detects it; broken, cured:
     specs; see, cause, cure, question: texts, in Markdown; source: of cause and cure; crop: left, top and side of the
-    part of the picture that shows it best, in eighths of the picture.
+    part of the picture that shows it best, in eighths of the picture; others: specs of other cures.
     """
 
     name: str
@@ -29,6 +29,7 @@ class Artefact:
     question: str
     source: str
     crop: tuple[int, int, int] | None = None
+    others: tuple[str, ...] = ()
 
     @property
     def file(self) -> Path:

@@ -87,7 +87,10 @@ class ShadowMap(Technique):
     lights = frozenset({"directional", "spot"})
     phased = True
     catalogue = Entry(
-        grid={"fit": ("visible", "view", "scene"), **MAP_GRID},
+        grid={
+            "fit": (*(f"visible(oriented={turn})" for turn in ("false", "true")), "view(oriented=true)", "scene"),
+            **MAP_GRID,
+        },
         soft_grid=MAP_SOFT_GRID,
         variants=tuple(f"fit={name}" for name in sorted(Fit.table)),
     )

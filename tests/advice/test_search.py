@@ -79,6 +79,7 @@ def search_for(model: Model, limit: float, space: list[Spec], start: float = 102
     return Search(space, limit, read_once, lambda spec: start, model.measure, MARGINS).run()
 
 
+@pytest.mark.slow
 def test_smooth_errors_let_the_search_find_one_of_the_cheapest_with_a_fifth_of_the_measurements() -> None:
     """In 19 of 20 models one that costs at most 1.15 × the cheapest: predictions are no bounds, so none is certain."""
     space, random, ratios = sun_space(), np.random.default_rng(0), []
@@ -105,7 +106,7 @@ def test_a_spec_with_unsuccessful_cells_is_skipped() -> None:
 
     best = Search(sun_space(), 0.05, read_once, lambda spec: 1024, measure, MARGINS).run()
     assert best is not None and best.spec.technique.name != "cascades"
-    assert [spec.map_size for spec in cascades] == [1024] * 3 + [256] * 3  # smaller might have held, larger not
+    assert [spec.map_size for spec in cascades] == [1024] * 6 + [256] * 6  # smaller might have held, larger not
 
 
 def test_another_filter_at_a_size_says_more_than_the_same_at_a_quarter_of_it() -> None:

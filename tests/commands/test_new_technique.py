@@ -5,24 +5,24 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 Shadowbench = Callable[..., Any]
 
 
-@pytest.mark.parametrize("name", ["my-shadows", "CLASS_name"])
-def test_a_new_technique_runs_unmodified(shadowbench: Shadowbench, tmp_path: Path, name: str) -> None:
-    answer = shadowbench("new-technique", name, "-o", tmp_path)
-    file = tmp_path / f"{name}.py"
-    assert answer.code == 0 and f"-t {name} -t shadow-map --plugin {file}" in answer.out
+def test_new_techniques_run_unmodified(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    names, scenes, flags = ["CLASS_name", "my-shadows"], ["cube-on-plane", "spot-lamp"], []
+    for name in names:
+        answer = shadowbench("new-technique", name, "-o", tmp_path)
+        file = tmp_path / f"{name}.py"
+        assert answer.code == 0 and f"-t {name} -t shadow-map --plugin {file}" in answer.out
+        flags += ["-t", name, "--plugin", file]
     small = ("--view-size", "64", "--map-size", "256", "--rounds", "1", "--phases", "1")
-    scenes = ["cube-on-plane", "spot-lamp"]
-    run = shadowbench("run", *scenes, "-t", name, "--plugin", file, *small, "-o", tmp_path / "out")
+    run = shadowbench("run", *scenes, *flags, *small, "-o", tmp_path / "out")
     assert run.code == 0, run.err
     with (tmp_path / "out" / "table.csv").open(newline="", encoding="utf-8") as stream:
-        rows = [row for row in csv.DictReader(stream) if row["technique"] == name]
-    assert [(row["scene"], row["map_size"], row["status"]) for row in rows] == [(one, "256", "ok") for one in scenes]
-    assert all(float(row["iou"]) > 0.7 for row in rows)
+        rows = {(row["technique"], row["scene"]): row for row in csv.DictReader(stream) if row["technique"] in names}
+    assert rows.keys() == {(name, scene) for name in names for scene in scenes}
+    assert {(row["map_size"], row["status"]) for row in rows.values()} == {("256", "ok")}
+    assert all(float(row["iou"]) > 0.7 for row in rows.values())
 
 
 def test_a_bad_name_is_one_line(shadowbench: Shadowbench, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import pandas as pd
 import psutil
 import pytest
 
+from shadowbench.files import data_folder
 from tests.conftest import Answer
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("installed")]
@@ -32,8 +33,12 @@ def installed() -> Iterator[None]:
 
 def test_ogre_s_shadow_volumes_agree_with_the_truth(tmp_path: Path, shadowbench: Command) -> None:
     """Somebody else's exact shadows, of closed meshes that 16 bits can index; also from within the scene's bounds."""
-    scenes = ["cube-on-plane", "stairs", "railings", "street", "colonnade", "spot-lamp", "room-with-lamp"]
-    answer = shadowbench("run", *scenes, "-t", "ogre", *SIZE, "-o", tmp_path / "out", "-q")
+    parallel, text = tmp_path / "parallel.toml", (data_folder("scenes") / "stairs.toml").read_text(encoding="utf-8")
+    text = text.replace("fov_y = 38.0", 'kind = "orthographic"\nheight = 4.0')
+    parallel.write_text(text.replace('"stairs"', '"parallel"', 1), encoding="utf-8")
+    scenes = ["cube-on-plane", "stairs", "railings", "street", "colonnade", "spot-lamp", "room-with-lamp", parallel]
+    wide = ["--view-size", "320x180", "--rounds", "0"]
+    answer = shadowbench("run", *scenes, "-t", "ogre", *wide, "-o", tmp_path / "out", "-q")
     assert answer.code == 0, answer.err
     for row in pd.read_csv(tmp_path / "out" / "table.csv").itertuples():
         assert 1 - row.iou <= 5e-4, row.scene

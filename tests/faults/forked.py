@@ -24,6 +24,9 @@ class Raised:
     def __init__(self) -> None:
         self.types: list[str] = []
 
+    def pytest_configure(self, config: Any) -> None:
+        config.workerinput = {}  # as xdist's workers have: conftest's loops are not all loaded, which takes a second
+
     def pytest_exception_interact(self, call: Any) -> None:
         self.types.append(call.excinfo.typename)
 

@@ -4,7 +4,6 @@ The tables have the name of tests, and below it the changes that they are run wi
 occurs in it once, and what takes its place. The sources are changed in a copy, one fault at a time.
 """
 
-import datetime
 import json
 import os
 import shutil
@@ -15,17 +14,17 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from shadowbench.plugin.registry import own_techniques
+from tests.samples import sampled, todays
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 COPIED = ("shadowbench", "shaders", "scenes", "benchmarks", "results/baseline", "tests", "tools", "pyproject.toml")
 IN = "cells of "  # what names a technique's cells of the baseline's study on some scenes, in place of tests
-EACH = 3  # days until `make test-slow` has planted every fault
+EACH = 4  # days until `make test-slow` has planted every fault
 
 
 @dataclass(frozen=True)
@@ -46,16 +45,16 @@ def read(file: str) -> list[Fault]:
     ]
 
 
+def ids(tests: str) -> list[str]:
+    if tests.startswith(IN):
+        return [f"tests/faults/cells.py::test_the_cells_score_as_in_the_baseline[{tests.removeprefix(IN)}]"]
+    return tests.split(" and ")
+
+
 FAULTS, HARMLESS = read("faults.toml"), read("harmless.toml")
 TESTS = list(dict.fromkeys(fault.tests for fault in FAULTS + HARMLESS))
 CELLS = [tests.removeprefix(IN) for tests in TESTS if tests.startswith(IN)]
-TODAY = datetime.date.today().toordinal() % EACH
-
-
-def in_turn(values: Sequence[Any]) -> list[Any]:
-    """Parameters, of which those that are not today's are marked `exhaustive`."""
-    marks = [() if index % EACH == TODAY else pytest.mark.exhaustive for index in range(len(values))]
-    return [pytest.param(value, marks=mark) for value, mark in zip(values, marks, strict=True)]
+FILES = sorted({test.partition("::")[0] for tests in TESTS for test in ids(tests)})
 
 
 class Copy:
@@ -99,12 +98,6 @@ def copy(tmp_path_factory) -> Iterator[Copy]:
     copy.process.communicate()
 
 
-def ids(tests: str) -> list[str]:
-    if tests.startswith(IN):
-        return [f"tests/faults/cells.py::test_the_cells_score_as_in_the_baseline[{tests.removeprefix(IN)}]"]
-    return tests.split(" and ")
-
-
 def test_the_text_that_a_fault_replaces_occurs_exactly_once() -> None:
     edits = [edit for fault in FAULTS + HARMLESS for edit in fault.edits]
     texts = {file: (ROOT / file).read_text(encoding="utf-8") for file, _, _ in edits}
@@ -119,7 +112,7 @@ def test_every_fault_has_a_name_of_its_own_and_every_technique_a_fault() -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", in_turn(sorted({test.partition("::")[0] for tests in TESTS for test in ids(tests)})))
+@pytest.mark.parametrize("file", sampled(FILES, todays(FILES, EACH)))
 def test_without_a_fault_the_named_tests_pass(file, copy) -> None:
     """In the copy too: in the sources themselves they are tests as others are."""
     code, _, printed = copy.run([test for tests in TESTS for test in ids(tests) if test.startswith(f"{file}::")])
@@ -127,7 +120,9 @@ def test_without_a_fault_the_named_tests_pass(file, copy) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fault", in_turn(FAULTS + HARMLESS), ids=lambda fault: fault.name)
+@pytest.mark.parametrize(
+    "fault", sampled(FAULTS + HARMLESS, todays(FAULTS + HARMLESS, EACH)), ids=lambda fault: fault.name
+)
 def test_a_fault_fails_its_tests_and_a_harmless_change_fails_none(fault, copy) -> None:
     code, raised, printed = copy.run(ids(fault.tests), fault.edits)
     assert code == (fault in FAULTS), printed

@@ -53,8 +53,8 @@ class Answer:
         return self.visibility < 0.5
 
 
-# Answers to unchanged scenes, which every law begins with, by the subject's name and the scene.
-_before: dict[tuple[str, Little], Answer] = {}
+# What unchanged scenes give, with which every law begins, by the subject's name, the scene and the function.
+_before: dict[tuple[str, Little, str], Any] = {}
 
 
 class Nudged(Phase):
@@ -93,15 +93,18 @@ class Case:
         built.stage.release()
         return masks
 
+    def both(self, of: Callable[[View], Any]) -> tuple[Any, Any]:
+        """What a function gives of the view before and after the change."""
+        key = self.subject, self.little, of.__name__
+        if key not in _before:
+            _before[key] = of(self.views[0])
+        return _before[key], of(self.views[1])
+
     def visibility(self, view: View) -> NDArray[np.float32]:
         return traced(view).visibility if self.spec is None else self.draw(view)[0]
 
     def answers(self) -> tuple[Answer, Answer]:
-        answer = traced if self.spec is None else self._decided
-        key = self.subject, self.little
-        if key not in _before:
-            _before[key] = answer(self.views[0])
-        return _before[key], answer(self.views[1])
+        return self.both(traced if self.spec is None else self._decided)
 
     def _decided(self, view: View) -> Answer:
         """Decided is what stays on its side of ½ when the picture's grid is nudged along its diagonals, and the map's.
@@ -147,7 +150,7 @@ def lamp_aside(view: View, x: float, y: float, texels: int) -> Light:
 
 
 def bits(case: Case) -> None:
-    assert np.array_equal(*map(case.visibility, case.views)), "bits differ"
+    assert np.array_equal(*case.both(case.visibility)), "bits differ"
 
 
 def equal(case: Case) -> None:
@@ -166,7 +169,7 @@ def subset(case: Case) -> None:
 
 def within(case: Case) -> None:
     """A permutation test: if the change only shifted the grid, it would fail by chance once in 6435."""
-    before, after = map(case.errors, case.views)
+    before, after = case.both(case.errors)
     assert min(before) <= max(after) and min(after) <= max(before), "no phase errs as before"
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.promises.conftest import finished, table
+from tests.promises.conftest import table
 
 Command = Callable[..., Any]
 AREA = Path(__file__).parents[2] / "examples" / "shadow_area.py"
@@ -25,11 +25,11 @@ def test_a_metric_of_a_plug_in_is_listed_printed_tabled_and_compared(shadowbench
     answer = shadowbench(*RUN, "--plugin", tmp_path / "double.py", "-o", tmp_path / "double")
     assert answer.code == 0, answer.err
     check = ("check", tmp_path / "double", "--baseline", tmp_path / "out")
-    answer = finished(*check)
-    assert (answer.returncode, "2 cells compared" in answer.stdout) == (0, True)
-    assert "not compared, since their plug-in is not loaded: shadow-area" in answer.stderr
-    answer = finished(*check, "--plugin", AREA)
-    assert answer.returncode == 1 and "shadow-area" in answer.stdout
+    answer = shadowbench(*check)
+    assert (answer.code, "2 cells compared" in answer.out) == (0, True)
+    assert "not compared, since their plug-in is not loaded: shadow-area" in answer.err
+    answer = shadowbench(*check, "--plugin", AREA)
+    assert answer.code == 1 and "shadow-area" in answer.out
 
 
 @pytest.mark.parametrize(

@@ -104,12 +104,12 @@ def test_hybrid_traces_where_a_texture_changes_between_triangles(size, kind, stu
 
 
 MAPS = [
-    ("directional", "shadow-map:filter=pcss"),
-    ("directional", "cascades:layers=geometry,filter=esm"),
-    ("spot", "shadow-map:reversed=true,filter=hard,cull=false"),
-    ("spot", "cube-map"),
-    ("point", "cube-map"),
-    ("point", "cube-map:layers=geometry,filter=vsm"),
+    ("directional", "shadow-map:size=512,filter=pcss"),
+    ("directional", "cascades:size=512,layers=geometry,filter=esm"),
+    ("spot", "shadow-map:size=512,reversed=true,filter=hard,cull=false"),
+    ("spot", "cube-map:size=512"),
+    ("point", "cube-map:size=512"),
+    ("point", "cube-map:size=512,layers=geometry,filter=vsm"),
 ]
 
 
@@ -129,14 +129,14 @@ def test_maps_hold_the_leaves_that_triangles_make(kind, spec, studio, mask) -> N
 
 
 def nudged(mesh: Mesh, light: Light) -> list[Mesh]:
-    """The mesh moved across the light by two steps of the rasteriser's grid in a map of 1024 texels over 5 m.
+    """The mesh moved across the light by two steps of the rasteriser's grid in a map of 512 texels over 5 m.
 
     Half a step along either axis are a card's corners moved by it, and half a step those of a texel's triangles; as
     much again is for maps of wider texels.
     """
     toward = -np.array(light.direction) if light.kind == "directional" else np.array(light.position)
     across = perpendicular_basis(unit(toward), (0.0, 1.0, 0.0))[:2]
-    step = 2 * SUBPIXEL * 5.0 / 1024
+    step = 2 * SUBPIXEL * 5.0 / 512
     moves = [step * (np.array(way) @ across) for way in product((-1, 1), repeat=2)]
     return [replace(mesh, vertices=mesh.vertices + move) for move in moves]
 

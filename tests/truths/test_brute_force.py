@@ -13,9 +13,11 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View, view_of
 from shadowbench.truths.trace import trace
 from tests.parallel import parallel
+from tests.samples import sampled
 
 SAME_VIEW = {"depth-format", "map-size"}  # at every value: only parameters change
 SOFT = {"light-size"}  # a share of the light per pixel: test_soft_closed_forms.py compares those with closed forms
+SCENES = ["inside-volume", "lamp-by-wall", "railings", "spot-lamp", "stairs"]
 MANY = 100_000  # triangles from which on fewer pixels are compared
 PIXELS, FEWER_PIXELS = 2000, 200
 WALKED = [
@@ -39,7 +41,7 @@ def test_builtin_agrees_with_every_triangle_against_every_ray(name, judged) -> N
     assert_agrees(view_of(scene, scene.cameras[0], scene.lights[0], 512), judged)
 
 
-@pytest.mark.parametrize("name", ["inside-volume", "lamp-by-wall", "railings", "spot-lamp", "stairs"])
+@pytest.mark.parametrize("name", SCENES)
 def test_orthographic_view_agrees_with_every_triangle_against_every_ray(name, judged) -> None:
     assert_agrees(parallel(load_scene(name), 256), judged)
 
@@ -52,7 +54,7 @@ def test_rectangle_agrees_with_every_triangle_against_every_ray(name, size, judg
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["inside-volume", "lamp-by-wall", "railings", "spot-lamp", "stairs"])
+@pytest.mark.parametrize("name", sampled(SCENES, ["lamp-by-wall", "spot-lamp", "stairs"]))
 def test_a_screen_agrees_with_every_triangle_against_every_ray(name, judged) -> None:
     scene = load_scene(name)
     assert_agrees(view_of(scene, scene.cameras[0], scene.lights[0], "1280x720"), judged)

@@ -18,7 +18,7 @@ from .conftest import near_edges
 RECEIVERS = 100  # that are compared of each view
 LOW, LOWEST = 0.01, 0.002  # N·L
 PLANE = 8.0
-SIZE = 2048
+SIZE = 1024
 Judge = Callable[..., Any]
 DIAGONAL = math.hypot(PLANE, PLANE)
 

@@ -4,6 +4,7 @@ from typing import Literal
 
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.params import param
+from shadowbench.scenes.model import View
 
 
 class BevyParams(EngineParams):
@@ -33,3 +34,7 @@ class Bevy(Engine):
     presets = {"shipped": ""}
     sources = {"shipped": "crates/bevy_light/src/directional_light.rs, spot_light.rs and cascade.rs, 0.18"}
     seconds = 600.0
+
+    @classmethod
+    def unsupported(cls, view: View) -> str | None:
+        return "an orthographic camera" if view.camera.height else super().unsupported(view)

@@ -48,9 +48,14 @@ def load(model, view):
     node.setOrientation(Ogre.Quaternion(*(Ogre.Vector3(*row[:3]) for row in pose["view"][:3])))
     camera.setNearClipDistance(0.99 * pose["nearest"])  # volumes need all of the 24 bits
     camera.setFarClipDistance(0)  # infinite, as volumes set it
-    if pose["height"]:
+    camera.setCustomProjectionMatrix(False)
+    if height := pose["height"]:
+        # Beyond the volumes' ends; an infinite far plane would leave few steps of depth, as parallel rays have none.
+        near, far = 0.99 * pose["nearest"], 10 * pose["far"]
+        across, along = 2 / (height * camera.getAspectRatio()), -2 / (far - near)
+        rows = (across, 0, 0, 0), (0, 2 / height, 0, 0), (0, 0, along, along * (far + near) / 2), (0, 0, 0, 1)
         camera.setProjectionType(Ogre.PT_ORTHOGRAPHIC)
-        camera.setOrthoWindow(pose["height"] * camera.getAspectRatio(), pose["height"])
+        camera.setCustomProjectionMatrix(True, Ogre.Matrix4(*np.ravel(rows).tolist()))
     else:
         camera.setProjectionType(Ogre.PT_PERSPECTIVE)
         camera.setFOVy(Ogre.Radian(Ogre.Degree(pose["fov_y"])))

@@ -38,12 +38,11 @@ def load(model, view):
     scene.set_bin("unsorted", 0)  # in this order where surfaces meet
     camera.reparent_to(scene)
     pose, aspect = view["camera"], view["image"]["width"] / view["image"]["height"]
-    if height := pose["height"]:
-        lens = core.OrthographicLens()
-        lens.set_film_size(aspect * height, height)
-    else:
-        across = 2 * np.arctan(aspect * np.tan(np.radians(pose["fov_y"]) / 2))
-        lens = core.PerspectiveLens(np.degrees(across), pose["fov_y"])
+    height = pose["height"] or 2 * np.tan(np.radians(pose["fov_y"]) / 2)  # at unit distance
+    lens = core.OrthographicLens() if pose["height"] else core.PerspectiveLens()
+    lens.set_film_size(aspect * height, height)
+    if not pose["height"]:
+        lens.set_focal_length(1)
     camera.node().set_lens(lens)
     lens.set_near_far(pose["near"], pose["far"])
     place(camera, pose["position"], pose["target"], pose["up"])

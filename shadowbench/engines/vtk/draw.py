@@ -7,14 +7,16 @@ from vtkmodules.vtkIOImport import vtkGLTFImporter
 from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer, vtkRenderWindow, vtkWindowToImageFilter
 
 window = renderer = None
+shown = (0, 0)  # width and height of the part of the window that is the picture
 
 
 def open(width, height):
-    global window
+    global window, shown
+    shown = width, height
     window = vtkRenderWindow()
     window.SetOffScreenRendering(True)
     window.SetMultiSamples(0)
-    window.SetSize(width, height)
+    window.SetSize(max(shown), max(shown))  # a light's map would be drawn with another aspect ratio, and read without
     window.Render()
     lines = window.ReportCapabilities().splitlines()
     return vtkVersion.GetVTKVersion(), next(line.split(": ")[1].strip() for line in lines if "renderer string" in line)
@@ -35,11 +37,13 @@ def load(model, view):
     camera.SetPosition(pose["position"])
     camera.SetFocalPoint(pose["target"])
     camera.SetViewUp(pose["up"])
+    more = max(shown) / shown[1]  # height of the window, in those of the picture
+    camera.SetWindowCenter(*(1 - np.divide(shown, max(shown))))  # the picture is its lower left corner
     camera.SetParallelProjection(bool(pose["height"]))
     if pose["height"]:
-        camera.SetParallelScale(pose["height"] / 2)
+        camera.SetParallelScale(more * pose["height"] / 2)
     else:
-        camera.SetViewAngle(pose["fov_y"])
+        camera.SetViewAngle(np.degrees(2 * np.arctan(more * np.tan(np.radians(pose["fov_y"]) / 2))))
     camera.SetClippingRange(pose["near"], pose["far"])
 
 
@@ -69,6 +73,5 @@ def draw(light, params, shadows, exposure, **_):
     grabbed.SetInput(window)
     grabbed.Update()
     pixels = vtk_to_numpy(grabbed.GetOutput().GetPointData().GetScalars())
-    return (pixels.reshape(*window.GetSize()[::-1], 3)[::-1] / 255).astype(
-        np.float32
-    ) ** 2.2  # its materials' own gamma
+    pixels = pixels.reshape(*window.GetSize()[::-1], 3)[: shown[1], : shown[0]][::-1]
+    return (pixels / 255).astype(np.float32) ** 2.2  # its materials' own gamma
