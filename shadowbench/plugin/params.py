@@ -64,7 +64,7 @@ class Reader:
 
     def fail(self, wanted: str) -> InputError:
         rest = self.text[self.at :].strip()
-        return InputError(f"spec {self.text!r}: expected {wanted}, found {repr(rest[:20]) if rest else 'its end'}")
+        return InputError(f"spec {self.text!r:.300}: expected {wanted}, found {repr(rest[:20]) if rest else 'its end'}")
 
     def token(self, kind: str, text: str | None = None) -> str | None:
         """Consume and return the next token if it is of this kind (and text); None otherwise."""
@@ -81,7 +81,7 @@ class Reader:
     def value(self, depth: int = 0) -> Any:
         """A number, a word, or a Call. depth: number of calls around it."""
         if depth > DEEPEST:
-            raise InputError(f"spec {self.text!r}: nested deeper than {DEEPEST} calls")
+            raise InputError(f"spec {self.text!r:.300}: nested deeper than {DEEPEST} calls")
         value: Any
         if number := self.token("number"):
             value = int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)

@@ -130,16 +130,16 @@ def spec_of(technique: "type[Subject]", items: Items, where: str) -> Spec:
     named = [(str(key), value) for key, value in items]
     for index, (key, value) in enumerate(named):
         if key in dict(named[:index]):
-            raise InputError(f"spec {where!r}: {key} is given twice")
+            raise InputError(f"spec {where!r:.300}: {key} is given twice")
         if key == "preset":
             if value not in technique.presets:
                 known = alternatives(value, technique.presets, f"presets of {technique.name}")
-                raise InputError(f"spec {where!r}: unknown preset '{value!s:.60}'{known}")
+                raise InputError(f"spec {where!r:.300}: unknown preset '{value!s:.60}'{known}")
             if preset := technique.presets[value]:  # else the defaults
                 values |= parameters_of(f"{technique.name}:{preset}")[1]
         else:
             values[key] = value
-    return Spec(technique, _validated(technique, values, f"spec {where!r}"), frozenset(values))
+    return Spec(technique, _validated(technique, values, f"spec {where!r:.300}"), frozenset(values))
 
 
 def _validated(technique: "type[Subject]", values: dict[str, Any], where: str) -> SubjectParams:
