@@ -5,9 +5,8 @@ python examples/vtk_shadows.py out/                      # needs `pip install vt
 shadowbench score stairs --lit out/lit.png --shadowed out/shadowed.png
 """
 
-import argparse
 import json
-import math
+import sys
 from pathlib import Path
 
 import vtk
@@ -15,14 +14,12 @@ import vtk
 
 def main() -> None:
     """Read scene.glb and view.json from a folder, and write lit.png and shadowed.png to it."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, help="folder written by `shadowbench export`")
-    arguments = parser.parse_args()
-    description = json.loads((arguments.folder / "view.json").read_text(encoding="utf-8"))
-    window, renderer = load(arguments.folder / description["model"], description)
-    save(window, description["image"], arguments.folder / "lit.png")
+    folder = Path(sys.argv[1])
+    description = json.loads((folder / "view.json").read_text(encoding="utf-8"))
+    window, renderer = load(folder / description["model"], description)
+    save(window, folder / "lit.png")
     renderer.SetPass(shadow_pass(1024))
-    save(window, description["image"], arguments.folder / "shadowed.png")
+    save(window, folder / "shadowed.png")
 
 
 def load(model: Path, description: dict) -> tuple[vtk.vtkRenderWindow, vtk.vtkRenderer]:
@@ -30,11 +27,9 @@ def load(model: Path, description: dict) -> tuple[vtk.vtkRenderWindow, vtk.vtkRe
     window, renderer = vtk.vtkRenderWindow(), vtk.vtkRenderer()
     window.SetOffScreenRendering(True)
     window.SetMultiSamples(0)  # a mask is sampled at pixel centres
-    width, height = description["image"]["width"], description["image"]["height"]
-    side = max(
-        width, height
-    )  # VTK's shadow maps are wrong in windows that are not square; the picture is a corner of one
-    window.SetSize(side, side)
+    if description["image"]["width"] != description["image"]["height"]:
+        raise SystemExit("VTK's shadow maps are wrong in windows that are not square: export with --view-size 512")
+    window.SetSize(description["image"]["width"], description["image"]["height"])
     window.AddRenderer(renderer)
     renderer.SetBackground(0, 0, 0)
     importer = vtk.vtkGLTFImporter()
@@ -48,13 +43,9 @@ def load(model: Path, description: dict) -> tuple[vtk.vtkRenderWindow, vtk.vtkRe
     camera.SetPosition(found["position"])
     camera.SetFocalPoint(found["target"])
     camera.SetViewUp(found["up"])
-    camera.SetWindowCenter(1 - width / side, 1 - height / side)
-    if found["height"]:  # orthographic
-        camera.ParallelProjectionOn()
-        camera.SetParallelScale(found["height"] / 2 * side / height)
-    else:
-        half = math.radians(found["fov_y"]) / 2
-        camera.SetViewAngle(math.degrees(2 * math.atan(math.tan(half) * side / height)))
+    camera.SetViewAngle(found["fov_y"] or 30)
+    camera.SetParallelProjection(bool(found["height"]))  # orthographic
+    camera.SetParallelScale((found["height"] or 1) / 2)
     camera.SetClippingRange(found["near"], found["far"])
     return window, renderer
 
@@ -62,12 +53,10 @@ def load(model: Path, description: dict) -> tuple[vtk.vtkRenderWindow, vtk.vtkRe
 def light_of(found: dict) -> vtk.vtkLight:
     """A directional light or a spot; VTK's shadow maps do not support point lights."""
     light = vtk.vtkLight()
-    light.SetLightTypeToSceneLight()
     if found["kind"] == "point":
         raise SystemExit("VTK draws shadows of directional lights and spots only")
-    position = found["position"] or (0, 0, 0)
-    light.SetPosition(position)
-    light.SetFocalPoint([a + b for a, b in zip(position, found["direction"], strict=True)])
+    light.SetPosition(found["position"] or (0, 0, 0))
+    light.SetFocalPoint([a + b for a, b in zip(light.GetPosition(), found["direction"], strict=True)])
     if found["kind"] == "spot":
         light.PositionalOn()
         light.SetConeAngle(found["cone"] / 2)
@@ -90,12 +79,11 @@ def shadow_pass(size: int) -> vtk.vtkRenderPass:
     return camera
 
 
-def save(window: vtk.vtkRenderWindow, size: dict, file: Path) -> None:
-    """Render, and write the window's lower left corner of this size."""
+def save(window: vtk.vtkRenderWindow, file: Path) -> None:
+    """Render, and write the image."""
     window.Render()
-    grabbed, side = vtk.vtkWindowToImageFilter(), max(size.values())
+    grabbed = vtk.vtkWindowToImageFilter()
     grabbed.SetInput(window)
-    grabbed.SetViewport(0, 0, size["width"] / side, size["height"] / side)
     grabbed.ReadFrontBufferOff()
     writer = vtk.vtkPNGWriter()
     writer.SetFileName(str(file))

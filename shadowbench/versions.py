@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 VERSION = "0.1.0"
 """Version of this package."""
 
-DRAW = 3
+DRAW = 4
 """Raised when Python code changes a mask, count of work, fact or number of bytes; shaders and plug-ins are hashed."""
 TRACE = 3
 """Raised when any array of a truth changes."""

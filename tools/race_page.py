@@ -70,11 +70,16 @@ def _line(errors: Any, reference: Any) -> tuple[float, ...]:
 
 
 def _at_equal_ms(errors: Any, reference: Any) -> float:
-    """Ratio of 1 − IoU at the map size that costs what the reference's middle one does, between sizes by powers."""
+    """Ratio of 1 − IoU at the map size that costs what the reference's middle one does.
+
+    Between measured sizes times are linear in texels, as by the law, and errors are powers of the size.
+    """
     logs = []
     for scene, own in errors.groupby("scene"):
         other = reference.loc[scene].iloc[len(own) // 2]
-        logs.append(np.interp(np.log(other["ms"]), np.log(own["ms"]), np.log(own["iou"])) - np.log(other["iou"]))
+        sizes = own.index.get_level_values("size").to_numpy(dtype=float)
+        size = np.sqrt(np.interp(other["ms"], own["ms"], sizes**2))
+        logs.append(np.interp(np.log(size), np.log(sizes), np.log(own["iou"])) - np.log(other["iou"]))
     return float(np.exp(np.mean(logs)))
 
 

@@ -9,8 +9,6 @@ import numpy as np
 from shadowbench.scenes.model import Light
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
 
-ORIENTED = False
-"""Whether `fit=visible` and cascades are `oriented` by default, and `needs` says the sizes of such maps."""
 _SAME = 0.01  # radians between two angles, of which the better stands for both
 
 

@@ -18,10 +18,10 @@ from shadowbench.geometry.convex import (
     practical_depths,
     view_planes,
 )
-from shadowbench.geometry.lights import ORIENTED, Box, LightSpace, LightView, light_space, window
+from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.gl.clock import Changes
 from shadowbench.gl.device import moderngl
-from shadowbench.gl.program import Drawable, Sampling, Textures
+from shadowbench.gl.program import Program, Sampling, Textures
 from shadowbench.gl.targets import Color
 from shadowbench.plugin.base import Frame, Stage, TechniqueParams
 from shadowbench.plugin.params import Component, param
@@ -137,7 +137,7 @@ class VisibleFit(ViewFit):
     """
 
     name = "visible"
-    oriented: bool = param(ORIENTED, "rotates the map about the light's axis, to a rectangle of little area")
+    oriented: bool = param(True, "rotates the map about the light's axis, to a rectangle of little area")
 
     def receiver_bounds(self, spaces: Sequence[LightSpace], context: FitContext) -> list[Box]:
         return context.visible_bounds(spaces)
@@ -262,8 +262,8 @@ class EndSplit(Split):
         return np.maximum.accumulate(np.maximum(near, [near, self.first, self.second, self.third, self.last]))
 
 
-RECTANGLES = 7
-"""Largest number of rectangles: with the distance along the axis 15 directions, and eight render targets hold 16."""
+RECTANGLES = 3
+"""Largest number of rectangles: with the distance along the axis seven directions, in two layers of four."""
 _REACHES = 8, 16  # texels along a side that the first step and each further step reduce to one
 _ROUNDING = 1e-5  # of the largest coordinate: exceeds float32 rounding of a few operations, and of depths in 24 bits
 
@@ -271,41 +271,38 @@ _ROUNDING = 1e-5  # of the largest coordinate: exceeds float32 rounding of a few
 class MinMaxReduction:
     """Reduces textures of one size in steps of 8×8, then 16×16 texels; built once, called each frame.
 
-    source: input of the first step, `values` (the sampler `values`) or those of `VisibleBounds`; layers: of four values
-    each.
+    inputs: of the first step, `values` (the sampler `values`) or those of `VisibleBounds`, which reads the result of
+    the one before; layers: of four values each.
     """
 
     def __init__(
-        self,
-        stage: Stage,
-        size: tuple[int, int],
-        source: Literal["values", "sample", "receivers"] = "values",
-        layers: int = 1,
+        self, stage: Stage, size: tuple[int, int], *inputs: Literal["values", "sample", "receivers"], layers: int = 1
     ) -> None:
-        self.first, later = (
-            stage.program("fullscreen.vert", "fit/bounds.frag", defines={"REACH": reach, "GROUPS": layers, **more})
-            for reach, more in zip(_REACHES, ({f"FROM_{source.upper()}": 1}, {}), strict=True)
-        )
-        drawables = stage.fullscreen(self.first), stage.fullscreen(later)
-        self._steps: list[tuple[Drawable, moderngl.Framebuffer, tuple[Color, Color]]] = []
-        while max(size) > 1 or not self._steps:
-            step = int(bool(self._steps))
-            size = -(-size[0] // _REACHES[step]), -(-size[1] // _REACHES[step])
+        def program(reach: int, **more: int) -> Program:
+            defines = {"REACH": reach, "GROUPS": layers, **more}
+            return stage.program("fullscreen.vert", "fit/bounds.frag", defines=defines)
+
+        self.firsts = [program(_REACHES[0], **{f"FROM_{name.upper()}": 1}) for name in inputs]
+        self._drawables = [stage.fullscreen(first) for first in self.firsts]
+        self._later = stage.fullscreen(program(_REACHES[1]))
+        self._steps: list[tuple[moderngl.Framebuffer, tuple[Color, Color]]] = []
+        while max(size) > 1 or len(self._steps) < 2:  # the first step must not write what it reads
+            reach = _REACHES[int(bool(self._steps))]
+            size = -(-size[0] // reach), -(-size[1] // reach)
             low, high = (stage.map_texture(size, "array", layers, 4, "f4") for _ in range(2))
             target = stage.target(*[low] * layers, *[high] * layers, layer=[*range(layers)] * 2)
-            self._steps.append((drawables[step], target, (low, high)))
-
-    def reduce(self, textures: Textures) -> Textures:
-        """The minimum and maximum as textures of one texel, `lows` and `highs`."""
-        for drawable, target, (low, high) in self._steps:
-            drawable.draw(target, textures)
-            textures = {"lows": (low, Sampling()), "highs": (high, Sampling())}
-        return textures
+            self._steps.append((target, (low, high)))
 
     def __call__(self, textures: Textures) -> tuple[Floats, Floats]:
         """(4 · layers,) minima and maxima. The read-back stalls until the device has finished, as in CPU SDSM."""
-        self.reduce(textures)
-        *_, bounds = self._steps[-1]
+        result: Textures = {}
+        for first in self._drawables:
+            drawable, sources = first, {**textures, **result}
+            for target, (low, high) in self._steps:
+                drawable.draw(target, sources)
+                result = {"lows": (low, Sampling()), "highs": (high, Sampling())}
+                drawable, sources = self._later, {**result}
+        *_, (_, bounds) = self._steps
         lowest, highest = (np.frombuffer(texture.read(), np.float32) for texture in bounds)  # type: ignore[call-arg]
         return lowest.astype(np.float64), highest.astype(np.float64)
 
@@ -319,8 +316,7 @@ class VisibleBounds:
 
     def __init__(self, stage: Stage, oriented: bool = False) -> None:
         self._layers = (2 * RECTANGLES + 4) // 4 if oriented else 1
-        self._sample = MinMaxReduction(stage, stage.size, "sample", self._layers)
-        self._bounds = MinMaxReduction(stage, stage.size, "receivers", self._layers)
+        self._bounds = MinMaxReduction(stage, stage.size, "sample", "receivers", layers=self._layers)
 
     def __call__(self, frame: Frame, spaces: Sequence[LightSpace]) -> list[Box]:
         """A box for each space; empty if no receiver is visible."""
@@ -328,7 +324,7 @@ class VisibleBounds:
         rows = np.concatenate([np.eye(3), *(other.basis[:2] @ space.basis.T for other in spaces[1:])])
         directions = np.tile(np.eye(4)[2], (4 * self._layers, 1))
         directions[: len(rows), :3] = rows
-        for program in (self._sample.first, self._bounds.first):
+        for program in self._bounds.firsts:
             program.set(
                 light=frame.light_uniform,
                 world_to_light=space.matrix,
@@ -339,9 +335,8 @@ class VisibleBounds:
         to_light = _pixel_to_light(frame.view, space)
         reach = np.abs(to_light[:3, 2]) + np.abs(to_light[:3, :2]) @ frame.view.size
         rounding = _ROUNDING * float((reach + np.abs(to_light[:3, 3])).max())
-        self._bounds.first.set(pixel_to_light=to_light, rounding=rounding, eye=frame.camera.eye)
-        inputs = frame.surface.inputs
-        low, high = self._bounds({**inputs, **self._sample.reduce(inputs)})
+        self._bounds.firsts[-1].set(pixel_to_light=to_light, rounding=rounding, eye=frame.camera.eye)
+        low, high = self._bounds(frame.surface.inputs)
         places = [[0, 1, 2], *([at, at + 1, 2] for at in range(3, len(rows), 2))]
         return [Box(low[place], high[place]) for place in places if low[2] <= high[2]]
 

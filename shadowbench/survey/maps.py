@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from shadowbench.geometry.convex import caster_and_receiver_vertices, practical_depths, slices
-from shadowbench.geometry.lights import ORIENTED, Box, LightSpace, light_space, window
+from shadowbench.geometry.lights import Box, LightSpace, light_space, window
 from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats, perpendicular_basis
 from shadowbench.survey.samples import Samples, longest
@@ -136,7 +136,7 @@ class FittedMap:
         return Depths(near, far, gap, known, far * near / (far - near) / z**2, share * far / z)
 
 
-def fitted_map(samples: Samples, oriented: bool = ORIENTED) -> FittedMap:
+def fitted_map(samples: Samples, oriented: bool = True) -> FittedMap:
     """The map that techniques fit to samples by default. oriented: as the parameter of the fits."""
     light, face = samples.view.light, np.zeros(len(samples.pixel), dtype=np.intp)
     if light.kind == "point":

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from shadowbench.geometry.convex import SceneHull, Slice, slices
-from shadowbench.geometry.lights import ORIENTED, Box, LightSpace, LightView, light_space, snapped, stretched, window
+from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, snapped, stretched, window
 from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Value
 from shadowbench.gl.targets import DepthFormat
@@ -39,7 +39,7 @@ class Cascades(Technique):
     phased = True
     catalogue = Entry(
         picture_scene="deep-street",
-        grid={"count": (2, 3, 5), "oriented": (True,), **MAP_GRID},
+        grid={"count": (2, 3, 5), **MAP_GRID, "bias": ("texel(ulps=6)", "two-planes")},
         soft_grid=MAP_SOFT_GRID,
         variants=("box=scene", "box=tight", "box=sphere,stable=true"),
     )
@@ -61,7 +61,7 @@ class Cascades(Technique):
             "map bounds: of the slice's part inside the scene's bounds, of the slice, or of its bounding sphere",
         )
         oriented: bool = param(
-            ORIENTED, "rotates each map about the light's axis, to the rectangle of least area; not with box=sphere"
+            True, "rotates each map about the light's axis, to the rectangle of least area; not with box=sphere"
         )
         stable: bool = param(False, "moves a map by whole texels only; needs box=sphere")
         depth_clamp: bool = param(True, "clamps casters in front of the near plane to it")
@@ -76,7 +76,7 @@ class Cascades(Technique):
         )
         size: int = param(1024, "texels along a side of each map", ge=1, le=65536)
         depth: DepthFormat = param("d32f", "depth format")
-        bias: Bias = param(Texel(), "bias against self-shadowing")
+        bias: Bias = param(Texel(ulps=6), "bias against self-shadowing")  # rotated maps round more
         filter: Filter = param(Hardware(), "filter of the depth comparisons")
         layers: Literal["geometry", "passes"] = param(
             "passes", "one draw for all maps by geometry shader, or one per map"

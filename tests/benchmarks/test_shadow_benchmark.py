@@ -72,7 +72,7 @@ def test_a_suite_is_scored_and_timed_in_frames_of_the_reference(folder: Path) ->
     assert "3 failed, 1 passed, 1 skipped" in (out := done.stdout) and "1 error" in out, out
     assert "my-shadows:size=16 on stairs: iou is " in out and "; min_iou is 0.999" in out
     assert "my-shadows:size=256 on stairs: " in out and " in baseline, now " in out
-    assert "baseline: no row of stairs my-shadows:fit=visible(oriented=false),size=64,bias=0.02; it has stairs" in out
+    assert "baseline: no row of stairs my-shadows:fit=visible(oriented=true),size=64,bias=0.02; it has stairs" in out
     assert "my-shadows on room-with-lamp: unsupported" in out
     assert "Name (time in reference frames)" in out and "benchmark 'stairs'" in out
     assert "Speed in frames of the reference of stairs" in (folder / "drawn-stairs.svg").read_text()

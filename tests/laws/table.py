@@ -59,6 +59,7 @@ METRES = "the map is centred on the file's origin, with sides in metres"
 CASTERS = "the map covers all casters and receivers, so that another caster changes its extent"
 BOUNDS = "the map is fitted to the scene's axis-aligned bounding box"
 SEEN = "the map is fitted to the visible receivers, and a caster may hide some of them"
+SIDES = "a side of the map is parallel to one of the scene's hull or bounds, which the change moves"
 ROLL = (
     "the map's up direction is the world's y, so that a rotation rolls the map about the light and changes its extent"
 )
@@ -74,10 +75,11 @@ TABLE: dict[str, list[Row]] = {
     "scaling by a power of two": [(REST, "bits", LOCAL), ((FIXED,), "none", METRES)],
     "rotation about y": [
         (RAYS, "equal", "only geometry is used"),
-        ((FIXED, VISIBLE, TIGHT), "equal", POINTS),
+        ((FIXED, TIGHT), "equal", POINTS),
         ((SCENE,), "equal", OF_A_SUN, SUN),
         ((STABLE,), "within", ORIGIN),
         ((VIEW, SLICES), "none", BOUNDS),
+        ((VISIBLE,), "none", SIDES),
         ((CUBE,), "none", FACES),
     ],
     "any rotation": [
@@ -97,7 +99,7 @@ TABLE: dict[str, list[Row]] = {
     "a caster off all light rays": [
         (RAYS, "equal", "no ray meets it, and its shadow volume lies behind all receivers"),
         ((FIXED, TIGHT), "equal", "the fit does not depend on it, and depths behind receivers do not matter"),
-        ((VISIBLE,), "equal", "the map is fitted to the visible receivers, and depths behind them do not matter"),
+        ((VISIBLE,), "none", SIDES),
         ((CUBE,), "equal", "cube faces are not fitted, and larger distances do not matter"),
         ((STABLE,), "within", ORIGIN),
         ((SCENE,), "none", CASTERS),

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.results.law import OWN, SHARED, SHORTEST_MS, Law, counts_of, find_law, laws
+from shadowbench.results.law import OWN, SHARED, SHORTEST_MS, Law, counts_of, find_law, kind_of, laws
 
 H100 = laws()["NVIDIA H100 80GB HBM3"]
 KINDS = {"shadow-map": (1e5, 0.02, 3.0), "shadow-volume": (2e6, 0.3, 100.0)}
@@ -80,6 +80,10 @@ def test_a_row_has_the_time_that_its_law_gives_to_its_counts() -> None:
     assert H100.of_row(small) == SHORTEST_MS, "below it times are not told apart"
     assert H100.of_row(row | {"spec": "ray-traced:where=gpu"}) is None, "nodes that rays visit are not counted"
     assert H100.of_row(row | {"metrics": {"rmse_pen": 0.1}}) is None, "lights with a size were not timed"
+
+
+def test_parameters_of_the_default_fit_change_no_kind() -> None:
+    assert kind_of("shadow-map:fit=visible(oriented=false),size=512") == "shadow-map"
 
 
 def test_a_device_is_found_by_words_of_its_name() -> None:

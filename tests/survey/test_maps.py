@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from shadowbench.geometry.lights import ORIENTED
 from shadowbench.maps.biases import Texel
 from shadowbench.maps.fits import VisibleFit
 from shadowbench.scenes.model import Light, Mesh, View
@@ -145,9 +144,9 @@ def test_cascades_pay_along_a_street_and_not_over_a_plane_from_above() -> None:
 def test_needs_of_an_oriented_map_are_of_the_window_that_is_drawn(studio, build, builtin) -> None:
     for name in ("street", "terrain", "spot-lamp"):
         shot = studio.shot(builtin(name, 128))
-        one = build("shadow-map:fit=visible(oriented=true)", shot)
+        one = build("shadow-map", shot)
         one.draw(shot)
-        extent = fitted_map(sample_view(shot.view), oriented=True).extent
+        extent = fitted_map(sample_view(shot.view)).extent
         window = np.array(one.technique.light_view.texel) * (REFERENCE_SIZE - 2 * PADDING)
         assert np.prod(extent) == pytest.approx(np.prod(window), rel=0.05), name
 
@@ -177,7 +176,7 @@ def test_needs_of_oriented_maps_do_not_depend_on_the_scene_s_angle_about_the_lig
 
 def test_needs_are_those_of_the_default_shadow_map() -> None:
     params = ShadowMap.Params()
-    assert isinstance(params.fit, VisibleFit) and params.fit.oriented == ORIENTED == Cascades.Params().oriented
+    assert isinstance(params.fit, VisibleFit) and params.fit.oriented and Cascades.Params().oriented
     assert params.filter.radius(params.size) + 1 == PADDING and params.size == REFERENCE_SIZE
     assert params.bias == Texel(ulps=BIAS_STEPS, limit=LIMIT, grazing=GRAZING_SLOPE)
 
