@@ -29,7 +29,7 @@ def main() -> None:
     command = [sys.executable, "-m", "shadowbench", "report", parser.parse_args().folder]
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
         report = Path(scratch) / "report.html"
-        subprocess.run([*command, "-o", report], check=True)
+        subprocess.run([*command, "-o", report, "--quiet"], check=True)
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light")
         page.goto(report.as_uri())
