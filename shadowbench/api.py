@@ -174,7 +174,8 @@ def run(
     light: str | None = None,
     rounds: int | None = None,
     phases: int | None = None,
-    step: str | None = None,
+    sequence: str | None = None,
+    frames: int | None = None,
     study: str | None = None,
     plugins: Files = (),
     folder: str | Path | None = None,
@@ -185,8 +186,9 @@ def run(
     Numbers are medians over the phases of a map's grid, `phases` their number; each_phase: one line per cell, with its
     `phase`. `front()` and `sizes()` of the result draw its charts.
     study: a study file or built-in study, `default` for None, with the defaults of all other arguments; light: name
-    of a light, by default each light of a scene in turn; rounds: how often each cell is timed, 0 for no timing; step:
-    "camera" or "light", which moves a little so that `flips` can be counted; folder: run folder to keep rows, masks and
+    of a light, by default each light of a scene in turn; rounds: how often each cell is timed, 0 for no timing;
+    sequence: one of the scene's file or built in, "all" of the latter, or several with commas, whose first `frames` are
+    drawn in order and scored in motion; folder: run folder to keep rows, masks and
     pictures in, or to resume. A cell that fails is a line with that status. Raises InputError.
     """
     files = _paths(plugins)
@@ -199,7 +201,7 @@ def run(
         _specs(techniques, known),
         study=None if study is None else str(options.instance_of(study, "study", "a name or a file", str, Path)),
         map_size=None if map_size is None else options.whole_numbers(map_size, "map_size", options.MAP_SIZE),
-        measuring=options.Measuring(size, rounds, phases, step),
+        measuring=options.Measuring(size, rounds, phases, sequence, frames),
         view=options.ViewOptions(view=view, light=light),
     )
     with shared_worker(files, chosen.limits) as worker, campaign_in(_kept_in(folder), worker=worker) as made:

@@ -26,6 +26,8 @@ SIDE = Bounds(1, 16384)
 """Of a view's width and height, in pixels."""
 ROUNDS = Bounds(0, 10_000)
 PHASES = Bounds(1, 10_000)
+FRAMES = Bounds(2, 300)
+"""Of a sequence."""
 PIXEL_SAMPLES = Bounds(1, 64)
 KINDS = ("techniques", "engines", "scenes", "metrics", "studies", "axes", "devices")
 """What `list` lists."""
@@ -239,12 +241,13 @@ class Measuring:
         "N",
         bounds=PHASES,
     )
-    step: str | None = option(
-        "Draw each cell again after a small step of the camera or the light, and count the pixels that flip although "
-        "the truth does not (shimmering). A step of the camera needs a truth and drawings of three times the view size "
-        " [the study's; none].",
-        "camera|light",
+    sequence: str | None = option(
+        "Draw each cell in the frames of a sequence, and score its motion against a truth of each frame: one of the "
+        "scene's file, or dolly, pan, zoom, orbit, slow-sun, quick-sun, carried-lamp, moving-caster, walker, or all of "
+        "these; several are separated by commas.",
+        "NAME,...",
     )
+    frames: int | None = option("How many frames of the sequence  [all, 24].", "N", bounds=FRAMES)
 
     def __post_init__(self) -> None:
         if self.view_size is not None:

@@ -17,6 +17,9 @@ TRACE = 3
 SCORE = 3
 """Raised when a metric or another number about a given mask and truth changes, or is added."""
 
+MOTION = 1
+"""Raised when a score of several frames changes, or is added."""
+
 ENGINES = 2
 """Raised when Python code changes the mask of another engine: its scene, its light's box, or masks made of pictures."""
 

@@ -10,7 +10,6 @@ import json
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,6 @@ import numpy as np
 
 from shadowbench import versions
 from shadowbench.errors import Unsupported
-from shadowbench.measure.flips import FINER, Stepped, flips
 from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.keys import sources_of
 from shadowbench.measure.scoring import mask_record, prepare_truth
@@ -125,7 +123,7 @@ def _trace(_: Worker) -> Iterator[tuple[str, Probe]]:
 
 
 def _score(_: Worker) -> Iterator[tuple[str, Probe]]:
-    """All that is scored of a disc's shadow, hard and soft, by masks that are wrong in several ways; and its flips."""
+    """All that is scored of a disc's shadow, hard and soft, by masks that are wrong in several ways."""
     masks = {
         "moved": np.roll(_soft(1.0), 2, axis=1),
         "wide": _soft(1.4, 0.55),
@@ -138,26 +136,6 @@ def _score(_: Worker) -> Iterator[tuple[str, Probe]]:
             found = mask_record(quantise(values), truth, prepare_truth(truth))
             fields = {field: value for field, value in found.items() if field not in ("metrics", "mask_sha256")}
             yield f"{mask} {name}", _probe([], found["metrics"] | fields)
-    yield "flips", _probe([], _flips(masks))
-
-
-def _flips(masks: Mapping[str, np.ndarray]) -> dict[str, float | None]:
-    """Flips between frames, and after a step of light and camera."""
-    truth = _disc_truth(_hard())
-    shaken = [quantise(mask) for mask in (_hard(), masks["speckled"], masks["moved"])]
-    images = {name: _finer(array) for name, array in truth.arrays().items() if array.ndim}
-    assert truth.view is not None
-    return {
-        "frames": flips(shaken, [truth] * 3),
-        "light": Stepped(truth.view, "light").count(shaken[:2], [truth] * 2),
-        "camera": Stepped(truth.view, "camera").count(
-            [shaken[2], _finer(shaken[0])], [truth, replace(truth, **images)]
-        ),
-    }
-
-
-def _finer(image: np.ndarray) -> np.ndarray:
-    return np.kron(image, np.ones((FINER, FINER), image.dtype))
 
 
 def _distance() -> np.ndarray:

@@ -14,7 +14,7 @@ import shadowbench as sb
 from shadowbench.maps.biases import Bias
 from shadowbench.maps.filters import Filter
 from shadowbench.maps.fits import Fit, Split
-from shadowbench.measure.flips import ROW_METRICS
+from shadowbench.measure.columns import ROW_METRICS
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import Rendering
 from shadowbench.plugin.registry import own_techniques, techniques

@@ -16,9 +16,9 @@ from pages import LABEL, MEASURED, checks, completed, labelled, measured, png, w
 from PIL import Image, ImageDraw
 
 import shadowbench as sb
-from shadowbench.measure.flips import FLIPS
 from shadowbench.measure.session import Rendering
 from shadowbench.reports.gallery import difference
+from shadowbench.scores.motion import MOTION
 from shadowbench.studies.artefacts import Artefact, artefacts
 from shadowbench.truths.trace import Truth
 
@@ -49,9 +49,10 @@ def draw(artefact: Artefact, size: int) -> Drawn:
         for spec in ("ray-traced", artefact.broken, artefact.cured)
     )
     truths = [sb.truth(scene, view_size=size, view=view) for view in views]
-    if artefact.metric == FLIPS.name:
+    if artefact.metric in MOTION:
         specs = [artefact.broken, artefact.cured]
-        values = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, step="camera")[FLIPS.name].tolist()
+        table = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, sequence="pan", frames=8)
+        values = table[artefact.metric].tolist()
     else:
         others = [sb.render(scene, spec, view_size=size, view=views[0]) for spec in artefact.others]
         masks = [one.visibility for one in (broken[0], cured[0], *others)]
@@ -99,7 +100,7 @@ def section(artefact: Artefact, values: Sequence[str]) -> str:
     work, memory, broken, cured, *others = values
     also = ", ".join(f"{value} with `{spec}`" for spec, value in zip(artefact.others, others, strict=True))
     file = artefact.file.relative_to(DOCS.parent).as_posix()
-    third = "change since the last frame" if artefact.metric == FLIPS.name else "their difference"
+    third = "change since the last frame" if artefact.metric in MOTION else "their difference"
     paragraphs = [
         f"### {artefact.name}",
         f"![{artefact.name}: broken, ray traced, {third}, cured](../pictures/gallery/{artefact.scene}.png)",

@@ -46,7 +46,7 @@ def main() -> int:
             view = chosen_view(scene, 512)
             space = full_space(known, view.light.kind, max(SIZES))
             with Campaign(asked.output, GLDrawer(worker), LogReporter()) as campaign:
-                (results,) = campaign.measure([Block(view, tuple(map(Cell, space)))])
+                (results,) = campaign.measure([Block((view,), tuple(map(Cell, space)))])
             rows = dict(zip(space, results, strict=True))
             able = [(spec, row) for spec, row in rows.items() if row.status == "ok" and not cost.unranked(spec)]
             for target in TARGETS:

@@ -310,7 +310,7 @@ def export_choice(advice: Recommendation, folder: Path, drawer: "GLDrawer") -> N
     if advice.choice is None:
         return
     spec, scene = advice.choice.spec, advice.view.scene
-    shaders = drawer.shaders(Block(advice.view, ()), Cell(spec))
+    shaders = drawer.shaders(Block((advice.view,), ()), Cell(spec))
     parameters = {
         "spec": spec.text,
         "technique": spec.technique.name,

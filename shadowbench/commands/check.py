@@ -117,7 +117,7 @@ def check(
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:
     """METRIC=X by metric; raises InputError for an unknown metric or an invalid tolerance."""
-    from shadowbench.measure.flips import ROW_METRICS
+    from shadowbench.measure.columns import ROW_METRICS
 
     tolerances = {}
     for text in texts:

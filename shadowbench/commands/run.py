@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 
 _COSTS = ("cost", "ratio", "gpu_bytes")  # memory: five cascades need more than one map of their size
 _PENUMBRA = ("bias_pen", "bleed", "false_dark", "noise", "banding", "width", "hardening")
+_MOVING = ("flicker", "false_change", "pop", "swim", "lag", "lag_bias")
 # As they are shown.
-_OF_HARD = ("error", "iou_soft", "ssim", "edge_px", "acne", "leak", "contact", "terminator", "flips", *_COSTS)
-_OF_SOFT = ("error", "rmse_pen", "iou", "ssim", *_PENUMBRA, "flips", *_COSTS)
+_OF_HARD = ("error", "iou_soft", "ssim", "edge_px", "acne", "leak", "contact", "terminator", *_MOVING, *_COSTS)
+_OF_SOFT = ("error", "rmse_pen", "iou", "ssim", *_PENUMBRA, *_MOVING, *_COSTS)
 _HEADINGS = {  # of others it is the name
     "iou": "1 − IoU",
     "iou_soft": "IoU soft",
@@ -28,7 +29,7 @@ _HEADINGS = {  # of others it is the name
     "ratio": "× ref",
     "gpu_bytes": "MiB",
 }
-_OPTIONAL = ("terminator", "bleed", "false_dark", "width", "hardening", "flips", *_COSTS)  # shown where a row has them
+_OPTIONAL = ("terminator", "bleed", "false_dark", "width", "hardening", *_MOVING, *_COSTS)  # shown where a row has them
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class RunOptions:
     "  contact   share of the shadow next to its caster that is lit (peter-panning)\n"
     "  RMSE      of soft shadows (lights with a size), which it ranks: root mean\n"
     "            square error of visibility; RMSE pen: in the penumbra\n"
-    "  flips     share of the pixels near edges that flicker after a step (--step)\n"
+    "  flicker … of a --sequence: changes of the mask that the truth does not make\n"
     "  ms        time of a frame's shadows on a GPU; ~ marks one that varied widely\n"
     "            without a GPU: predicted for a device on record (predicted ms), or\n"
     "            under a light with a size work, in millions (M)\n"

@@ -40,11 +40,11 @@ def stress(chosen: StressOptions, machines: options.Machines, printed: options.P
 
     Varies one property of a scene at a time, along an axis: elevation of the light, distance from the origin, gap
     between caster and receiver, ... (shadowbench list axes). Prints the operating range of each technique on each axis:
-    the values at which IoU is at least 0.95, and acne, leak, terminator and flips (edge pixels that flicker while
-    camera or light move) are at most 1%, or the first value at which it breaks, and how. An interrupted run resumes
-    when the command is repeated. Lights have no size, except along light-size, where RMSE, bleed and false_dark are
-    judged. There is no --sun. Exit code 0 even if techniques break, 1 for NaN, infinity or an OpenGL error, 3 for a
-    crash or hang.
+    the values at which IoU is at least 0.95, acne, leak and terminator are at most 1%, flicker (of edges while the
+    light moves) 0.04 px and swim (while the camera moves) 0.01 px, or the first value at which it breaks, and how. An
+    interrupted run resumes when the command is repeated. Lights have no size, except along light-size, where RMSE,
+    bleed and false_dark are judged. There is no --sun. Exit code 0 even if techniques break, 1 for NaN, infinity or an
+    OpenGL error, 3 for a crash or hang.
 
     \b
     Cells of the table

@@ -53,7 +53,7 @@ class EngineDrawer(GLDrawer):
         if engine is None:
             yield from super().draw(block, cell, keep)
             return
-        for view in (block.view, *block.later):
+        for view in block.views:
             yield self._draw(engine, view, cell)
 
     def _draw(self, engine: type[Engine], view: View, cell: Cell) -> Rendering:

@@ -20,6 +20,7 @@ from shadowbench.gl.targets import Color, DepthFormat, Kind, unsupported_map
 from shadowbench.maps.biases import Bias, NoBias
 from shadowbench.maps.culling import CasterChunks
 from shadowbench.maps.filters import Contents, Filter, Kernel
+from shadowbench.maps.updates import Always, Update
 from shadowbench.plugin.base import Frame
 from shadowbench.plugin.params import SubjectParams
 from shadowbench.plugin.stage import Stage
@@ -93,7 +94,7 @@ MAP_SOFT_GRID = {
 }
 MapInputs = tuple[Textures, dict[str, Value]]
 """Textures and uniforms of a shader that reads a map."""
-_NO_BIAS = NoBias()
+_NO_BIAS, _ALWAYS = NoBias(), Always()
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,8 @@ class MapLayout:
 
     kind, layers: one square map, an array of `layers`, or the six faces of a cube. clamp: clamps casters in front of
     the near plane to it; cull: skips casters that cannot shadow any receiver in the map; reversed_depth: 1 at near and
-    0 at far. wrap: outside the map; far_rule: receivers beyond the far plane are lit, or with none in shadow.
+    0 at far. wrap: outside the map; far_rule: receivers beyond the far plane are lit, or with none in shadow. update:
+    when it is redrawn.
     """
 
     size: int
@@ -114,6 +116,7 @@ class MapLayout:
     reversed_depth: bool = False
     wrap: Wrap = "border"
     far_rule: Literal["lit", "none"] = "lit"
+    update: Update = _ALWAYS
 
     def unsupported(self, device: Device, bias: Bias, filter: Filter) -> str | None:
         """Why bias, filter or device does not support such a map; None if all do."""
@@ -205,7 +208,8 @@ class CasterMap:
         gradients: Color | None = None,
     ) -> None:
         self.program, self.layout, self.contents, self.gradients = program, layout, contents, gradients
-        depth_target = stage.depth_target(layout.size, layout.depth, layout.kind, layout.layers)
+        of = layout.size, layout.depth, layout.kind, layout.layers
+        depth_target = layout.update.kept(stage, "map", lambda: stage.depth_target(*of))
         self.texture, self.step = depth_target.texture, depth_target.step
         self._all_layers, self._layer_targets = depth_target.target, depth_target.layer_targets
         self._far = (1.0, 1.0, 1.0, 1.0)
@@ -305,7 +309,7 @@ class FilteredMap(CasterMap):
         self._stage, self._params, self.hull = stage, params, hull
         self.bias: Bias = params.bias
         self.filter: Filter = params.filter
-        stored, contents = self.filter.contents, None
+        stored, contents, kept = self.filter.contents, None, layout.update.kept
         cube, own = layout.kind == "cube", self.bias.comparing
         self.stores_gradients = own is not None and own.gradients
         self.defines = {
@@ -324,13 +328,19 @@ class FilteredMap(CasterMap):
         comparison = own.comparison if own else f"comparison/{'plane' if self.filter.on_plane else 'depth'}.glsl"
         self.includes = {"projection": "cube" if cube else "matrix", "map": layout.kind, "comparison": comparison}
         if stored is not None:
-            contents = MapContents(stage, params, stored, layout, self.defines, self.includes)
+            composed = params, stored, layout, self.defines, self.includes
+            contents = kept(stage, "contents", lambda: MapContents(stage, *composed))
         folder = "cube-map/" if cube else ""
         fragment = f"{folder}depth.frag" if contents is None else f"{folder}contents.frag"
         program = stage.program(vertex, fragment, geometry, params=params, defines=self.defines, includes=self.includes)
-        side = (layout.size, layout.size)
-        slopes = stage.map_texture(side, layout.kind, layout.layers, 1, "u4") if self.stores_gradients else None
+        slopes, side = None, (layout.size, layout.size)
+        if self.stores_gradients:
+            slopes = kept(stage, "slopes", lambda: stage.map_texture(side, layout.kind, layout.layers, 1, "u4"))
         super().__init__(stage, program, layout, self.bias, contents, slopes)
+        self._prepared, self._confidence = False, None
+        if params.history.of_texels:
+            folder = "cascades" if layout.kind == "array" else "shadow-map"
+            self._confidence = self.resolve_pass(f"{folder}/confidence.frag")
 
     def resolve_pass(self, fragment: str, components: int = 1, **defines: int) -> ResolvePass:
         """A pass over the pixels by a shader that includes `shadow_map.glsl`. defines: in place of the map's."""
@@ -340,9 +350,10 @@ class FilteredMap(CasterMap):
         """Of the light by which the filter widens; see `Filter.light_radius`."""
         return self.filter.light_radius(light, self._stage.placement)
 
-    def prepare(self, frame: Frame, changes: Changes, texels: Sequence[float] = ()) -> None:
-        """Blur what the filter stores, if it does. texels: see `MapContents.prepare`."""
-        if self.contents:
+    def prepare(self, frame: Frame, changes: Changes, redrawn: bool, texels: Sequence[float] = ()) -> None:
+        """Blur what the filter stores in a map that was redrawn, if it does. texels: see `MapContents.prepare`."""
+        self._prepared = redrawn
+        if self.contents and redrawn:
             with frame.timed("blur", changes=changes):
                 self.contents.prepare(texels)
 
@@ -367,6 +378,13 @@ class FilteredMap(CasterMap):
             uniforms = {**uniforms, "light_radius": radius, "nearest_caster": nearest}
         return resolve(frame, textures, **uniforms)
 
+    def confidence(self) -> moderngl.Texture:
+        """As of `Technique.confidence`, of the last lookup."""
+        assert self._confidence is not None
+        frame, textures, uniforms = self.last
+        with frame.timed("confidence", changes="view"):
+            return self._confidence(frame, textures, **uniforms)
+
     def debug(self, fragment: str) -> moderngl.Texture:
         """Four components of each pixel by another shader, with the inputs of the last lookup."""
         frame, textures, uniforms = self.last
@@ -374,7 +392,7 @@ class FilteredMap(CasterMap):
 
     def facts(self, pixels: int) -> dict[str, float]:
         """Culled triangles, and texture reads: the filter's of each pixel, and those that prepare what it stores."""
-        prepared = self.contents.reads if self.contents else 0
+        prepared = self.contents.reads if self.contents and self._prepared else 0
         reads = self.filter.reads * (1 + self.stores_gradients)  # of a texel's depth, and of its gradient
         return {"culled_triangles": self.culled, "reads": reads * pixels + prepared}
 

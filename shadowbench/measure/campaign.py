@@ -10,18 +10,14 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Protocol, Self
 from weakref import WeakKeyDictionary
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shadowbench import versions
 from shadowbench.errors import InputError, MetricError, Unsupported, message, quoted
 from shadowbench.files import check_folder
-from shadowbench.measure.flips import Step, Stepped, flips
+from shadowbench.measure.frames import CellScores, Truths
 from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.machine import machine_key, write_run_file
 from shadowbench.measure.pictures import Background, Pictures
 from shadowbench.measure.rows import Record, Result, RowStore, identity
-from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.measure.session import Rendering
 from shadowbench.measure.time_rows import time_row
 from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.spec import Spec
@@ -29,7 +25,7 @@ from shadowbench.scenes.model import Coordinates, LightKind, View
 from shadowbench.techniques.cube_map import CubeMap
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.unshadowed import Unshadowed
-from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
+from shadowbench.truths.cache import cached_truth
 
 if TYPE_CHECKING:
     from shadowbench.measure.gl_drawer import GLDrawer
@@ -55,22 +51,24 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A view and the cells that are drawn in it.
+    """A view, or the frames of a sequence in order, and the cells that are drawn in them.
 
-    later: frames after that view, which is scored and timed; flips are counted from frame to frame; step: what moved
-    between two frames, None for other frames; coordinates: in which the views are drawn; rounds: how often each cell
-    is timed, 0 for no timing; reference: spec that times are divided by; place: fields of the rows that tell where on
-    an axis the block lies, if it lies on one.
+    coordinates: in which the views are drawn; rounds: how often each cell is timed, in the first view, 0 for no timing;
+    reference: spec that times are divided by; place: fields of the rows that tell the sequence, or where on an axis the
+    block lies.
     """
 
-    view: View
+    views: tuple[View, ...]
     cells: tuple[Cell, ...]
     coordinates: Coordinates = "relative"
     rounds: int = 0
     reference: Spec = DEFAULT_REFERENCE
-    later: tuple[View, ...] = ()
-    step: Step | None = None
     place: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def view(self) -> View:
+        """The view, or the first frame."""
+        return self.views[0]
 
     @property
     def reference_cell(self) -> Cell:
@@ -108,7 +106,7 @@ Shadows = Literal["lit", "in shadow", "with edges"]
 """What a view shows: whether all that is decided is lit, or in shadow."""
 
 _log = logging.getLogger("shadowbench")
-_FLIP_SAMPLES = 1  # along a pixel's side, of truths that flips are counted with
+_FILMS = 4  # cells of a block whose frames are kept as a film
 
 
 class Reporter(Protocol):
@@ -157,7 +155,7 @@ class Campaign:
         self._sweep, self._keeps_images, self._time_again = sweep, keeps_images, time_again
         self._pictures = Pictures(folder)
         self._keys = WeakKeyDictionary[Block, dict[Cell, str]]()  # a scene takes long to hash
-        self._views: tuple[View, ...] = ()  # those of the last block, whose truths are kept
+        self._truths: Truths | None = None  # of the last block
 
     def __enter__(self) -> Self:
         self.store = RowStore(self.folder, self._sweep)
@@ -165,6 +163,8 @@ class Campaign:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.store.close()
+        if self._truths is not None:
+            self._truths.close()
 
     def trace(self, blocks: Sequence[Block]) -> list[Shadows | None]:
         """What each block's view shows, whose truth is in the cache then; None for one that fails, if it keeps going.
@@ -200,11 +200,11 @@ class Campaign:
     def keys(self, block: Block) -> dict[Cell, str]:
         """Keys of the rows of a block's cells."""
         if block not in self._keys:
-            views = [view_key(view) for view in (block.view, *block.later)]
+            views = [view_key(view) for view in block.views]
             self._keys[block] = {
                 cell: joint_key(
                     [cell_key(cell, view, block.coordinates, self.drawer.identity(cell)) for view in views],
-                    [block.step, dict(block.place), cell.home and cell.home.text],
+                    [versions.MOTION if len(views) > 1 else None, dict(block.place), cell.home and cell.home.text],
                 )
                 for cell in block.cells
             }
@@ -235,43 +235,52 @@ class Campaign:
             self.failures.append(Failure(what, where, quoted(message(error) or type(error).__name__)))
 
     def _score(self, block: Block) -> None:
-        """Make the score rows that are missing: each cell is scored and written while the next one is drawn."""
+        """Make the score rows that are missing: each frame is scored, and each row written, while the next is drawn."""
         missing, view, pictures = self.unscored(block), block.view, self._pictures
-        if self._views != (views := (view, *block.later)):
-            # Only the first one's `area` is sampled finely, since no other is scored.
-            self._views = views
-            self._truth = cache(lambda index: cached_truth(views[index], _FLIP_SAMPLES if index else PIXEL_SAMPLES))
-            self._prepared = cache(lambda: prepare_truth(self._truth(0)))
+        if self._truths is None or self._truths.views != block.views:
+            if self._truths is not None:
+                self._truths.close()
+            self._truths = Truths(block.views)
+        truths, keeps = self._truths, self._keeps_images
         surface = cache(partial(self.drawer.surface, block))
 
         @cache
         def write_view() -> None:
-            pictures.write_truth(view, self._truth(0))
+            pictures.write_truth(view, truths.first)
             pictures.write_shading(view, surface())
 
-        def finish(row: Record, drawn: Sequence[Rendering], triangle: NDArray[np.int32] | None) -> None:
-            row = self._score_cell(block, row, drawn, triangle)
-            if row["status"] == "ok" and (self._keeps_images is None or self._keeps_images(row)):
+        def finish(row: Record, scores: CellScores) -> None:
+            row = self._scored(block, row, scores)
+            if row["status"] == "ok" and (keeps is None or keeps(row)):
                 write_view()
-                pictures.write_cell(row["key"], drawn[0])
+                pictures.write_cell(row["key"], scores.first)
+                pictures.write_film(row["key"], scores.film)
             self.store.append(row)  # after the images, which its presence promises
 
         with Background() as background:
-            if self._keeps_images is None:
-                background.add(lambda: pictures.write_truth(view, self._truth(0)))
+            if keeps is None:
+                background.add(lambda: pictures.write_truth(view, truths.first))
             for cell, key in missing.items():
-                row, will_be_timed = self._row(block, cell, key), block.times(cell) and not block.later
+                row, will_be_timed = self._row(block, cell, key), block.times(cell)
+                filmed = keeps is None and len(block.views) > 1 and cell in block.cells[:_FILMS]
+                scores = CellScores(truths, filmed)
                 background.finish()  # which bounds the images in memory
                 try:
-                    triangle = surface().triangle if cell.spec.technique.own else None
+                    triangle = surface().triangle  # of the first frame, and before: the worker draws frames in order
                     if will_be_timed:
                         self.drawer.build(block, cell)
-                    background.begin()
-                    drawn = list(self.drawer.draw(block, cell, keep=will_be_timed))
+                    frames = self.drawer.draw(block, cell, keep=will_be_timed)
+                    for index in range(len(block.views)):
+                        background.begin()
+                        drawn = next(frames)
+                        background.finish()
+                        background.add(
+                            partial(scores.add, drawn, triangle if index == 0 and cell.spec.technique.own else None)
+                        )
                 except (Unsupported, CellFailed) as reason:
                     background.add(partial(self.store.append, {**row, "status": status_of(reason)}))
                 else:
-                    background.add(partial(finish, row, drawn, triangle))
+                    background.add(partial(finish, row, scores))
                 self.reporter.step(f"{view.scene.name} {cell.spec.text}")
         for _ in range(len(block.cells) - len(missing)):
             self.reporter.step(f"{view.scene.name}: measured before")
@@ -285,31 +294,15 @@ class Campaign:
         row |= {"home_spec": cell.home.text} if cell.home else {}
         return row | {"renderer": self.drawer.info.renderer}
 
-    def _score_cell(
-        self, block: Block, row: Record, drawn: Sequence[Rendering], triangle: NDArray[np.int32] | None
-    ) -> Record:
-        """Score row of a cell that was drawn in each view."""
-        first, *later = drawn
-        truth, prepared = self._truth(0), self._prepared()
-        told, smooth = first.measurable, truth.facet_shadow is not None
-        if told is not None and (smooth or (truth.receivers & ~told).any()):
-            # Its pictures do not tell what triangles receive that face away from the light.
-            truth = replace(truth, receivers=truth.receivers & told, facet_shadow=None)
-            prepared = prepare_truth(truth)
+    def _scored(self, block: Block, row: Record, scores: CellScores) -> Record:
+        """A cell's score row, of a cell that was drawn."""
         try:
-            scores = mask_record(first.visibility, truth, prepared, triangle)
+            row = {**row, "status": "ok", **scores.record()}
         except MetricError as error:
             return {**row, "status": f"failed: {error}"}
-        row = {**row, "status": "ok", **scores}
-        row |= {"gpu_bytes": first.gpu_bytes, "work": dict(first.work), "facts": dict(first.facts)}
-        row["triangles"] = block.view.scene.geometry.count
-        row |= {"engine": dict(first.engine)} if first.engine else {}
-        row["assumptions"] = list(block.view.scene.notes)
-        if later:
-            masks = [drawn.visibility for drawn in (first, *later)]
-            count = Stepped(block.view, block.step).count if block.step else flips
-            row["flips"] = count(masks, [self._truth(index) for index in range(len(masks))])
-        return row | ({"step": block.step} if block.step else {})
+        scene, engine = block.view.scene, scores.first.engine
+        row |= {"triangles": scene.geometry.count, "assumptions": list(scene.notes)}
+        return row | ({"engine": dict(engine)} if engine else {})
 
     def _time(self, block: Block) -> None:
         """Time the successful cells that lack a time, or a ratio since their reference failed."""
@@ -352,4 +345,4 @@ def trace_view(view: View) -> Shadows:
 def called(block: Block) -> tuple[str, str]:
     """What a block is, and its name, for a user who reads that it failed."""
     place = block.place
-    return ("axis", f"{place['axis']} {place['light_kind']}") if place else ("cells", block.view.name)
+    return ("axis", f"{place['axis']} {place['light_kind']}") if "axis" in place else ("cells", block.view.name)

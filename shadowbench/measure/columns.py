@@ -1,9 +1,15 @@
 """The columns of `table.csv`: their names, in the order of the table, and what they mean."""
 
 import re
+from collections import ChainMap
+from collections.abc import Mapping
 
-from shadowbench.measure.flips import FLIPS
 from shadowbench.measure.time_rows import REDRAWN
+from shadowbench.scores.metrics import METRICS, Metric
+from shadowbench.scores.motion import MOTION
+
+ROW_METRICS: Mapping[str, Metric] = ChainMap(dict(MOTION), METRICS)
+"""All metrics that a row may have: those of a mask, plug-ins' among them, and those of several frames."""
 
 IDENTITY = {
     "scene": "Scene.",
@@ -46,8 +52,11 @@ MORE = {
     "mask_sha256": "Digest of the mask's 16-bit levels.",
     "assumptions": "What was assumed where the scene's file says nothing.",
     "key": "Digest of everything that the scores depend on.",
-    FLIPS.name: FLIPS.help,
-    "step": "What moved for `flips`: `camera` or `light`.",
+    "sequence": "Sequence whose frames were drawn in order; empty for a still view.",
+    "frames": "Number of its frames. Metrics of one mask, work and facts are means over the frames, `gpu_bytes` is the "
+    "largest; `mae_area`, times and all other columns are of the first.",
+    **{name: one.help for name, one in MOTION.items()},
+    "pop_frame": "Frame, from 0, to which `pop` belongs.",
     **TRUTH_ERRORS,
     "penumbra": "Pixels of the truth's penumbra.",
     "width_share": "Share of the lines across the penumbra along which `width` could be measured.",

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib.metadata import entry_points
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Concatenate
@@ -97,15 +98,21 @@ class GLDrawer:
         """A cell drawn in each view of a block, in their order. Raises Unsupported and CellFailed.
 
         keep: it will be timed, so that what `build` made stays if there is room. If memory runs out, it is drawn
-        in a new worker.
+        in a new worker, from the first view on, as it may remember those before.
         """
-        room = int(_KEPT_SHARE * self.worker.limits.bytes) if keep else 0
-        for view in (block.view, *block.later):
-            try:
-                yield self.worker.call(Session.draw, view, self._request(block, cell), keep=room)
-            except MemoryExceeded:
-                # Cells kept for timing may have taken the memory, or what the driver has not yet freed of earlier ones.
-                yield self.worker.call(Session.draw, view, self._request(block, cell))
+        room, drawn = int(_KEPT_SHARE * self.worker.limits.bytes) if keep else 0, 0
+        try:
+            for rendering in self._frames(block, cell, room):
+                yield rendering
+                drawn += 1
+        except MemoryExceeded:
+            # Cells kept for timing may have taken the memory, or what the driver has not yet freed of earlier ones.
+            yield from islice(self._frames(block, cell, 0), drawn, None)
+
+    def _frames(self, block: Block, cell: Cell, room: int) -> Iterator[Rendering]:
+        request = self._request(block, cell)
+        for index, view in enumerate(block.views):
+            yield self.worker.call(Session.draw, view, request, keep=room, index=index)
 
     def surface(self, block: Block) -> Surface:
         """What masks of a block's view are drawn over. Raises CellFailed."""

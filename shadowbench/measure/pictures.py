@@ -1,6 +1,6 @@
 """Images of a run folder, masks and pictures named by cell key, truths by view; jobs in the background."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -26,6 +26,13 @@ class Pictures:
         """Write the mask and picture of a cell."""
         write_mask(self._subfolder("masks") / f"{key}.png", rendering.visibility)
         write_picture(self._subfolder("pictures") / f"{key}.png", rendering.picture)
+
+    def write_film(self, key: str, frames: Sequence[NDArray[np.uint8]]) -> None:
+        """Write the (H, W, 3) frames of a cell, if any, as an animated PNG, an eighth of a second each."""
+        if frames:
+            first, *others = map(Image.fromarray, frames)
+            with replace_file(self._subfolder("masks") / f"{key}.frames.png") as temporary:
+                first.save(temporary, format="PNG", save_all=True, append_images=others, duration=125, loop=0)
 
     def write_truth(self, view: View, truth: Truth) -> None:
         """Write the truth's visibility, undecided pixels and facets, unless the files hold them already.

@@ -81,8 +81,12 @@ _SCORE = _table(
         "width_share": NonNegative | None,
         **dict.fromkeys(("receivers", "undecided", "triangles", "penumbra", "surface_mismatch"), Count),
         **dict.fromkeys(("truth_error", "truth_error_pen"), NonNegative),
-        **dict.fromkeys(("width_bias", "flips"), FiniteFloat | None),
-        **dict.fromkeys(("command", "step", "content", "axis", "axis_unit", "home_spec"), str),
+        "width_bias": FiniteFloat | None,
+        "by_frame": dict[str, list[FiniteFloat | None]],
+        "pop_frame": Count | None,
+        "frames": Size,
+        "sequence": str | None,
+        **dict.fromkeys(("command", "content", "axis", "axis_unit", "home_spec"), str),
         "view_width": Size,
         "axis_value": Integer | FiniteFloat | str,
         "light_kind": LightShape,
@@ -118,6 +122,10 @@ _RUN_FILE: TypeAdapter[Record] = TypeAdapter(
 )
 
 
+STILL: Mapping[str, Any] = {"sequence": None, "frames": 1}
+"""Fields of a score row that is of no sequence."""
+
+
 def _complete(row: Record) -> Record:
     """Raises ValueError for a row without the fields that its status, or its being on an axis, requires."""
     needed = list[str]()
@@ -129,7 +137,8 @@ def _complete(row: Record) -> Record:
         needed += ["axis_value", "axis_unit", "light_kind", "home_spec"] if "axis" in row else []
     if missing := [name for name in needed if name not in row]:
         raise ValueError(f"found no {missing[0]}; it must be given")
-    return {"view_width": row["view_size"], **row} if row["kind"] == "score" else row  # older rows are of squares
+    # Older rows are of squares that do not move.
+    return {"view_width": row["view_size"], **STILL, **row} if row["kind"] == "score" else row
 
 
 def size_of(row: Record) -> ViewSize:
@@ -327,6 +336,7 @@ def identity(view: View, technique: str, spec: str, full_spec: str) -> dict[str,
         "full_spec": full_spec,
         "map_size": None,
         **view.size.columns,
+        **STILL,
         "coordinates": "relative",
     }
 

@@ -26,21 +26,29 @@ def positions(view: View, triangle: NDArray[np.int32]) -> Floats:
 
     0 for misses. A plane seen edge-on, which receivers cannot be, has points anywhere.
     """
-    camera, geometry = view.camera, view.scene.geometry
-    width, height = view.size
-    x = (np.arange(width) + 0.5) * (2 / height) - width / height
-    y = (np.arange(height) + 0.5) * (2 / height) - 1
-    right, up, back = camera.basis()
+    width = triangle.shape[1]
     points = np.empty((*triangle.shape, 3))
     for row, hit in enumerate(triangle):
-        beside = x[:, np.newaxis] * right - y[row] * up
-        rays, starts = camera.slope * beside - back, camera.height / 2 * beside  # of length 1 along the camera's axis
-        corners = geometry.corners(np.maximum(hit, 0))
-        normals = facet_normals(corners)
-        toward = np.einsum("ix,ix->i", normals, rays)
-        away = np.einsum("ix,ix->i", normals, corners[:, 0] - camera.position - starts)
-        depth = np.where(hit < 0, 0, away / np.where(toward == 0, 1, toward))
-        points[row] = np.where(hit[:, np.newaxis] < 0, 0, starts + rays * depth[:, np.newaxis])
+        on_surface = surface_points(view, np.arange(row * width, (row + 1) * width), np.maximum(hit, 0))
+        points[row] = np.where(hit[:, np.newaxis] < 0, 0, on_surface)
+    return points
+
+
+def surface_points(view: View, pixel: NDArray[Any], triangle: NDArray[Any]) -> Floats:
+    """(N, 3) points at the centres of pixels (N,), row by row, on the planes of triangles (N,), as `positions`."""
+    camera, (width, height) = view.camera, view.size
+    row, column = np.divmod(pixel, width)
+    x = (column + 0.5) * (2 / height) - width / height
+    y = (row + 0.5) * (2 / height) - 1
+    right, up, back = camera.basis()
+    beside = x[:, np.newaxis] * right - y[:, np.newaxis] * up
+    rays, starts = camera.slope * beside - back, camera.height / 2 * beside  # of length 1 along the camera's axis
+    corners = view.scene.geometry.corners(triangle)
+    normals = facet_normals(corners)
+    toward = np.einsum("ix,ix->i", normals, rays)
+    away = np.einsum("ix,ix->i", normals, corners[:, 0] - camera.position - starts)
+    depth = away / np.where(toward == 0, 1, toward)
+    points: Floats = starts + rays * depth[:, np.newaxis]
     return points
 
 
@@ -54,7 +62,12 @@ def mask_record(
     A soft truth adds its own error, root mean square over receivers and over the penumbra, what widths are from, and
     whether they are too wide or too narrow.
     """
-    comparison = Comparison(visibility, prepared)
+    return comparison_record(Comparison(visibility, prepared), truth, surface)
+
+
+def comparison_record(comparison: Comparison, truth: Truth, surface: NDArray[np.int32] | None = None) -> dict[str, Any]:
+    """`mask_record` of a mask that is compared with the prepared truth already."""
+    prepared, visibility = comparison.truth, comparison.visibility
     record: dict[str, Any] = {
         "metrics": values_of(comparison),
         "receivers": int(np.count_nonzero(truth.receivers)),

@@ -31,8 +31,8 @@ from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique, build, surface_of
 from shadowbench.plugin.registry import shader_folder, techniques
 from shadowbench.plugin.spec import Spec, parse_spec
-from shadowbench.plugin.stage import ShaderText
-from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
+from shadowbench.plugin.stage import Memory, ShaderText
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Placement, Scene, View
 from shadowbench.scores.masks import quantise
 
 Draw = Callable[[Frame], moderngl.Texture]
@@ -115,7 +115,7 @@ def declared_work(technique: Technique, pixels: int, facts: dict[str, float]) ->
     chosen = getattr(technique.params, "filter", None)
     if "reads" not in work and isinstance(chosen, Filter):
         work["reads"] = pixels * chosen.reads
-    if more := technique.params.contact.reads:
+    if more := technique.params.contact.reads + technique.params.history.reads:
         work["reads"] = work.get("reads", 0) + pixels * more
     return work
 
@@ -131,18 +131,17 @@ def finite_facts(spec: str, facts: Mapping[str, float]) -> dict[str, float]:
 class LoadedScene:
     """A scene on the GPU: its buffers and passes, in the coordinates in which it is drawn."""
 
-    def __init__(self, device: Device, file_scene: Scene, coordinates: Coordinates) -> None:
-        self.device, self.file_scene, self.coordinates = device, file_scene, coordinates
-        self.placement = file_scene.placement if coordinates == "relative" else IDENTITY_PLACEMENT
-        self.scene = self.placement.scene(file_scene)
+    def __init__(self, device: Device, file_scene: Scene, placement: Placement) -> None:
+        self.device, self.file_scene, self.placement = device, file_scene, placement
+        self.scene = placement.scene(file_scene)
         self.geometry = DeviceGeometry(device, self.scene.geometry)
         self.surface_pass = GBufferPass(device, self.geometry)
         self.picture_pass = PicturePass(device, self.geometry)
         self.facet_pass = FacetPass(device, self.geometry) if self.scene.geometry.smooth else None
 
-    def matches(self, scene: Scene, coordinates: Coordinates) -> bool:
+    def matches(self, scene: Scene, placement: Placement) -> bool:
         """Whether it is a scene in these coordinates."""
-        return scene is self.file_scene and coordinates == self.coordinates
+        return scene is self.file_scene and placement == self.placement
 
     def to_drawing_coordinates(self, view: View) -> View:
         """A view of this scene converted from file coordinates (near and far planes known) to drawing coordinates."""
@@ -156,13 +155,16 @@ class LoadedScene:
         if self.facet_pass is not None and not technique.lifts(technique.params):
             self.facet_pass.draw(checked_texture(spec, texture, view.size), surface, view)
 
-    def build(self, spec: Spec, size: ViewSize, room: int = sys.maxsize) -> tuple[Technique, Stage, Draw]:
+    def build(
+        self, spec: Spec, size: ViewSize, room: int = sys.maxsize, memory: Memory | None = None
+    ) -> tuple[Technique, Stage, Draw]:
         """A technique built for images of a size, and what draws it. Raises any exception of the technique.
 
-        room: most bytes that its textures and buffers may take. Raises Unsupported if they would take more.
+        room: most bytes that its textures and buffers may take, beyond which Unsupported is raised; memory: what it
+        remembers of frames with earlier geometry, which is freed with it or if it fails.
         """
         folder = shader_folder(spec.drawn_here)
-        stage = Stage(self.scene, self.device, size, self.geometry, self.placement, folder, room)
+        stage = Stage(self.scene, self.device, size, self.geometry, self.placement, folder, room, memory)
         technique = spec.drawn_here(spec.params)
         try:
             draw = build(technique, stage)
@@ -207,22 +209,31 @@ class _OpenView:
     view: View
     surface: GBuffer
 
-    def matches(self, other: View, coordinates: Coordinates) -> bool:
+    def matches(self, other: View, placement: Placement) -> bool:
         """Whether this is the given view."""
         own = self.file_view
         same = (own.camera, own.light, own.size) == (other.camera, other.light, other.size)
-        return same and self.loaded.matches(other.scene, coordinates)
+        return same and self.loaded.matches(other.scene, placement)
 
 
 @dataclass(frozen=True, eq=False)
 class _BuiltCell:
-    """A technique built for a view and ready to draw; prepare_ms: its build time."""
+    """A technique built for a scene and an image size, and ready to draw; prepare_ms: its build time."""
 
     technique: Technique
     stage: Stage
     draw: Draw
-    frame: Frame
     prepare_ms: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """The cell that was drawn last, and the index of its frame. keep: as in `draw`, 0 unless `build` built it."""
+
+    request: CellRequest
+    built: _BuiltCell
+    index: int
+    keep: int
 
 
 @cache
@@ -264,7 +275,11 @@ def compile_loops() -> None:
 
 
 class Session:
-    """An OpenGL device that draws cells. The last scene and view stay loaded until a call names others."""
+    """An OpenGL device that draws cells. The last scene and view stay loaded until a call names others.
+
+    Cells stay built while scene, coordinates and image size do: those kept for timing, and the one that was drawn last,
+    for the next frame of a sequence.
+    """
 
     def __init__(self, plugins: Sequence[Path] = ()) -> None:
         self.techniques = techniques(plugins)
@@ -272,8 +287,9 @@ class Session:
         self.clock = Clock(self.device)
         self._loaded: LoadedScene | None = None
         self._open_view: _OpenView | None = None
-        self._kept: dict[CellRequest, _BuiltCell] = {}  # built for the open view, for a later draw or timing
-        self._timed: list[_BuiltCell] = []
+        self._kept: dict[CellRequest, _BuiltCell] = {}  # for a later draw or timing
+        self._last: _Drawn | None = None
+        self._timed: list[tuple[_BuiltCell, Frame]] = []
 
     def info(self) -> DeviceInfo:
         """Facts about the device and its clock."""
@@ -296,31 +312,56 @@ class Session:
         return Surface(opened.surface.triangles(), *opened.loaded.picture_pass.extremes(opened.surface, opened.view))
 
     def unload(self) -> None:
-        """Free the view and its scene."""
-        self._close()
+        """Free the view and its scene, with all cells built for it."""
+        self._close_view()
+        self._free_cells()
         if self._loaded is not None:
             self._loaded.release()
             self._loaded = None
 
-    def _ensure_open(self, view: View, coordinates: Coordinates) -> _OpenView:
-        if self._open_view is None or not self._open_view.matches(view, coordinates):
-            self._close()
-            if self._loaded is None or not self._loaded.matches(view.scene, coordinates):
+    def _ensure_open(self, view: View, coordinates: Coordinates, index: int = 0) -> _OpenView:
+        """The view, open. index: after frame 0, the cell that was drawn last goes on, with what it remembers."""
+        placement = view.scene.placement if coordinates == "relative" else IDENTITY_PLACEMENT
+        if index and self._last and self._last.built.stage.memory.values:  # which is in the coordinates of frame 0
+            placement = self._last.built.stage.placement
+        if self._open_view is None or not self._open_view.matches(view, placement):
+            if self._open_view and self._open_view.view.size != view.size:
+                self._free_cells()
+            self._close_view()
+            if self._loaded is None or not self._loaded.matches(view.scene, placement):
+                last, self._last = (self._last, None) if index else (None, self._last)
                 self.unload()
-                self._loaded = LoadedScene(self.device, view.scene, coordinates)
+                if last:
+                    last.built.stage.release(but_memory=True)
+                self._last, self._loaded = last, LoadedScene(self.device, view.scene, placement)
             drawn = self._loaded.to_drawing_coordinates(view)
             self.device.reset()
             self._open_view = _OpenView(view, self._loaded, drawn, self._loaded.surface_pass.draw(drawn))
         return self._open_view
 
-    def _close(self) -> None:
-        """Free the view and all cells built for it."""
+    def _close_view(self) -> None:
+        """Free the view, and the cells whose timing was prepared."""
         self.release_timed()
-        while self._kept:
-            self._kept.popitem()[1].stage.release()
         if self._open_view is not None:
             self._open_view.surface.release()
             self._open_view = None
+
+    def _free_cells(self) -> None:
+        """Free all cells that may be drawn or timed later."""
+        if self._last:
+            self._last.built.stage.release()
+            self._last = None
+        while self._kept:
+            self._kept.popitem()[1].stage.release()
+
+    def _settle(self) -> None:
+        """Keep the cell that was drawn last if it is to be timed and there is room, else free it."""
+        if self._last:
+            (last, self._last), kept = (self._last, None), self._kept.values()
+            if sum(other.stage.bytes for other in kept) + last.built.stage.bytes <= last.keep:
+                self._kept[last.request] = last.built
+            else:
+                last.built.stage.release()
 
     def shaders(self, view: View, request: CellRequest) -> list[ShaderText]:
         """GLSL of a cell as passed to the driver, with all includes and defines resolved. Raises as `draw` does."""
@@ -331,56 +372,78 @@ class Session:
     def build(self, view: View, request: CellRequest) -> None:
         """Build a cell that will be drawn and then timed, as its build is. Raises as `draw` does."""
         load_for_builds()
+        self._settle()
         open_view = self._ensure_open(view, request.coordinates)
         if request not in self._kept:
             self._kept[request] = self._build(open_view, request)
 
     def draw(
-        self, view: View, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0
+        self,
+        view: View,
+        request: CellRequest,
+        with_map: bool = False,
+        tinted: bool = False,
+        keep: int = 0,
+        index: int = 0,
     ) -> Rendering:
         """Draw a cell once and read the images back. Raises Unsupported, or any exception of the technique.
 
         tinted: multiply the technique's debug colours, if any, into the picture; keep: a cell of `build` stays for
-        `prepare_timing` if all kept cells of the view together take at most this many bytes, else it is released.
+        `prepare_timing` if all kept cells together take at most this many bytes, else it is released. index: of the
+        frame in a sequence; the cell remembers the frames before, which must be the last that were drawn, and at 0
+        nothing. Raises ValueError otherwise. What remembers is drawn in the local coordinates of frame 0.
         """
-        open_view = self._ensure_open(view, request.coordinates)
-        kept = self._kept.pop(request, None)
-        built = kept or self._build(open_view, request)
+        last = self._last
+        if index == 0:
+            self._settle()
+        elif not last or (last.request, last.index + 1, last.built.stage.size) != (request, index, view.size):
+            before = f"frame {last.index} of {last.request.spec}" if last else "nothing"
+            raise ValueError(f"frame {index} of {request.spec} after {before}; allowed: the frame after that, or 0")
         try:
-            rendering = self._draw_built(open_view, request, built, with_map, tinted)
+            open_view = self._ensure_open(view, request.coordinates, index)
+            self._last = self._next(open_view, request, index, keep)
+            return self._draw_built(open_view, self._last, with_map, tinted)
         except BaseException:
-            built.stage.release()
+            if self._last:
+                self._last.built.stage.release()
+                self._last = None
             raise
-        if kept and sum(other.stage.bytes for other in self._kept.values()) + built.stage.bytes <= keep:
-            self._kept[request] = built
-        else:
-            built.stage.release()
-        return rendering
 
-    def _draw_built(
-        self, open_view: _OpenView, request: CellRequest, built: _BuiltCell, with_map: bool, tinted: bool
-    ) -> Rendering:
-        technique, frame, view = built.technique, built.frame, open_view.view
+    def _next(self, open_view: _OpenView, request: CellRequest, index: int, keep: int) -> _Drawn:
+        """A frame that is to be drawn, by the cell that was drawn last if it goes on and its scene stays."""
+        if index == 0 or not self._last:
+            kept = self._kept.pop(request, None)
+            return _Drawn(request, kept or self._build(open_view, request), 0, keep if kept else 0)
+        built = self._last.built
+        if built.stage.scene is not open_view.view.scene:
+            built = self._build(open_view, request, built.stage.memory)
+        return replace(self._last, built=built, index=index)
+
+    def _draw_built(self, open_view: _OpenView, drawn: _Drawn, with_map: bool, tinted: bool) -> Rendering:
+        technique, view, spec = drawn.built.technique, open_view.view, drawn.request.spec
+        self._check_supported(technique, technique.params, view)
+        frame = self._frame(open_view, drawn.request, technique, drawn.index)
         self.device.reset()
-        texture, work = with_work(self.device, lambda: built.draw(frame))
+        texture, work = with_work(self.device, lambda: drawn.built.draw(frame))
         self.device.reset()
-        self.device.check(f"drawing {request.spec}")
-        open_view.loaded.darken_facets(request.spec, technique, texture, open_view.surface, view)
-        visibility = visibility_of(request.spec, texture, view.size)
+        self.device.check(f"drawing {spec}")
+        open_view.loaded.darken_facets(spec, technique, texture, open_view.surface, view)
+        visibility = visibility_of(spec, texture, view.size)
         tint = technique.tint() if tinted else None
         picture = open_view.loaded.picture_pass.draw(open_view.surface, view, texture, tint)
         depths = technique.map_image() if with_map else None
-        facts = finite_facts(request.spec, technique.facts())
+        facts = finite_facts(spec, technique.facts())
         work = with_cost(work | declared_work(technique, view.size.pixels, facts))
-        return Rendering(visibility, picture, depths, built.stage.bytes, work, facts)
+        return Rendering(visibility, picture, depths, drawn.built.stage.bytes, work, facts)
 
     def prepare_timing(self, view: View, request: CellRequest) -> float:
         """Prepare a cell for timing: build it unless kept, and warm it up. Returns its build time in milliseconds."""
         load_for_builds()
+        self._settle()
         open_view = self._ensure_open(view, request.coordinates)
         kept = self._kept.pop(request, None)
         built = kept or self._build(open_view, request)
-        self._timed.append(built)
+        self._timed.append((built, self._frame(open_view, request, built.technique, 0)))
         for _ in range(WARM_UP - 1 if kept else WARM_UP):
             self.device.reset()
             self._next_draw(-1)()
@@ -409,19 +472,19 @@ class Session:
             return self.clock.passes(draw, self._draws_on_cpu(index))
 
     def _draws_on_cpu(self, index: int) -> bool:
-        technique = self._timed[index].technique
+        technique = self._timed[index][0].technique
         return technique.draws_on_cpu(technique.params)
 
     def release_timed(self) -> None:
         """Release all cells prepared for timing."""
         while self._timed:
-            self._timed.pop().stage.release()
+            self._timed.pop()[0].stage.release()
 
     def _next_draw(self, index: int) -> Callable[[], object]:
         """The next draw call of a prepared cell. Frame indices count up from 0, the first draw after the build."""
-        built = self._timed[index]
-        self._timed[index] = replace(built, frame=replace(built.frame, index=built.frame.index + 1))
-        return partial(built.draw, built.frame)
+        built, frame = self._timed[index]
+        self._timed[index] = built, replace(frame, index=frame.index + 1)
+        return partial(built.draw, frame)
 
     @contextmanager
     def _isolated_draw(self, index: int) -> Iterator[Callable[[], object]]:
@@ -436,7 +499,7 @@ class Session:
             gc.enable()
         self.device.check("timing")
 
-    def _build(self, open_view: _OpenView, request: CellRequest) -> _BuiltCell:
+    def _build(self, open_view: _OpenView, request: CellRequest, memory: Memory | None = None) -> _BuiltCell:
         self.device.context.finish()
         start = time.perf_counter()
         spec = parse_spec(request.spec, self.techniques)
@@ -444,12 +507,18 @@ class Session:
             raise Unsupported(
                 f"map size {spec.map_size}: {self.info().renderer} allows 1 to {self.device.max_map_size}"
             )
-        if reason := spec.drawn_here.declines(spec.params, open_view.view, self.device):
-            raise Unsupported(reason)
-        technique, stage, draw = open_view.loaded.build(spec, open_view.view.size, request.room)
-        frame = Frame(open_view.view, Phase(request.phase), 0, surface_of(technique, open_view.surface), self.clock)
+        self._check_supported(spec.drawn_here, spec.params, open_view.view)
+        technique, stage, draw = open_view.loaded.build(spec, open_view.view.size, request.room, memory)
         self.device.context.finish()
-        return _BuiltCell(technique, stage, draw, frame, (time.perf_counter() - start) * 1e3)
+        return _BuiltCell(technique, stage, draw, (time.perf_counter() - start) * 1e3)
+
+    def _check_supported(self, technique: Technique | type[Technique], params: object, view: View) -> None:
+        if reason := technique.declines(params, view, self.device):
+            raise Unsupported(reason)
+
+    def _frame(self, open_view: _OpenView, request: CellRequest, technique: Technique, index: int) -> Frame:
+        surface = surface_of(technique, open_view.surface)
+        return Frame(open_view.view, Phase(request.phase), index, surface, self.clock)
 
 
 if __name__ == "__main__":

@@ -41,6 +41,7 @@ from shadowbench.gl.clock import Changes, Clock
 from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.gbuffer import GBuffer
 from shadowbench.plugin.contact import Contact, ContactPass, NoContact
+from shadowbench.plugin.history import History, HistoryPass, NoHistory
 from shadowbench.plugin.params import SubjectParams, components_of, param
 from shadowbench.plugin.stage import Stage
 from shadowbench.scenes.model import Camera, Light, LightKind, View
@@ -69,7 +70,7 @@ def _radical_inverse(index: int, base: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The inputs of one draw. `index` counts draws; at 0, results of earlier frames are invalid."""
+    """The inputs of one draw. `index` counts draws; at 0, what `stage.remembered` keeps of earlier ones is invalid."""
 
     view: View
     phase: Phase
@@ -171,6 +172,7 @@ class TechniqueParams(SubjectParams):
     """Base class of every technique's parameters."""
 
     contact: Contact = param(NoContact(), "contact shadows on top")
+    history: History = param(NoHistory(), "what earlier frames add")
 
 
 class Technique(Subject):
@@ -192,8 +194,12 @@ class Technique(Subject):
     def declines(cls, params: Any, view: View, device: Device) -> str | None:
         """Why the technique cannot draw this view, by `unsupported` or `lights`; None if it can."""
         kind = view.light.hard_kind
-        answers = f"a {kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
-        return cls.unsupported(params, view, device) or (None if kind in cls.lights else answers)
+        if kind not in cls.lights:
+            answers = f"a {kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
+            return cls.unsupported(params, view, device) or answers
+        if params.history.of_texels and cls.confidence is Technique.confidence:
+            return f"history={params.history.name} needs a shadow map's texels, which {cls.name} has not"
+        return cls.unsupported(params, view, device)
 
     @abstractmethod
     def build(self, stage: Stage) -> None:
@@ -214,6 +220,13 @@ class Technique(Subject):
         """
         return None
 
+    def confidence(self) -> moderngl.Texture:
+        """How near each pixel's point is to the centre of its texel in the map of the last draw, from 1 there to 0.
+
+        Drawn only when called. Of a technique that has one, for a history of texels.
+        """
+        raise NotImplementedError(self.name)
+
     def facts(self) -> dict[str, float]:
         """Statistics of the last draw for its row, such as a bias in metres.
 
@@ -223,12 +236,13 @@ class Technique(Subject):
 
 
 def build(technique: Technique, stage: Stage) -> Callable[[Frame], moderngl.Texture]:
-    """Build a technique. Returns its `draw`, with the contact shadows of its parameters on top."""
+    """Build a technique. Returns its `draw`, with the contact shadows and the history of its parameters on top."""
     technique.build(stage)
-    if not technique.params.contact.shader:
-        return technique.draw
-    darken = ContactPass(stage, technique.params)
-    return lambda frame: darken(frame, technique.draw(frame))
+    draw = technique.draw
+    if technique.params.contact.shader:
+        darken = ContactPass(stage, technique.params)
+        draw = lambda frame: darken(frame, technique.draw(frame))  # noqa: E731
+    return HistoryPass(stage, technique, draw) if technique.params.history.shader else draw
 
 
 __all__ = ["Changes", "Entry", "Frame", "Phase", "Stage", "Technique", "TechniqueParams", "param"]

@@ -163,13 +163,14 @@ class SubjectParams(Strict):
 
 
 class Component(Strict):
-    """Base class of biases, filters, fits, splits and contact shadows; a `name` adds one to its family's table."""
+    """Base class of biases, filters, fits, splits, updates, contacts and histories; a `name` adds one to its table."""
 
     name: ClassVar[str]
     shader: ClassVar[str] = ""  # file that fills the include slot of the parameter, or its text of several lines
     table: ClassVar[dict[str, type[Self]]]
     presets: ClassVar[dict[str, str]] = {}  # parameters in spec syntax, by name: `screen-space(preset=bevy)`
     lifts: ClassVar[bool] = False  # whether shadows are received on the smooth surface, not on its triangles
+    remembers: ClassVar[bool] = False  # whether a frame depends on the frames before
     unwritten: ClassVar[bool] = False  # whether full specs leave it out, so that those of before it existed are equal
 
     @classmethod

@@ -2,9 +2,9 @@
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from shadowbench.plugin.params import Component, SubjectParams, components_of, i
 from shadowbench.scenes.model import Placement, Scene
 
 Resource = TypeVar("Resource", bound=Releasable)
+T = TypeVar("T")
 MAP_DEFINES = {
     "LAYERS": "1",
     "ARRAY": "0",
@@ -44,12 +45,24 @@ class ShaderText:
     uniforms: Mapping[str, float]
 
 
+@dataclass(eq=False)
+class Memory:
+    """What a cell remembers from frame to frame, also when it is built again for geometry that moved.
+
+    values: by name, as made by `Stage.remembered`; bytes: device memory of their textures and buffers.
+    """
+
+    values: dict[str, Any] = field(default_factory=dict)
+    resources: list[Releasable] = field(default_factory=list)
+    bytes: int = 0
+
+
 class Stage:
     """The scene (local coordinates), device and image size, and factories of programs, textures and targets.
 
     bytes: device memory of its textures and buffers; texts: the shader sources of its programs; shaders: folder of the
     technique's own shader files, searched before the shared ones, as are those of plug-ins' biases and filters. room:
-    most bytes; Unsupported is raised before more are allocated.
+    most bytes; Unsupported is raised before more are allocated. memory: of a build for earlier geometry.
     """
 
     def __init__(
@@ -61,9 +74,11 @@ class Stage:
         placement: Placement,
         shaders: Path | None = None,
         room: int = sys.maxsize,
+        memory: Memory | None = None,
     ) -> None:
         self.scene, self.device, self.size, self.placement = scene, device, size, placement
-        self.bytes, self.room = 0, room
+        self.memory = memory or Memory()
+        self.bytes, self.room = self.memory.bytes, room
         self.texts: list[ShaderText] = []
         self._geometry = geometry
         self._programs = 0
@@ -122,6 +137,23 @@ class Stage:
             stem = "inline" if "\n" in str(stages[stage]) else Path(stages[stage]).stem
             self.texts.append(ShaderText(f"{self._programs}-{stem}.{stage}", str(text), used))
         return program
+
+    def remembered(self, name: str, make: Callable[[], T]) -> T:
+        """What `make` returns, or what it returned when the cell was built for the geometry of an earlier frame.
+
+        So a technique declares what it keeps from frame to frame: textures, targets, or any object of its own. What is
+        in it is void in a frame of index 0.
+        """
+        memory, own, before = self.memory, self._resources, self.bytes
+        if name not in memory.values:
+            self._resources = memory.resources
+            try:
+                memory.values[name] = make()
+            finally:
+                self._resources = own
+                memory.bytes += self.bytes - before
+        value: T = memory.values[name]
+        return value
 
     def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:
         """A colour texture, by default of the image's size."""
@@ -258,11 +290,16 @@ class Stage:
         self.bytes += size
         return resource
 
-    def release(self) -> None:
-        """Release all resources of the stage."""
+    def release(self, but_memory: bool = False) -> None:
+        """Release all resources of the stage, but_memory: without what it remembers."""
         self.device.free(reversed(self._resources))
         self._resources.clear()
-        self.bytes = 0
+        if not but_memory:
+            self.device.free(reversed(self.memory.resources))
+            self.memory.resources.clear()
+            self.memory.values.clear()
+            self.memory.bytes = 0
+        self.bytes = self.memory.bytes
 
 
 def _shader_values(
@@ -274,7 +311,7 @@ def _shader_values(
     uniforms: dict[str, float] = {}
 
     def add(params: SubjectParams | Component, prefix: str) -> None:
-        for key, field in type(params).model_fields.items():
+        for key, info in type(params).model_fields.items():
             name, value = prefix + key, getattr(params, key)
             if isinstance(value, Component):
                 slots.update({name: value.shader} if value.shader else {})
@@ -282,7 +319,7 @@ def _shader_values(
             elif isinstance(value, bool | int):
                 defines[name.upper()] = str(int(value))
             elif isinstance(value, float):
-                uniforms[name] = placement.length(value) if in_metres(field) else value
+                uniforms[name] = placement.length(value) if in_metres(info) else value
             else:
                 defines[f"{name}_{value}".upper().replace("-", "_")] = "1"
                 slots[name] = str(value)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from shadowbench.errors import counted, number
-from shadowbench.measure.flips import ROW_METRICS
+from shadowbench.measure.columns import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.rows import Record, size_of
 from shadowbench.reports.gallery import difference, read_facets, read_view

@@ -16,7 +16,7 @@ from markupsafe import Markup, escape
 from shadowbench.errors import InputError
 from shadowbench.extremes.model import NAMES
 from shadowbench.files import check_outputs, make_folder, replace_file
-from shadowbench.measure.flips import ROW_METRICS
+from shadowbench.measure.columns import ROW_METRICS
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports import charts, stability, sweep_charts, texts
 from shadowbench.reports.charts import Chart

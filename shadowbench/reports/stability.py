@@ -12,6 +12,7 @@ from shadowbench.measure.rows import Record
 from shadowbench.results.frame import Run
 from shadowbench.results.ranges import HARD, SOFT, Break, OperatingRange, operating_ranges, value_text
 from shadowbench.scenes.model import LightKind
+from shadowbench.scores.motion import MOTION
 from shadowbench.techniques.unshadowed import Unshadowed
 
 Series = tuple[str, LightKind]
@@ -105,7 +106,8 @@ def _line(row: Record) -> tuple[str, str, str]:
 
 def tolerances() -> str:
     """The tolerances of `stress` as text."""
-    hard = [f"{name} of at most {100 * limit:g}%" for name, limit in HARD.items() if name != "iou"]
+    most = {name: f"{limit:g} px" if name in MOTION else f"{100 * limit:g}%" for name, limit in HARD.items()}
+    hard = [f"{name} of at most {limit}" for name, limit in most.items() if name != "iou"]
     soft = ", ".join(f"{name} of at most {limit:g}" for name, limit in SOFT.items())
     limits = ", ".join([f"IoU of at least {HARD['iou']:g}", *hard, f"of soft shadows {soft}"])
     return f"{limits}; no NaN, infinity, OpenGL error, crash or hang"

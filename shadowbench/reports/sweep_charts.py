@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from shadowbench.extremes.model import NAMES, Axis, Value, value_label
-from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
 from shadowbench.reports.charts import (
     BASE_CHART,
@@ -103,7 +102,7 @@ def _along(stability: Stability, axis: Axis, styles: Styles | None, metric: str)
         },
     )
     scale = {"type": "symlog", "constant": 1e-4, "domain": [0, 1], "nice": False}
-    y = quantity("y", None, scale=scale, axis={"values": [0, 1e-4, 1e-3, 1e-2, 1e-1, 1], "format": ".2~%"})
+    y = quantity("y", None, scale=scale, axis={"values": [0, 1e-4, 1e-3, 1e-2, 1e-1, 1], "format": "~g"})
     dash = {
         "field": "light",
         "title": None,
@@ -157,7 +156,7 @@ def _point(one: OperatingRange, light: str, row: Record, x: float) -> Chart:
 
 def _errors(row: Record) -> dict[str, float | None]:
     """The metrics in charts, by name; None without a value, or for shadows of the other kind."""
-    values = row_metrics(row)
+    values = row.get("metrics", {})
     judged = {name: values.get(name) for name in tolerances_of(values)}
     iou = judged.pop("iou", None)
     return dict.fromkeys(LIMITS) | judged | {ERROR: None if iou is None else 1 - iou}

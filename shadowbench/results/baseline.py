@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 
 from shadowbench.errors import InputError, counted
 from shadowbench.files import make_folder, replace_file
-from shadowbench.measure.flips import FLIPS, ROW_METRICS, row_metrics
+from shadowbench.measure.columns import ROW_METRICS
 from shadowbench.measure.rows import SCHEMA, Record, Result, driver_of
 from shadowbench.results.frame import IDENTITY, Run, identity, read_runs
 
@@ -157,19 +157,16 @@ def _changes(old: Result, new: Result, allowed: Mapping[str, float]) -> Iterator
 
 def _not_compared(*sides: Sequence[Result]) -> tuple[set[str], list[str]]:
     """Names of metrics that are not compared, and notes on them, and on work."""
-    metrics = [set().union(*(row_metrics(result.score) for result in side)) for side in sides]
+    metrics = [set().union(*(result.score.get("metrics", {}) for result in side)) for side in sides]
     lacking = [name for name in ROW_METRICS if name in metrics[0] ^ metrics[1]] if all(metrics) else []
     unknown = sorted(set().union(*metrics).difference(ROW_METRICS))
-    steps = [{result.score.get("step") for result in side if FLIPS.name in result.score} for side in sides]
-    other_step = all(steps) and steps[0] != steps[1]
     drivers = sorted({_driver(result) for side in sides for result in side})
     reasons = (
-        (other_step, "flips are not compared: one side has them after a step of the camera, the other of the light"),
         (len(drivers) > 1, f"work is not compared across renderers: {' · '.join(drivers)}"),
         (lacking, f"not compared, since one side lacks them: {', '.join(lacking)}"),
         (unknown, f"not compared, since their plug-in is not loaded: {', '.join(unknown)}"),
     )
-    return {*lacking, *([FLIPS.name] if other_step else [])}, [note for holds, note in reasons if holds]
+    return set(lacking), [note for holds, note in reasons if holds]
 
 
 def _driver(result: Result) -> str:
@@ -181,12 +178,12 @@ def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
     """Whether masks and common scores are equal; an equal mask may have been scored against another truth."""
     if old.get("mask_sha256") is None or old["mask_sha256"] != new.get("mask_sha256"):
         return False
-    before, after = row_metrics(old), row_metrics(new)
+    before, after = old["metrics"], new["metrics"]
     return before == after or all(before[name] == after.get(name) for name in names if name in before)
 
 
 def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
-    then, now = row_metrics(old), row_metrics(new)
+    then, now = old["metrics"], new["metrics"]
     for name, tolerance in allowed.items():
         before, after = then.get(name), now.get(name)
         if before is not None and after is not None:

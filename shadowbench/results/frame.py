@@ -29,12 +29,14 @@ IDENTITY = (
     "view_size",
     "view_width",
     "coordinates",
+    "sequence",
+    "frames",
 )  # and the full spec
 _place_of = itemgetter(*IDENTITY)
 _view_of = itemgetter("scene", "view", "light", "view_size", "view_width")
 _range_of = itemgetter("home_spec", "axis", "light_kind")
 _COMMA = re.compile(r",(?![^()]*\))")  # outside parentheses
-_WHOLE = ["map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch", "penumbra"]
+_WHOLE = ["map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch", "penumbra", "frames", "pop_frame"]
 
 
 def identity(record: Record) -> tuple[Any, ...]:

@@ -12,7 +12,6 @@ from typing import Any
 
 from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
-from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record, command_line, read_rows, read_run_file
 from shadowbench.results.frame import read_bias_sweeps, read_folders, rows_file, write_cells, write_table
 from shadowbench.results.ranges import operating_ranges, points_frame, ranges_frame
@@ -76,7 +75,7 @@ def _differing(several: Sequence[tuple[Path, Record]]) -> Iterator[dict[str, Any
     """What differs between the first row of a key, with its folder, and the others."""
 
     def values_of(row: Record) -> dict[str, Any]:
-        return {"status": row["status"].partition(":")[0], "mask": row.get("mask_sha256"), **row_metrics(row)}
+        return {"status": row["status"].partition(":")[0], "mask": row.get("mask_sha256"), **row.get("metrics", {})}
 
     def differ(one: Any, other: Any) -> bool:
         near = (

@@ -9,18 +9,21 @@ from typing import Any
 import pandas as pd
 
 from shadowbench.extremes.model import Axis, Value, value_label
-from shadowbench.measure.flips import ROW_METRICS, row_metrics
+from shadowbench.measure.columns import ROW_METRICS
 from shadowbench.measure.rows import Record
 from shadowbench.scores.metrics import METRICS, is_soft
+from shadowbench.scores.motion import MOTION
 
-HARD = {"acne": 0.01, "leak": 0.01, "terminator": 0.01, "flips": 0.01, "iou": 0.95}
+HARD = {"acne": 0.01, "leak": 0.01, "terminator": 0.01, "flicker": 0.04, "swim": 0.01, "iou": 0.95}
 SOFT = {"bleed": 0.01, "false_dark": 0.01, "rmse": 0.05}
 TOLERANCES: dict[str, float] = {**HARD, **SOFT}
 """Limits of tolerance, of hard and of soft shadows: a minimum for `iou`, maxima for the others.
 
-Flips are a share of receivers at true edges.
+Along the axes of movement about 1% of the pixels at true edges flip from frame to frame where `flicker`, under a moving
+light, or `swim`, for a moving camera, reach these pixels.
 """
-_NAMES = {"iou": "IoU", "rmse": "RMSE"}  # of the metrics that are no shares of an area
+_WHOLE = {"iou": "IoU {:.3f}", "rmse": "RMSE {:.3f}"}  # of the whole mask
+_TEXTS = {**_WHOLE, "flicker": "flicker {:.3f} px", "swim": "swim {:.4f} px"}  # of the metrics that are no shares
 
 # Kinds of failure by the beginning or a part of the failure message.
 _FATAL = (
@@ -45,8 +48,7 @@ class Failure:
     def __str__(self) -> str:
         if self.amount is None:
             return self.kind
-        name = _NAMES.get(self.kind)
-        return f"{name} {self.amount:.3f}" if name else f"{self.kind} {self.amount:.2%}"
+        return _TEXTS.get(self.kind, f"{self.kind} {{:.2%}}").format(self.amount)
 
 
 def tolerances_of(metrics: Mapping[str, float | None]) -> dict[str, float]:
@@ -63,7 +65,7 @@ def failure(row: Record) -> Failure | None:
         return Failure(kind, text=reason)
     if status != "ok":
         return None
-    values = row_metrics(row)
+    values = row.get("metrics", {})
     if values["iou"] is None:
         return Failure("unjudged", text="neither the truth nor the mask has a shadow that is decided")
     exceeded = {
@@ -73,7 +75,7 @@ def failure(row: Record) -> Failure | None:
     }
     if not exceeded:
         return None
-    worst = max(exceeded, key=lambda name: -1 if name in _NAMES else exceeded[name] / TOLERANCES[name])
+    worst = max(exceeded, key=lambda name: -1 if name in _WHOLE else exceeded[name] / TOLERANCES[name])
     return Failure(worst, exceeded[worst])
 
 
@@ -234,7 +236,7 @@ def points_frame(rows: Iterable[Record]) -> pd.DataFrame:
             "renderer",
             "status",
         ),
-        *(*METRICS, "failure", "command", "axis", "axis_value", "axis_unit", "light_kind", "flips", "receivers"),
+        *(*METRICS, "failure", "command", "axis", "axis_value", "axis_unit", "light_kind", *MOTION, "receivers"),
         *("undecided", "surface_mismatch", "gpu_bytes", "coordinates", "full_spec", "mask_sha256", "key"),
     ]
     lines = [{**row, **row.get("metrics", {}), "failure": str(failure(row) or "") or None} for row in rows]

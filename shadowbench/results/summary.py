@@ -16,8 +16,7 @@ import numpy as np
 import pandas as pd
 
 from shadowbench.errors import InputError
-from shadowbench.measure.columns import TIMES, TOTALS, TRUTH_ERRORS
-from shadowbench.measure.flips import ROW_METRICS
+from shadowbench.measure.columns import ROW_METRICS, TIMES, TOTALS, TRUTH_ERRORS
 from shadowbench.options import ViewSize
 from shadowbench.plugin.registry import own_techniques, preset_names
 from shadowbench.plugin.spec import parse_spec

@@ -5,6 +5,7 @@ import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,6 +32,7 @@ from shadowbench.scenes.scene_tables import (
     light_from_table,
     name_from,
 )
+from shadowbench.scenes.sequences import motion_from_table
 from shadowbench.scenes.shapes import WITH_COORDINATES, build_shape, shape_table
 from shadowbench.scenes.triangles import Triangles, mean_normals
 from shadowbench.scenes.vectors import Floats
@@ -39,8 +41,8 @@ from shadowbench.strict import Strict, read_toml, short, validated
 
 def _listed(value: object, info: ValidationInfo) -> object:
     """One `[camera]` or `[light]` as a list of one."""
-    if isinstance(value, dict) and info.field_name == "mesh":
-        raise ValueError("found a table; allowed: tables, written [[mesh]]")
+    if isinstance(value, dict) and info.field_name in ("mesh", "sequence"):
+        raise ValueError(f"found a table; allowed: tables, written [[{info.field_name}]]")
     return [value] if isinstance(value, dict) else value
 
 
@@ -55,6 +57,7 @@ class SceneFile(Strict):
     camera: Tables = Field([], max_length=MOST_NAMED)
     light: Tables = Field([], max_length=MOST_NAMED)
     mesh: Tables = Field([], max_length=MOST_COPIES)
+    sequence: Tables = Field([], max_length=MOST_NAMED)
     viewer: dict[str, object] = Field({})  # what `shadowbench view` showed when it saved the file
 
     def cameras(self, file: str) -> list[Camera]:
@@ -84,10 +87,11 @@ def read_document(path: Path) -> SceneFile:
     return validated(SceneFile, read_toml(path, path.name), path.name)
 
 
-def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
+def read_scene_file(path: Path, assets: Path | None = None, later: float = 0.0) -> Scene:
     """The scene of a TOML file, with a default camera and light if it has none.
 
-    assets: a second folder for its mesh files. Raises InputError for an invalid file.
+    assets: a second folder for its mesh files; later: seconds from the poses of the file to those of its meshes. Raises
+    InputError for an invalid file.
     """
     document = read_document(path)
     name = document.name or path.stem
@@ -104,7 +108,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     dropped = copies = 0
     for number, raw in enumerate(document.mesh, 1):
         where = f"{path.name}: [[mesh]] {number}"
-        table, sources, lost = _sources(raw, files, where)
+        table, sources, lost = _sources(_posed(raw, later), files, where)
         repeats = math.prod(row.count for row in table.repeat)
         copies += repeats * len(sources)
         if copies > MOST_COPIES:
@@ -121,7 +125,20 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
         raise InputError(f"{path.name}: all {dropped} triangles have zero area; at least one must have some")
     notes = [note for contents in files.read.values() for note in contents.notes]
     scene = Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
+    named = _named_tables(document.sequence, "sequence", path.name)
+    motions = tuple(motion_from_table(table, meshes, where) for table, where, _ in named)
+    scene = replace(scene, motions=motions, posed=partial(read_scene_file, path, assets))
     return with_assumptions(scene, mesh_bounds(meshes, path.name), path.name)
+
+
+def _posed(raw: dict[str, Any], later: float) -> dict[str, Any]:
+    """A mesh's table with the pose of some seconds later: of a glTF, or of the shape `walker`, a stride a second."""
+    if not later:
+        return raw
+    if raw.get("shape") == "walker":
+        return {**raw, "phase": (raw.get("phase", 0.1) + later) % 1.0}
+    posed = Path(str(raw.get("file"))).suffix.lower() in GLTF_SUFFIXES
+    return {**raw, "time": (raw.get("time") or 0.0) + later} if posed else raw
 
 
 def _sources(raw: dict[str, Any], files: "_Files", where: str) -> tuple[MeshTable, tuple[Mesh, ...], int]:
@@ -277,15 +294,19 @@ def _check_up(up: str, source: str) -> None:
         )
 
 
-def _read_mesh_scene(path: Path, up: str | None, chosen: Chosen) -> Scene:
-    """The scene of a mesh file: its own cameras and lights, and defaults, with notes, for those it has not."""
+def _read_mesh_scene(path: Path, up: str | None, chosen: Chosen, later: float = 0.0) -> Scene:
+    """The scene of a mesh file: its own cameras and lights, and defaults, with notes, for those it has not.
+
+    later: seconds from the chosen time of a clip to the pose.
+    """
     name = name_from(path.stem)
     if not NAME.fullmatch(name):
         raise InputError(
             f"{path.name!r:.90}: the scene of a mesh file is named after it; rename the file to {NAMES}, "
             f'or name it in a scene file with name = "…"'
         )
-    scene = read_meshes(path, chosen=chosen)
+    time = (chosen.time or 0.0) + later if later else chosen.time
+    scene = read_meshes(path, chosen=chosen._replace(time=time))
     meshes, notes = list(scene.meshes), list(scene.notes)
     if scene.lights:
         notes.append(f"{path.name}: glTF gives lights no size: their shadows are hard")
@@ -299,6 +320,8 @@ def _read_mesh_scene(path: Path, up: str | None, chosen: Chosen) -> Scene:
         meshes.append(ground[0])
         notes.append(ground[1])
     scene = replace(scene, name=name, meshes=tuple(meshes), notes=tuple(notes), ground=ground)
+    if path.suffix.lower() in GLTF_SUFFIXES:
+        scene = replace(scene, posed=partial(_read_mesh_scene, path, up, chosen))
     return with_assumptions(scene, bounds, path.name)
 
 

@@ -4,10 +4,10 @@ Right-handed, y up, cameras look along −z; metres, radians, float64. All class
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Literal
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from shadowbench.options import ViewSize, ViewSizeLike
 from shadowbench.scenes.cutouts import Cutout, cutout_faces
 from shadowbench.scenes.triangles import Geometry, bounds_of, mirrors, turned, used_by
 from shadowbench.scenes.vectors import Floats, Vec3, perpendicular_basis, unit, vec3
+
+if TYPE_CHECKING:
+    from shadowbench.scenes.sequences import Motion
 
 GREY: Vec3 = (0.8, 0.8, 0.8)
 WHITE: Vec3 = (1.0, 1.0, 1.0)
@@ -296,7 +299,7 @@ class Scene:
 
     notes: a line for each default and each unsupported feature; dropped: number of zero-area triangles removed; ground:
     the mesh that was assumed and the note about it, None if none was; assumed: the notes about an assumed `camera` and
-    `light`.
+    `light`. motions: the file's own sequences; posed: the scene some seconds later, None if it is not of a file.
     """
 
     name: str
@@ -307,6 +310,8 @@ class Scene:
     dropped: int = 0
     ground: tuple[Mesh, str] | None = None
     assumed: Mapping[str, str] = field(default_factory=dict)
+    motions: tuple["Motion", ...] = ()
+    posed: "Callable[[float], Scene] | None" = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         triangles = sum(len(mesh.faces) for mesh in self.meshes)
@@ -368,9 +373,14 @@ class View:
 
     def placed(self) -> "tuple[View, Placement]":
         """The view in local coordinates, and the transform to them."""
-        placement = self.scene.placement
-        scene = placement.scene(self.scene)
+        placement, scene = self.scene.placement, _local(self.scene)
         return View(scene, placement.camera(self.camera), placement.light(self.light), self.size), placement
+
+
+@lru_cache(1)
+def _local(scene: Scene) -> Scene:
+    """The scene in local coordinates: the same object for the frames of a sequence, one after the other."""
+    return scene.placement.scene(scene)
 
 
 def view_of(scene: Scene, camera: Camera, light: Light, size: ViewSizeLike) -> View:

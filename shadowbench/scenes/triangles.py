@@ -137,7 +137,7 @@ class Geometry:
         """Whether any surface is."""
         return self.corner_normals is not None
 
-    def corners(self, triangles: NDArray[np.intp]) -> Floats:
+    def corners(self, triangles: NDArray[np.intp] | NDArray[np.int32]) -> Floats:
         """(N, 3, 3) corners of (N,) triangles."""
         return self.vertices[self.faces[triangles]]
 

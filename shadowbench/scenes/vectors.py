@@ -25,6 +25,14 @@ def unit(vector: Sequence[float] | Floats) -> Floats:
     return array / np.linalg.norm(array)
 
 
+def rotation(axis: Sequence[float] | Floats, angle: float) -> Floats:
+    """(3, 3) right-handed rotation about an axis, by an angle in radians (Rodrigues)."""
+    x, y, z = unit(axis)
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn: Floats = np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * skew @ skew
+    return turn
+
+
 def cross(a: Floats, b: Floats) -> Floats:
     """(3,) cross product of two vectors, with the bits of np.cross, which takes 20 times as long."""
     (x, y, z), (u, v, w) = a.tolist(), b.tolist()

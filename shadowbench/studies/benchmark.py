@@ -50,7 +50,7 @@ def measure_cell(
     known = techniques_with(files)
     cell = Cell(parse_spec(spec, known))
     divisor = DEFAULT_REFERENCE if reference is None else parse_spec(reference, known)
-    block = Block(view, (cell,), reference=divisor)
+    block = Block((view,), (cell,), reference=divisor)
     with shared_worker(files) as worker, campaign_in(None, worker=worker) as campaign:
         with campaign:
             ((result,),) = campaign.measure([block])

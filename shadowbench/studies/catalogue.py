@@ -7,7 +7,7 @@ from typing import Any
 from shadowbench.errors import InputError, alternatives
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import Axis, value_label
-from shadowbench.measure.flips import ROW_METRICS
+from shadowbench.measure.columns import ROW_METRICS
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.options import KINDS
 from shadowbench.plugin.base import Subject

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, TypeVar
 
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.measure.campaign import Block, Campaign, Cell, Failure, Reporter
-from shadowbench.measure.flips import SIZE_AFTER
 from shadowbench.measure.worker import DeviceInfo
 from shadowbench.scenes.opening import first_of
 from shadowbench.studies.study import Study, scenes_of
@@ -42,8 +41,9 @@ def dealt(items: Sequence[T], part: str | None, identity: Callable[[T], object],
 
 
 def names_of(block: Block) -> list[str]:
-    """Names of a block's scene, camera and light, by which blocks of a study are dealt to its parts."""
-    return [block.view.scene.name, block.view.camera.name, block.view.light.name]
+    """Names of a block's scene, camera, light and sequence, by which blocks of a study are dealt to its parts."""
+    names = [block.view.scene.name, block.view.camera.name, block.view.light.name]
+    return [*names, block.place["sequence"]] if block.place else names
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,8 @@ def _announce(study: Study, blocks: Sequence[Block], campaign: Campaign) -> None
     cells = [(block, cell) for block in blocks for cell in block.cells]
     missing = [cell for block in blocks for cell in campaign.unscored(block)]
     timed = sum(block.times(cell) for block, cell in cells)
-    if (seconds := sum(_seconds(study, cell) for cell in missing)) >= _LONG_S:
+    frames = max((len(block.views) for block in blocks), default=1)
+    if (seconds := sum(_seconds(study, cell, frames) for cell in missing)) >= _LONG_S:
         rough = f"about {duration(seconds)} on two cores without a GPU"
         also = f" and {timed} to time" if timed else ""
         campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to draw{also}: {rough}")
@@ -141,18 +142,17 @@ def readable_blocks(study: Study, failures: list[Failure]) -> list[Block]:
 def check_sizes(study: Study, info: DeviceInfo) -> None:
     """Raises InputError if a map or the view is larger than the device allows."""
     largest = max(study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in study.cells()))
-    view = max(1, SIZE_AFTER[study.step]) * max(study.view_size)
-    for what, size in (("map size", largest), ("view size", view)):
+    for what, size in (("map size", largest), ("view size", max(study.view_size))):
         if size > info.max_map_size:
             raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
 
 
-def _seconds(study: Study, cell: Cell) -> float:
+def _seconds(study: Study, cell: Cell, frames: int) -> float:
     """Approximate seconds of drawing, scoring and timing a cell on two cores without a GPU."""
     view = study.view_size.pixels
     pixels = view + (cell.spec.map_size or 0) ** 2
     timed = _TIMED * study.rounds * pixels if cell.phase == 0 else 0.0
-    return _PIXEL_S * (_DRAWN * (pixels + SIZE_AFTER[study.step] ** 2 * view) + timed)
+    return _PIXEL_S * (_DRAWN * frames * pixels + timed)
 
 
 def duration(seconds: float) -> str:

@@ -39,8 +39,7 @@ def block_at(specs: Sequence[Spec], point: Point) -> Block:
     at_point = [(spec, spec_at(spec, setting)) for spec in specs if light in spec.technique.lights]
     cells = tuple(Cell(spec, home=home) for home, spec in at_point if spec is not None)
     place = {"axis": axis.name, "axis_value": value, "axis_unit": axis.unit, "light_kind": light}
-    view, *later = setting.views
-    return Block(view, cells, setting.coordinates, later=tuple(later), place=place)
+    return Block(setting.views, cells, setting.coordinates, place=place)
 
 
 def spec_at(spec: Spec, setting: Setting) -> Spec | None:

@@ -12,12 +12,12 @@ from pydantic import BeforeValidator, Field, InstanceOf, model_validator
 from shadowbench.errors import InputError, alternatives
 from shadowbench.files import data_folder, replace_file
 from shadowbench.measure.campaign import DEFAULT_REFERENCE, Block, Cell, reference_name
-from shadowbench.measure.flips import Step, Stepped
 from shadowbench.measure.worker import Limits
 from shadowbench.options import (
     AS_STUDIED,
     DEFAULT_SIZE,
     FIRST,
+    FRAMES,
     MAP_SIZE,
     PHASES,
     ROUNDS,
@@ -30,12 +30,17 @@ from shadowbench.plugin.spec import Spec, has_size
 from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.opening import Named, named, opened
+from shadowbench.scenes.sequences import frames_of, motions_of
 from shadowbench.strict import Strict, ViewSizeField, read_toml, validated
 from shadowbench.studies.crossing import CrossedSpecs, Techniques, convert, to_list
 from shadowbench.truths.embree import tracer_of
 
 _Size = Annotated[int, Field(ge=MAP_SIZE.least, le=MAP_SIZE.most, strict=True)]
 _SOME = Field(min_length=1)
+
+
+def _names(value: object) -> list[Any]:
+    return value.split(",") if isinstance(value, str) else to_list(value)
 
 
 class SceneFields(Strict):
@@ -75,11 +80,12 @@ class SceneFields(Strict):
 class Study(SceneFields):
     """Scenes × views × lights × specs × map sizes × phases to measure, and the settings of the measurement.
 
-    The fields are those of a study file. scenes: built-in names, paths, or loaded
-    scenes. map_size: for specs that name no size; None for each technique's own. technique: crossed specs. phases:
-    subtexel offsets of the map's grid to measure, for `technique` entries without their own number. step: what moves a
-    little to count flips, None to count none. views, lights: "file" for the first camera and all lights of a scene,
-    else by name. time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
+    The fields are those of a study file. scenes: built-in names, paths, or loaded scenes. map_size: for specs that name
+    no size; None for each technique's own. technique: crossed specs. phases: subtexel offsets of the map's grid to
+    measure, for `technique` entries without their own number. sequence: names of some that the scenes have, or `all`
+    built-in ones, none for still views; frames: how many of each, None for all. views, lights: "file" for the first
+    camera and all lights of a scene, else by name. time_limit: seconds per cell; memory_limit: GiB. notes: lines to
+    show to the user.
     """
 
     about: str = ""
@@ -88,7 +94,8 @@ class Study(SceneFields):
     view_size: ViewSizeField = DEFAULT_SIZE
     rounds: int = Field(9, ge=ROUNDS.least, le=ROUNDS.most, strict=True)
     phases: int = Field(1, ge=PHASES.least, le=PHASES.most, strict=True)
-    step: Step | None = None
+    sequence: Annotated[tuple[str, ...], BeforeValidator(_names)] = ()
+    frames: int | None = Field(None, ge=FRAMES.least, le=FRAMES.most, strict=True)
     coordinates: Coordinates = "relative"
     reference: InstanceOf[Spec] = DEFAULT_REFERENCE
     time_limit: float = Field(120.0, gt=0, le=86_400)
@@ -97,6 +104,12 @@ class Study(SceneFields):
     lights: Annotated[tuple[str | InstanceOf[Light], ...], _SOME] = ("file",)
     technique: Annotated[tuple[InstanceOf[CrossedSpecs], ...], _SOME]
     notes: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _of_a_sequence(self) -> Self:
+        if self.frames is not None and not self.sequence:
+            raise ValueError(f"frames {self.frames}: is for a sequence, which is not given")
+        return self
 
     @property
     def specs(self) -> tuple[Spec, ...]:
@@ -147,6 +160,7 @@ class Study(SceneFields):
             "rounds": self.rounds,
             "phases": self.phases,
             "coordinates": self.coordinates,
+            **({"sequence": list(self.sequence)} if self.sequence else {}),
             **self.scene_facts(),
         }
 
@@ -178,13 +192,16 @@ class Study(SceneFields):
                 raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
             cameras = _chosen(self.views, scene.cameras, scene.cameras[:1], f"views of {scene.name}")
             for camera, light in itertools.product(cameras, self.lights_of(scene)):
-                yield self.block(view_of(scene, camera, light, self.view_size))
+                view = view_of(scene, camera, light, self.view_size)
+                if not self.sequence:
+                    yield self.block(view)
+                for motion in motions_of(scene, self.sequence):
+                    yield self.block(*frames_of(view, motion, self.frames), sequence=motion.name)
 
-    def block(self, view: View) -> Block:
-        """The block of a view, with all cells."""
-        after = (Stepped(view, self.step).view,) if self.step else ()
-        cells = self.cells(view.light.soft)
-        return Block(view, cells, self.coordinates, self.rounds, self.reference, after, self.step)
+    def block(self, *views: View, sequence: str | None = None) -> Block:
+        """The block of a view, or of the frames of a sequence, with all cells."""
+        cells, place = self.cells(views[0].light.soft), {"sequence": sequence, "frames": len(views)}
+        return Block(views, cells, self.coordinates, self.rounds, self.reference, place if sequence else {})
 
     def lights_of(self, scene: Scene) -> list[Light]:
         """Lights of the study in a scene; "file" stands for all of the scene's."""

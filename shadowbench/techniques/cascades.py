@@ -15,6 +15,7 @@ from shadowbench.maps.biases import Bias, Texel
 from shadowbench.maps.caster_map import MAP_GRID, MAP_SOFT_GRID, FilteredMap, MapLayout, map_uniforms
 from shadowbench.maps.filters import Filter, Hardware
 from shadowbench.maps.fits import PracticalSplit, Split, widened
+from shadowbench.maps.updates import Always, LastDraw, Update
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
@@ -82,6 +83,7 @@ class Cascades(Technique):
             "passes", "one draw for all maps by geometry shader, or one per map"
         )
         cull: bool = param(True, "skips casters that cannot shadow any receiver in the map")
+        update: Update = param(Always(), "when the maps are redrawn")
 
         @model_validator(mode="after")
         def _agree(self) -> Self:
@@ -94,7 +96,8 @@ class Cascades(Technique):
         @property
         def layout(self) -> MapLayout:
             """The layout of the maps."""
-            return MapLayout(self.size, self.depth, "array", self.count, clamp=self.depth_clamp, cull=self.cull)
+            clamp, cull, update = self.depth_clamp, self.cull, self.update
+            return MapLayout(self.size, self.depth, "array", self.count, clamp, cull, update=update)
 
     params: Params
 
@@ -117,18 +120,25 @@ class Cascades(Technique):
         defines = {"LAYERS": params.count, "BLENDED": int(params.blend > 0)}
         self.map = FilteredMap(stage, params, params.layout, self.hull, True, vertex, geometry, defines)
         self.resolve = self.map.resolve_pass("cascades/resolve.frag")
+        self.last = LastDraw[list[tuple[Slice, LightView, Floats]]](stage, params.update)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         with frame.timed("fit", changes="view"):
-            self.slices = self._slices(frame)
-            space = light_space(frame.light)
-            self.margins: list[Floats] = []
-            self.light_views = [self._light_view(space, part, frame) for part in self.slices]
+            redraws = self.last.redraws(frame, lambda: self._windows(frame))
+            self.slices, self.light_views, self.margins = zip(*self.last.window, strict=True)
         with frame.timed("depth", changes="view"):
-            self.map.draw(frame, self.light_views, layered=self.params.layers == "geometry")
-        self.map.prepare(frame, "view", [max(view.texel) for view in self.light_views])
+            if redraws:
+                self.map.draw(frame, self.light_views, layered=self.params.layers == "geometry")
+        self.map.prepare(frame, "view", redraws, [max(view.texel) for view in self.light_views])
+        frame = self.last.looked_up(frame)
         with frame.timed("resolve", changes="view"):
             return self.map.look_up(self.resolve, frame, self.map.inputs(frame.light, self._uniforms(frame)))
+
+    def _windows(self, frame: Frame) -> tuple[list[tuple[Slice, LightView, Floats]], Floats]:
+        """Each slice with its light view and the margins in it; the light views' matrices."""
+        space = light_space(frame.light)
+        windows = [(part, *self._light_view(space, part, frame)) for part in self._slices(frame)]
+        return windows, np.stack([view.to_map() for _, view, _ in windows])
 
     def _slices(self, frame: Frame) -> list[Slice]:
         params, scale = self.params, self.stage.placement.scale
@@ -138,7 +148,7 @@ class Cascades(Technique):
         # only a cascade that contains the receiver is blended.
         return slices(frame.view, depths, params.blend if params.select == "depth" else 0.0)
 
-    def _light_view(self, space: LightSpace, part: Slice, frame: Frame) -> LightView:
+    def _light_view(self, space: LightSpace, part: Slice, frame: Frame) -> tuple[LightView, Floats]:
         params, padding, shift = self.params, self.params.filter.reach(self.params.size) + 1, frame.phase.shift
         light_radius = self.map.light_radius(frame.light)
         # With depth clamping a longer range would only cost depth precision and enlarge biases in units of depth.
@@ -164,8 +174,7 @@ class Cascades(Technique):
             wide = widened(box, space, self.hull, frame.light, light_radius)
             placed = window(wide, space, params.size, padding, shift)
             added = np.concatenate([(box.low - wide.low)[:2], (wide.high - box.high)[:2]])
-        self.margins.append(added / np.tile((placed.high - placed.low)[:2], 2))
-        return LightView(space, placed, params.size)
+        return LightView(space, placed, params.size), added / np.tile((placed.high - placed.low)[:2], 2)
 
     def _uniforms(self, frame: Frame) -> dict[str, Value]:
         values = map_uniforms(self.light_views)
@@ -181,6 +190,9 @@ class Cascades(Technique):
 
     def tint(self) -> moderngl.Texture:
         return self.map.debug("cascades/tint.frag")
+
+    def confidence(self) -> moderngl.Texture:
+        return self.map.confidence()
 
     def map_image(self) -> NDArray[np.float32]:
         return np.hstack(list(self.map.texture.read()[:, ::-1]))

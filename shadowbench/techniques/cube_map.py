@@ -12,6 +12,7 @@ from shadowbench.gl.targets import FACES, DepthFormat
 from shadowbench.maps.biases import Bias, Texel
 from shadowbench.maps.caster_map import MAP_GRID, MAP_SOFT_GRID, FilteredMap, MapInputs, MapLayout
 from shadowbench.maps.filters import Filter, Hardware
+from shadowbench.maps.updates import Always, LastDraw, Update
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
@@ -53,12 +54,13 @@ class CubeMap(Technique):
         bias: Bias = param(Texel(limit=64), "bias against self-shadowing")
         filter: Filter = param(Hardware(), "filter of the depth comparisons")
         cull: bool = param(True, "skips casters outside a face's frustum; only with layers=passes")
+        update: Update = param(Always(), "when the map is redrawn")
 
         @property
         def layout(self) -> MapLayout:
             """The layout of the map."""
-            cull = self.cull and self.layers == "passes"
-            return MapLayout(self.size, self.depth, "cube", FACES, clamp=False, cull=cull, wrap="edge")
+            cull, update = self.cull and self.layers == "passes", self.update
+            return MapLayout(self.size, self.depth, "cube", FACES, False, cull, wrap="edge", update=update)
 
     params: Params
 
@@ -79,24 +81,34 @@ class CubeMap(Technique):
         geometry = "cube-map/faces.geom" if params.layers == "geometry" else None
         vertex = f"cube-map/{params.layers}.vert"
         self.map = FilteredMap(stage, params, params.layout, self.hull, vertex=vertex, geometry=geometry)
+        self.last = LastDraw[float](stage, params.update)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         inputs = self.draw_map(frame)
         with frame.timed("resolve", changes="view"):
-            return self.map.look_up(self.resolve, frame, inputs)
+            return self.map.look_up(self.resolve, self.last.looked_up(frame), inputs)
 
     def draw_map(self, frame: Frame) -> MapInputs:
         """Draw the faces; the textures and uniforms of shadow_map.glsl."""
         with frame.timed("depth", changes="light"):
             reach = np.linalg.norm(self.hull.points - frame.light.position, axis=1)
-            self.far = float(reach.max()) * _MARGIN
-            self.map.program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)
-            planes = [np.column_stack([sides, -sides @ frame.light.position]) for sides in _SIDES]
-            faces: list[tuple[dict[str, Value], list[Floats]]]  # uniforms of each draw, and the region of its casters
-            faces = [({"face": face}, [pyramid]) for face, pyramid in enumerate(planes)]
-            self.map.draw_layers(frame, [({}, [])] if self.params.layers == "geometry" else faces)
-        self.map.prepare(frame, "light")
-        return self.map.inputs(frame.light, {"map_far": self.far})
+            far = float(reach.max()) * _MARGIN
+            redraws = self.last.redraws(frame, lambda: (far, far))
+            self.far = self.last.window
+            if redraws:
+                self._draw_faces(frame)
+        self.map.prepare(frame, "light", redraws)
+        return self.map.inputs(self.last.looked_up(frame).light, {"map_far": self.far})
+
+    def _draw_faces(self, frame: Frame) -> None:
+        self.map.program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)
+        planes = [np.column_stack([sides, -sides @ frame.light.position]) for sides in _SIDES]
+        faces: list[tuple[dict[str, Value], list[Floats]]]  # uniforms of each draw, and the region of its casters
+        faces = [({"face": face}, [pyramid]) for face, pyramid in enumerate(planes)]
+        self.map.draw_layers(frame, [({}, [])] if self.params.layers == "geometry" else faces)
+
+    def confidence(self) -> moderngl.Texture:
+        return self.map.confidence()
 
     def map_image(self) -> NDArray[np.float32]:
         """The faces side by side, (size, 6·size): +X, −X, +Y, −Y, +Z, −Z."""

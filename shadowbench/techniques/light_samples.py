@@ -35,7 +35,10 @@ def _inner_spec(value: Any) -> Any:
             raise InputError(f"unknown technique {call.name!r}{alternatives(call.name, sorted(known))}")
         if any(key is None for key, _ in call.arguments):
             raise InputError(f"{call.name}: found a value without a name; allowed: {call.name}(key=value,…)")
-        return spec_of(known[call.name], call.arguments, call.name)
+        spec = spec_of(known[call.name], call.arguments, call.name)
+        if any(component.remembers for component in spec.components):
+            raise InputError(f"{call.name} is drawn several times a frame; allowed: one that remembers no frames")
+        return spec
     except InputError as error:
         raise ValueError(str(error)) from None
 

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.geometry.lights import LightView
 from shadowbench.gl.device import Device, moderngl
 from shadowbench.gl.program import Wrap
 from shadowbench.gl.targets import DepthFormat
@@ -25,8 +26,10 @@ from shadowbench.maps.caster_map import (
 )
 from shadowbench.maps.filters import Filter, Hardware
 from shadowbench.maps.fits import Fit, FittedParams, FittedView
+from shadowbench.maps.updates import Always, LastDraw, Update
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, param
 from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.vectors import Floats
 
 # mrdoob/three.js. LightShadow.js: bias 0, normalBias 0, radius 1, mapSize 512. WebGLShadowMap.js, shadowSide: the back
 # faces of materials that show their front; here of all, as by `three:cast=back`. shadowmap_pars_fragment.glsl.js,
@@ -115,6 +118,7 @@ class ShadowMap(Technique):
         wrap: Wrap = param("border", "wrap mode outside the map; border is lit")
         far_rule: Literal["lit", "none"] = param("lit", "receivers beyond the map's far plane: lit, or none: in shadow")
         cull: bool = param(True, "skips casters that cannot shadow any receiver in the map")
+        update: Update = param(Always(), "when the map is redrawn")
 
         @property
         def layout(self) -> MapLayout:
@@ -127,6 +131,7 @@ class ShadowMap(Technique):
                 reversed_depth=self.reversed,
                 wrap=self.wrap,
                 far_rule=self.far_rule,
+                update=self.update,
             )
 
     params: Params
@@ -156,21 +161,31 @@ class ShadowMap(Technique):
         self.stage, params = stage, self.params
         self.fitted = FittedView(stage, params.fit, params.size, params.filter.reach(params.size))
         self.map = FilteredMap(stage, params, params.layout, self.fitted.hull)
+        self.last = LastDraw[LightView](stage, params.update)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         inputs = self.draw_map(frame)
         with frame.timed("resolve", changes="view"):
-            return self.map.look_up(self._resolve_pass(frame.light), frame, inputs)
+            return self.map.look_up(self._resolve_pass(frame.light), self.last.looked_up(frame), inputs)
 
     def draw_map(self, frame: Frame) -> MapInputs:
         """Fit and draw the map; the textures and uniforms of shadow_map.glsl."""
         params, moves = self.params, self.params.fit.invalidated_by
         with frame.timed("fit", changes=moves):
-            self.light_view = self.fitted(frame, self.map.light_radius(frame.light))
+            redraws = self.last.redraws(frame, lambda: self._window(frame))
+            self.light_view = self.last.window
         with frame.timed("depth", changes=moves):
-            self.map.draw(frame, [self.light_view])
-        self.map.prepare(frame, moves)
-        return self.map.inputs(frame.light, map_uniforms([self.light_view], params.reversed))
+            if redraws:
+                self.map.draw(frame, [self.light_view])
+        self.map.prepare(frame, moves, redraws)
+        return self.map.inputs(self.last.looked_up(frame).light, map_uniforms([self.light_view], params.reversed))
+
+    def _window(self, frame: Frame) -> tuple[LightView, Floats]:
+        view = self.fitted(frame, self.map.light_radius(frame.light))
+        return view, view.to_map()
+
+    def confidence(self) -> moderngl.Texture:
+        return self.map.confidence()
 
     def map_image(self) -> NDArray[np.float32] | None:
         depths = self.map.texture.read()[0, ::-1].astype(np.float64)

@@ -12,7 +12,7 @@ import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
@@ -164,7 +164,12 @@ class Tracer:
 
 
 def tracer_of(geometry: Geometry) -> Tracer:
-    """A tracer of all triangles."""
+    """A tracer of all triangles; the last one is kept, for the next frame of a sequence."""
+    return _kept_tracer(geometry, default_device().handle.value)
+
+
+@lru_cache(1)
+def _kept_tracer(geometry: Geometry, device: int | None) -> Tracer:
     return Tracer(geometry.vertices, geometry.faces, geometry.cutouts)
 
 

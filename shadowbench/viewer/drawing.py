@@ -19,7 +19,7 @@ from shadowbench.measure.session import Draw, LoadedScene, checked_texture, visi
 from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.spec import Spec
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, View
 from shadowbench.scores.difference import difference_over, weight, with_facets
 from shadowbench.studies.crossing import Techniques
 from shadowbench.viewer.judge import Judge, Traced
@@ -145,9 +145,10 @@ class Drawing:
             self._loaded = None
 
     def _load(self, state: ViewerState) -> LoadedScene:
-        if self._loaded is None or not self._loaded.matches(state.scene, state.coordinates):
+        placement = state.scene.placement if state.coordinates == "relative" else IDENTITY_PLACEMENT
+        if self._loaded is None or not self._loaded.matches(state.scene, placement):
             self.release()
-            self._loaded = LoadedScene(self.device, state.scene, state.coordinates)
+            self._loaded = LoadedScene(self.device, state.scene, placement)
         return self._loaded
 
     def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> _Built | str:

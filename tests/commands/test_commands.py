@@ -221,8 +221,8 @@ def test_list_names_each_kind_with_parameters_presets_values_and_plug_ins(shadow
     assert {what: set(everything[what][0]) for what in KEYS} == KEYS
     listed = {row["name"]: row for row in everything["techniques"]}
     level = {"name": "level", "default": "0.5", "allowed": "≥ 0, ≤ 1", "help": "visibility of every pixel"}
-    contact, own = listed["half"]["parameters"]
-    assert own == level and contact["name"] == "contact"
+    contact, history, own = listed["half"]["parameters"]
+    assert own == level and (contact["name"], history["name"]) == ("contact", "history")
     (biases,) = (row["values"] for row in listed["shadow-map"]["parameters"] if row["name"] == "bias")
     assert {"none", "constant", "slope", "texel"} <= {row["name"] for row in biases}
     assert "course" in listed["shadow-map"]["presets"]

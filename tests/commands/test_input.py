@@ -58,7 +58,8 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "an unknown option": ([*RUN, "--fast"], ["--fast"]),
     "no scene": (["truth", "-o", "{out}.npz"], ["SCENE"]),
     "an unknown view": ([*RUN, "--view", "low"], ["'low'", "camera"]),
-    "a step of neither camera nor light": ([*RUN, "--step", "box"], ["step", "'box'", "'camera' or 'light'"]),
+    "an unknown sequence": ([*RUN, "--sequence", "doly"], ["--sequence", "'doly'; did you mean 'dolly'"]),
+    "frames of no sequence": ([*RUN, "--frames", "8"], ["frames 8: is for a sequence, which is not given"]),
     "words for a number in a study": (
         ["run", "-s", "{in}/text.toml", "-o", "{out}"],
         ["text.toml: rounds: found 'many'; allowed: a whole number"],

@@ -42,7 +42,7 @@ def drawn(engine: type[Engine], view: View, fault: str = "none") -> Rendering:
     (engine.folder() / "fault").write_text(fault)
     spec = Spec(engine, EngineParams())
     with EngineDrawer(Mock()) as drawer:
-        (rendering,) = drawer.draw(Block(view, (Cell(spec),)), Cell(spec))
+        (rendering,) = drawer.draw(Block((view,), (Cell(spec),)), Cell(spec))
     return rendering
 
 
@@ -119,7 +119,7 @@ def test_two_programs_stay_open_and_one_that_ended_is_started_again(engine: type
     with EngineDrawer(Mock()) as drawer:
 
         def draw(index: int) -> None:
-            masks.extend(one.visibility for one in drawer.draw(Block(view, (cells[index],)), cells[index]))
+            masks.extend(one.visibility for one in drawer.draw(Block((view,), (cells[index],)), cells[index]))
             running = {child for child in set(psutil.Process().children()) - before if child.status() != "zombie"}
             assert len(running) <= 2
             started.append(running)

@@ -19,6 +19,7 @@ from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.ranges import Failure, failure, operating_range
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS
+from shadowbench.scores.motion import MOTION
 from shadowbench.studies.stress import SWEEPING, spec_at, stress
 
 Records = Callable[..., list[dict[str, Any]]]
@@ -72,7 +73,7 @@ def test_a_cell_fails_by_the_metric_that_exceeds_its_tolerance_most(
     metrics: dict[str, float | None], found: Failure | None
 ) -> None:
     assert failure(row(ELEVATION, 1.0, **metrics)) == found
-    assert failure({**row(ELEVATION, 1.0), "flips": 0.03}) == Failure("flips", 0.03)
+    assert failure(row(ELEVATION, 1.0, flicker=0.05)) == Failure("flicker", 0.05)
     assert failure(row(ELEVATION, 1.0, "unsupported: no plane")) is None
 
 
@@ -153,7 +154,7 @@ def swept(bench: Any, folder: Path) -> Swept:
 def test_a_crash_costs_only_its_own_cells(swept: Swept) -> None:
     kinds = [(one["axis_value"], one["spec"], getattr(failure(one), "kind", "")) for one in swept.rows]
     ends = [(value, *end) for value in (50.0, 5.0, 0.05) for end in ENDS]
-    assert kinds == [*ends[:-1], (0.05, "shadow-map", "flips")]
+    assert kinds == [*ends[:-1], (0.05, "shadow-map", "swim")]
     assert len(swept.steps) == swept.total == 15
 
 
@@ -165,9 +166,10 @@ def test_a_row_is_a_score_record_with_its_place_on_the_axis(swept: Swept, folder
     assert (last["axis"], last["axis_value"], last["axis_unit"]) == ("camera-step", 0.05, "texels of 5.9 mm")
     assert (last["technique"], last["map_size"], last["view_size"], last["phase"]) == ("shadow-map", 256, 256, 0)
     assert (last["scene"], last["light"], last["light_kind"]) == ("camera-step-0.05", "sun", "directional")
-    assert set(last["metrics"]) == set(METRICS)
-    assert 0.01 < last["flips"] < 0.05, "the window of a map that is fitted to what is seen moves with the camera"
-    assert "flips" not in swept.rows[4]
+    assert set(last["metrics"]) == {*METRICS, *MOTION} and set(swept.rows[4]["metrics"]) == set(METRICS)
+    assert 0.01 < last["metrics"]["swim"] < 0.1, (
+        "the window of a map that is fitted to what is seen moves with the camera"
+    )
     assert swept.rows[4]["mask_sha256"] == last["mask_sha256"], "the first frame of a movement is the base scene"
     assert swept.rows[4]["key"] != last["key"]
 

@@ -185,7 +185,7 @@ def test_every_shader_that_a_technique_composes_is_in_its_key(
     monkeypatch.setattr(stage, "compose", watched)
     for spec in (f"{name}:{more}".rstrip(":") for name in KNOWN for more in KNOWN[name].catalogue.variants):
         composed.clear()
-        parsed, loaded = parse_spec(spec, KNOWN), LoadedScene(device, cube.scene, "relative")
+        parsed, loaded = parse_spec(spec, KNOWN), LoadedScene(device, cube.scene, cube.scene.placement)
         loaded.build(parsed, ViewSize(32, 32))[1].release()
         loaded.release()
         assert composed <= set(shader_names(parsed.techniques)), spec

@@ -103,7 +103,7 @@ Found = dict[str, Times | str]
 
 def block_under(kind: LightKind, reference: str = REFERENCE, rounds: int = 3) -> Block:
     view: Any = SimpleNamespace(light=SimpleNamespace(hard_kind=kind))
-    return Block(view, (), rounds=rounds, reference=spec(reference))
+    return Block((view,), (), rounds=rounds, reference=spec(reference))
 
 
 def timed(worker: Any, *names: str, rounds: int = 3, reference: str = REFERENCE) -> Found:

@@ -79,7 +79,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 @pytest.mark.parametrize(
     "command",
     [
-        (*RUN, "-t", "half", "--rounds", "0", "--step", "light"),
+        (*RUN, "-t", "half", "--rounds", "0", "--sequence", "quick-sun", "--frames", "3"),
         ("stress", "-t", "shadow-map", "--quick", "--axis", "gap", "--axis", "map-size"),
         ("recommend", "cube-on-plane", "--min-iou", "0.5", "--view-size", "48"),
     ],

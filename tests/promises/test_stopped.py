@@ -133,3 +133,28 @@ def test_a_full_disk_is_one_line_and_leaves_complete_rows(tmp_path: Path, shadow
     assert shadowbench("run", "-s", file, "-o", out, "-q").code == 0  # there is room again
     assert (out / "rows.jsonl").read_bytes().startswith(before)
     assert unsigned(records(out)) == unsigned(records(tmp_path / "whole"))
+
+
+@pytest.mark.slow
+def test_a_run_of_a_sequence_that_is_killed_between_two_frames_goes_on_with_that_cell(
+    start: Any, shadowbench: Any, arguments: Any, records: Records, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def sequence(folder: str) -> list[str | Path]:
+        return [*arguments(folder=folder), "--sequence", "pan", "--frames", "4", "--rounds", "0"]
+
+    out = tmp_path / "out"
+    killed = start(*sequence("out"), GATE=tmp_path / "shut")  # which opens for the third frame of the second cell
+    killed.until(lambda: len(records(out)) == 1)
+    killed.process.kill()
+    killed.end()
+    before = (out / "rows.jsonl").read_text()
+    monkeypatch.setenv("GATE", str(tmp_path))
+    for folder in ("out", "whole"):
+        assert shadowbench(*sequence(folder)).code == 0
+    assert (out / "rows.jsonl").read_text().startswith(before)
+    resumed, whole = records(out, "score"), records(tmp_path / "whole", "score")
+    assert unsigned(resumed) == unsigned(whole) and len({row["key"] for row in resumed}) == len(resumed) == 4
+    assert {row["frames"] for row in resumed} == {4}
+    for row in resumed:
+        for name in (f"{row['key']}.png", f"{row['key']}.frames.png"):
+            assert (out / "masks" / name).read_bytes() == (tmp_path / "whole" / "masks" / name).read_bytes()

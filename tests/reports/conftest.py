@@ -17,6 +17,7 @@ from PIL import Image
 
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.model import NAMES, Value, value_label
+from shadowbench.measure.rows import STILL
 from shadowbench.reports.stability import Stability, analyse
 from shadowbench.results.frame import read_folders, read_runs
 from shadowbench.results.summary import Summary, summaries
@@ -28,7 +29,7 @@ RECEIVERS = 1000
 SIDE = 32
 TRUTH_ERROR = 0.002  # of soft cells
 SCORE = {
-    "schema": 1, "kind": "score", "view": "camera", "phase": 0, "view_size": SIDE, "view_width": SIDE,
+    "schema": 1, "kind": "score", "view": "camera", "phase": 0, "view_size": SIDE, "view_width": SIDE, **STILL,
     "coordinates": "relative", "renderer": "a renderer",
 }  # fmt: skip
 MEASURED = {
@@ -171,7 +172,7 @@ def write_pictures(folder: Path, records: Sequence[dict[str, Any]]) -> None:
 
 @dataclass(frozen=True)
 class Point:
-    """A cell on an axis, under a sun; flips: on axes of motion only."""
+    """A cell on an axis, under a sun; flicker: on axes of motion only."""
 
     spec: str
     axis: str
@@ -179,7 +180,7 @@ class Point:
     iou: float | None = 0.99
     acne: float | None = 0.0
     leak: float | None = 0.0
-    flips: float | None = None
+    flicker: float | None = None
     status: str = "ok"
     light: str = "directional"
     version: int = 0
@@ -199,7 +200,7 @@ class Point:
             hard = [name for name, metric in METRICS.items() if metric.kind != "soft"]
             values = dict.fromkeys(METRICS) | dict.fromkeys(hard, 0.5) | {"terminator": None}
             row |= MEASURED | {"metrics": values | {"iou": self.iou, "acne": self.acne, "leak": self.leak}}
-            row |= {} if self.flips is None else {"flips": self.flips}
+            row["metrics"] |= {} if self.flicker is None else {"flicker": self.flicker}
         return row
 
 
@@ -221,7 +222,7 @@ POINTS = (
         Point("shadow-map", "map-size", 8192, status="unsupported: too large"),
         Point("shadow-map", "map-size", 16384, status="unsupported: too large"),
     ),
-    *(replace(one, flips=0.0) for one in swept("shadow-map", "camera-step")),
+    *(replace(one, flicker=0.0) for one in swept("shadow-map", "camera-step")),
     *swept("shadow-map", "volume-wall", Point("shadow-map", "volume-wall", 0.0, status="failed: crashed")),
     *swept("cube-map", "mesh", Point("cube-map", "mesh", "open", leak=0.03)),
     *(replace(one, status="unsupported: no sun") for one in swept("cube-map", "elevation")),

@@ -110,12 +110,12 @@ def test_unmeasured_values_have_no_point(stability_of) -> None:
     assert "✕" in said[0] and "✕" not in said[1]
 
 
-def test_a_figure_has_every_metric_of_its_axis_flips_only_where_something_moves(stability_of) -> None:
+def test_a_figure_has_every_metric_of_its_axis_flicker_only_where_something_moves(stability_of) -> None:
     found = stability_of()
-    assert metrics_along(found, AXES["camera-step"]) == [*OF_HARD, "flips"]
+    assert metrics_along(found, AXES["camera-step"]) == [*OF_HARD, "flicker"]
     assert metrics_along(found, AXES["elevation"]) == OF_HARD
     said = texts(axis_figure(found, AXES["camera-step"], styles_of(found.specs)))
-    assert {*OF_HARD, "flips"} <= set(said) and said.count("tolerance") == len(OF_HARD) + 1
+    assert {*OF_HARD, "flicker"} <= set(said) and said.count("tolerance") == len(OF_HARD) + 1
 
 
 # Pictures

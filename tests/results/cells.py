@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from shadowbench.measure.rows import Result
+from shadowbench.measure.rows import STILL, Result
 from shadowbench.scores.metrics import METRICS
 from tests.conftest import key_of
 
@@ -19,7 +19,7 @@ def cell(spec: str = "shadow-map", scene: str = "s", size: int | None = 512, **s
     return {
         "schema": 1, "kind": "score", "key": key_of(scene, spec, size), "scene": scene,
         "view": "camera", "light": "sun", "phase": 0, "technique": spec.partition(":")[0], "spec": spec,
-        "full_spec": spec, "map_size": size, "view_size": SIDE, "view_width": SIDE,
+        "full_spec": spec, "map_size": size, "view_size": SIDE, "view_width": SIDE, **STILL,
         "coordinates": "relative", "renderer": "llvmpipe",
         "status": "ok", "metrics": GOOD, "receivers": 9, "undecided": 1, "mask_sha256": None, "gpu_bytes": 100,
         "work": {"draws": 2, "primitives": 100, "fragments": 1000}, "facts": {}, "assumptions": [],

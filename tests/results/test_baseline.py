@@ -64,19 +64,14 @@ def test_a_metric_that_is_newer_than_the_baseline_is_a_note() -> None:
     assert not findings.changes and findings.notes == ("not compared, since one side lacks them: contact",)
 
 
-def test_flips_are_compared_after_the_same_step_alone() -> None:
-    def after(step: str, flips: float) -> Result:
-        return cell(step=step, flips=flips)
+def test_motion_is_compared_in_frames_of_one_sequence_alone() -> None:
+    def moving(flicker: float, **more: Any) -> Result:
+        return cell(**{"sequence": "pan", "frames": 8, "metrics": GOOD | {"flicker": flicker}, **more})
 
-    assert verdicts(after("camera", 0.02), after("camera", 0.01)) == {"flips": "regressed"}
-    assert verdicts(after("camera", 0.0), after("camera", 0.01)) == {"flips": "improved"}
-    for found, before, why in (
-        (after("light", 0.02), after("camera", 0.01), "flips are not compared: one side has them after a step of"),
-        (after("light", 0.02), cell(), "not compared, since one side lacks them: flips"),
-        (cell(), after("light", 0.02), "not compared, since one side lacks them: flips"),
-    ):
-        findings = compare([found], [before])
-        assert not findings.changes and findings.notes[0].startswith(why)
+    assert verdicts(moving(0.02), moving(0.01)) == {"flicker": "regressed"}
+    assert verdicts(moving(0.0), moving(0.01)) == {"flicker": "improved"}
+    for other in (cell(), moving(0.01, sequence="zoom"), moving(0.01, frames=9)):
+        assert compare([moving(0.02)], [other]).compared == 0
 
 
 def test_the_order_of_parameters_is_no_part_of_a_cells_identity() -> None:

@@ -165,7 +165,7 @@ def test_an_output_with_other_files_is_one_line_and_an_empty_one_is_taken(merge:
 def test_parts_share_all_blocks_and_deal_those_of_two_lights_alike_in_any_order() -> None:
     scene, reporter = load_scene("stairs"), LogReporter()
     lights = [replace(scene.lights[0], name=f"sun-{number}") for number in range(12)]
-    blocks = [Block(view_of(scene, scene.cameras[0], light, 16), ()) for light in lights]
+    blocks = [Block((view_of(scene, scene.cameras[0], light, 16),), ()) for light in lights]
     parts = [dealt(blocks, f"{number}/5", names_of, reporter) for number in range(1, 6)]
     assert {block for part in parts for block in part} == set(blocks)
     assert sorted(map(len, parts)) == [2, 2, 2, 3, 3]

@@ -166,6 +166,7 @@ COUNTED = [
     *(case for case in IN_TURN if not KNOWN[case[0]].catalogue.soft_only),
     *product(["light-samples:of=shadow-map(fit=scene)", "soft-volume"], ["soft spot"]),
     *product(["shadow-map:filter=msm(bits=16)", "cube-map:filter=evsm(mips=true)"], ["spot"]),
+    ("shadow-map:filter=evsm,bias=two-planes,update=needed,history=confidence", "directional"),
     *product(["cascades:filter=evsm(mips=true)", "hybrid:fit=visible", "shadow-volume:compare=depth"], ["directional"]),
 ]
 

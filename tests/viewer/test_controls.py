@@ -85,7 +85,7 @@ def test_a_plug_ins_parameters_have_widgets_too_and_a_text_is_read_as_in_a_spec(
     odd = parse_spec("odd", techniques([tmp_path / "odd.py"]))
     assert edited_spec(odd, {"odd": odd.technique}) is odd, "they are drawn, without a docstring too"
     assert {key: drawn[key] for key in type(odd.params).model_fields} == {
-        "contact": "begin_combo",
+        **dict.fromkeys(("contact", "history"), "begin_combo"),
         "width": "slider_int",
         "level": "slider_float",
         "count": "drag_int",
