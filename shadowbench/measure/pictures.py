@@ -6,14 +6,16 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageSequence
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, counted
 from shadowbench.files import replace_file
 from shadowbench.measure.session import Rendering, Surface
 from shadowbench.scenes.model import View
 from shadowbench.scores.masks import mask_sha256, read_mask, write_mask
 from shadowbench.truths.trace import Truth
+
+_FRAME_MS = 125
 
 
 class Pictures:
@@ -32,7 +34,7 @@ class Pictures:
         if frames:
             first, *others = map(Image.fromarray, frames)
             with replace_file(self._subfolder("masks") / f"{key}.frames.png") as temporary:
-                first.save(temporary, format="PNG", save_all=True, append_images=others, duration=125, loop=0)
+                first.save(temporary, format="PNG", save_all=True, append_images=others, duration=_FRAME_MS, loop=0)
 
     def write_truth(self, view: View, truth: Truth) -> None:
         """Write the truth's visibility, undecided pixels and facets, unless the files hold them already.
@@ -61,6 +63,22 @@ def write_picture(file: Path, picture: NDArray[np.uint8]) -> None:
     """Write a (H, W, 3) sRGB or (H, W) grey uint8 image as PNG."""
     with replace_file(file) as temporary:
         Image.fromarray(picture).save(temporary, format="PNG", compress_level=1)
+
+
+def read_film(file: Path, count: int) -> NDArray[np.uint8]:
+    """(count, H, W, 3), the frames of a film. Raises InputError for a file that is none."""
+    frames: list[NDArray[np.uint8]] = []
+    try:
+        with Image.open(file, formats=["PNG"]) as film:
+            for frame in ImageSequence.Iterator(film):
+                # Equal ones in a row were written as one that lasts longer; if all are equal, as a still image.
+                lasts = film.info.get("duration", count * _FRAME_MS) / _FRAME_MS
+                frames += [np.asarray(frame.convert("RGB"))] * round(lasts)
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        frames = []
+    if len(frames) != count:
+        raise InputError(f"{file}: cannot be read as a film; allowed: an animated PNG of {counted(count, 'frame')}")
+    return np.stack(frames)
 
 
 def _holds_mask(file: Path, mask: NDArray[np.floating]) -> bool:

@@ -61,6 +61,8 @@ def _scored_cell(row: Record, one: Setting, summary: Summary) -> dict[str, Any]:
     else:
         edge = metrics.get("edge_px")
         others = ["edge –" if edge is None else f"edge {digits(edge)} px"]
+    if row["frames"] > 1:
+        others.append(f"means of {row['frames']} frames, of which the first is shown")
     how = {"predicted_ms": " (predicted)", "work_cost": " of work"}
     software = " (software renderer)" if summary.run.software else ""
     cost = "not timed" if summary.cost in ("frame_ms", "map_size") else "not ranked"
@@ -73,7 +75,7 @@ def _scored_cell(row: Record, one: Setting, summary: Summary) -> dict[str, Any]:
     return {
         "spec": one.spec,
         "size": one.map_size,
-        "view": f"{row['view']}, {row['light']}",
+        "view": ", ".join(filter(None, (row["view"], row["light"], row["sequence"]))),
         "score": score,
         "caption": caption,
         "faults": fault_lines(summary, one)[:_SHOWN_FAULTS],
@@ -207,6 +209,11 @@ def _image(file: Path, size: ViewSize | None) -> str | None:
                 image = opened.convert("RGB")
         except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
             raise InputError(f"{file}: cannot be read as an image; allowed: a PNG") from None
+    return data_uri(image, lossless=size is not None)
+
+
+def data_uri(image: Image.Image, lossless: bool) -> str:
+    """An image as WebP in a data URI."""
     encoded = io.BytesIO()
-    image.save(encoded, format="WEBP", lossless=size is not None, quality=80 if size is None else 60, method=3)
+    image.save(encoded, format="WEBP", lossless=lossless, quality=60 if lossless else 80, method=3)
     return "data:image/webp;base64," + base64.b64encode(encoded.getvalue()).decode()

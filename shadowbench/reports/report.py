@@ -20,6 +20,7 @@ from shadowbench.measure.columns import ROW_METRICS
 from shadowbench.plugin.registry import preset_names
 from shadowbench.reports import charts, stability, sweep_charts, texts
 from shadowbench.reports.charts import Chart
+from shadowbench.reports.films import sequences
 from shadowbench.reports.gallery import breaking_cells, gallery, scored_cells
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.texts import escaped, sentence
@@ -118,6 +119,7 @@ def html_report(runs: Runs, swept: Sequence[Stability]) -> str:
             "gallery": gallery(one.sweep.folder, breaking_cells(one)),
             "specs": one.specs,
         }
+    moving = any("sequences" in part for part in data.values())
     specs = list(charts.styles_of([*specs_of(run for run, _ in runs), *(spec for one in swept for spec in one.specs)]))
     page = {
         "panels": [{name: panel[name] for name in ("id", "title", "scenes", "start")} for panel in panels],
@@ -142,8 +144,9 @@ def html_report(runs: Runs, swept: Sequence[Stability]) -> str:
         presets=texts.presets_of(specs),
         command=shlex.join(["shadowbench", *sys.argv[1:]]),
         version=VERSION,
-        style=(_PAGE / "report.css").read_text(encoding="utf-8"),
-        scripts=[(_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS],
+        moving=moving,
+        style="".join(map(_read, ("report.css", "films.css") if moving else ("report.css",))),
+        scripts=[_read(name) for name in (*_SCRIPTS, *(["films.js"] if moving else []))],
         bundle=_bundle(),
     )
     return text
@@ -197,6 +200,8 @@ def _panel_data(summary: Summary, ids: dict[str, str]) -> Data:
     values = {name: name for name in metrics if name != summary.ranked_by.name}
     values |= (_TIMES if summary.cost == "frame_ms" else {}) | {"GPU bytes": "gpu_bytes"}
     first = [cost, "map", summary.ranked_by.error_label]
+    pictures = [] if several else scored_cells(summary)
+    moving = sequences(summary.run.folder, pictures)
     return {
         "charts": {
             "front": charts.front_chart(summary, None),
@@ -205,7 +210,8 @@ def _panel_data(summary: Summary, ids: dict[str, str]) -> Data:
         },
         "columns": [*first, *(["worst scene", "scenes"] if several else []), *values, "cells"],
         "rows": [_row(summary, one, cost, values, ids) for one in summary.candidates],
-        "gallery": None if several else gallery(summary.run.folder, scored_cells(summary)),
+        "gallery": None if several else gallery(summary.run.folder, pictures),
+        **({"sequences": moving} if moving else {}),
     }
 
 
@@ -230,6 +236,10 @@ def _row(summary: Summary, one: Setting, cost: str, values: dict[str, str], ids:
     }
     names = {"spec": one.spec, "label": one.name, "map": one.map_size, "full": one.full_spec}
     return {**names, "front": bool(one.front), "scene": ids[title], "values": columns}
+
+
+def _read(name: str) -> str:
+    return (_PAGE / name).read_text(encoding="utf-8")
 
 
 @cache
