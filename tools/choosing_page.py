@@ -5,11 +5,12 @@ Every number of the page is computed from these rows; predicted times follow fro
 
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
-from pages import compare
+from pages import checks, filled, table, write
+from recommend_check import TARGETS
 
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import own_techniques, preset_names
@@ -22,9 +23,6 @@ from shadowbench.scores.metrics import METRICS, is_soft
 
 ROOT = Path(__file__).resolve().parent.parent
 FILE = ROOT / "docs" / "explanation" / "choosing.md"
-TARGETS = [Target("iou", limit) for limit in (0.9, 0.95, 0.98, 0.99)] + [
-    Target("edge_px", limit) for limit in (1.0, 0.5)
-]
 STRICT = Target("iou", 0.99)
 COURSE = ("", "preset=offset", "preset=constant", "preset=course", "preset=webgl")
 COURSE_SCENE, COURSE_SIZE = "colonnade", 1024
@@ -49,13 +47,7 @@ def main() -> int:
         "COURSE_SIZE": str(COURSE_SIZE),
         "COURSE": "\n".join(_course(rows["techniques"])),
     }
-    text = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
-    for name, value in values.items():
-        text = text.replace(f"@{name}@", value)
-    if "--check" in sys.argv:
-        return compare(FILE, text, Path(__file__).name)
-    FILE.write_text(text, encoding="utf-8")
-    return 0
+    return write({FILE: filled(__file__, values)}, checks(__doc__))
 
 
 def _rows(name: str) -> list[Record]:
@@ -89,43 +81,42 @@ def _ranked(rows: Sequence[Record], scene: str, target: Target, law: Law) -> lis
     return sorted(able, key=lambda pair: (pair[0], pair[1]["work"]["cost"]))
 
 
-def _counts(rows: Sequence[Record], law: Law) -> Iterator[str]:
-    """For each target, in how many scenes each technique is the cheapest."""
+def _counts(rows: Sequence[Record], law: Law) -> list[str]:
+    """A table: for each target, in how many scenes each technique is the cheapest."""
     scenes = dict.fromkeys(row["scene"] for row in rows)
     choices = {
         target: [found[0][1] for scene in scenes if (found := _ranked(rows, scene, target, law))] for target in TARGETS
     }
     names = list(dict.fromkeys(row["technique"] for row in rows if law.of_row(row) is not None))
-    yield f"| target | {' | '.join(f'`{name}`' for name in names)} | none | median map |"
-    yield f"|---|{'---:|' * (len(names) + 2)}"
+    lines = []
     for target, found in choices.items():
         won = Counter(row["technique"] for row in found)
         sizes = [row["map_size"] for row in found if row["map_size"]]
-        counts = " | ".join(str(won[name]) for name in names)
-        yield f"| {_target(target)} | {counts} | {len(scenes) - len(found)} | {median(sizes):g} |"
+        counts = [won[name] for name in names]
+        lines.append([_target(target), *counts, len(scenes) - len(found), f"{median(sizes):g}"])
+    return table(["target", *(f"`{name}`" for name in names), "none", "median map"], lines)
 
 
 def _target(target: Target) -> str:
     return f"IoU ≥ {target.limit:.2f}" if target.metric == "iou" else f"edges ≤ {target.limit:g} px off"
 
 
-def _by_scene(rows: Sequence[Record], scenes: Sequence[str], law: Law) -> Iterator[str]:
-    """The cheapest at the strict target in each scene, and the cheapest of another technique."""
-    yield "| scene | light | cheapest | IoU | ms | next technique | IoU | ms | without a predicted time |"
-    yield "|---|---|---|---:|---:|---|---:|---:|---|"
+def _by_scene(rows: Sequence[Record], scenes: Sequence[str], law: Law) -> list[str]:
+    """A table: the cheapest at the strict target in each scene, and the cheapest of another technique."""
+    headings = ("scene", "light", "cheapest", "IoU", "ms", "next technique", "IoU", "ms", "without a predicted time")
+    lines = []
     for scene in scenes:
         ranked = _ranked(rows, scene, STRICT, law)
-        best = ranked[:1]
-        others = [pair for pair in ranked if pair[1]["technique"] != ranked[0][1]["technique"]][:1]
-        cells = [cell for found in (best, others) for cell in _choice(found)]
+        others = [pair for pair in ranked if pair[1]["technique"] != ranked[0][1]["technique"]]
         unranked = [
             _name(row) for row in rows if row["scene"] == scene and _meets(row, STRICT) and law.of_row(row) is None
         ]
-        yield f"| {scene} | {builtin_light(scene)} | {' | '.join(cells)} | {', '.join(unranked)} |"
+        lines.append([scene, builtin_light(scene), *_choice(ranked), *_choice(others), ", ".join(unranked)])
+    return table(headings, lines, texts=("light", "cheapest", "next technique", "without a predicted time"))
 
 
 def _choice(found: Sequence[tuple[float, Record]]) -> tuple[str, str, str]:
-    """A row's spec, IoU and predicted time; `none` if there is none."""
+    """Spec, IoU and predicted time of the first row; `none` if there is none."""
     if not found:
         return "none", "", ""
     ms, row = found[0]
@@ -136,20 +127,18 @@ def _iou(value: float) -> str:
     return "1" if value == 1.0 else f"{value:.4f}" if value < 0.99995 else f"{value:.6f}"
 
 
-def _course(rows: Sequence[Record]) -> Iterator[str]:
-    """Scores in one scene of the default and of settings that courses publish."""
+def _course(rows: Sequence[Record]) -> list[str]:
+    """A table: scores in one scene of the default and of settings that courses publish."""
     known = {one.name: one for one in own_techniques()}
-    yield "| spec | 1 − IoU | acne | leak | contact |"
-    yield "|---|---:|---:|---:|---:|"
+    metrics = {
+        row["spec"]: row["metrics"] for row in rows if (row["map_size"], row["scene"]) == (COURSE_SIZE, COURSE_SCENE)
+    }
+    lines = []
     for items in COURSE:
         short = f"shadow-map:{items}".rstrip(":")
-        spec = parse_spec(short, known).sizeless_text
-        (row,) = (
-            row["metrics"]
-            for row in rows
-            if (row["spec"], row["map_size"], row["scene"]) == (spec, COURSE_SIZE, COURSE_SCENE)
-        )
-        yield f"| `{short}` | {1 - row['iou']:.4f} | {' | '.join(f'{row[name]:.2g}' for name in FAULTS)} |"
+        own = metrics[parse_spec(short, known).sizeless_text]
+        lines.append([f"`{short}`", f"{1 - own['iou']:.4f}", *(f"{own[name]:.2g}" for name in FAULTS)])
+    return table(("spec", "1 − IoU", *FAULTS), lines)
 
 
 if __name__ == "__main__":

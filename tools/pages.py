@@ -1,10 +1,11 @@
-"""Helpers of the tools that generate pages of docs/: small PNGs, labels, and detection of stale pages."""
+"""Helpers of the tools that generate pages of docs/: tables, small PNGs, labels, and detection of stale pages."""
 
+import argparse
 import difflib
 import io
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -30,6 +31,27 @@ def renew(page: Path, command: str) -> None:
     if count != 1:
         raise SystemExit(f"{page}: found {count} figures of {command!r}; allowed: 1")
     page.write_text(made, encoding="utf-8")
+
+
+def completed(page: Path, mark: str, lines: Sequence[str]) -> str:
+    """What a page has above its first line that begins with `mark`, written by hand, and generated lines below."""
+    above = page.read_text(encoding="utf-8").partition(f"\n{mark}")[0]
+    return "\n".join([above, *lines]).rstrip("\n") + "\n"
+
+
+def filled(tool: str, values: Mapping[str, str]) -> str:
+    """The template beside a tool, with values in place of their names between @."""
+    text = Path(tool).with_suffix(".md").read_text(encoding="utf-8")
+    for name, value in values.items():
+        text = text.replace(f"@{name}@", value)
+    return text
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[object]], texts: Collection[str] = ()) -> list[str]:
+    """Lines of a Markdown table, numbers to the right; texts: headings of other columns than the first."""
+    rule = "".join("|---" if name in texts or not at else "|---:" for at, name in enumerate(headings))
+    head, *lines = (f"| {' | '.join(map(str, row))} |" for row in (headings, *rows))
+    return [head, f"{rule}|", *lines]
 
 
 def labelled(tile: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
@@ -71,12 +93,29 @@ def without_numbers(page: str) -> str:
     return "\n".join(NUMBERS.sub("…", line) if line.startswith("Measured") else line for line in lines)
 
 
-def compare(file: Path, generated: str, tool: str) -> int:
+def checks(description: str | None) -> bool:
+    """Whether the command line has --check."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--check", action="store_true", help="exit 1 if a committed text is stale; write nothing")
+    return bool(parser.parse_args().check)
+
+
+def write(texts: Mapping[Path, str], check: bool) -> int:
+    """Write pages, or only compare them with the committed ones: 0, or if one is stale 1."""
+    if check:
+        return max([compare(file, text) for file, text in texts.items()])
+    for file, text in texts.items():
+        file.write_text(text, encoding="utf-8")
+        print(file)
+    return 0
+
+
+def compare(file: Path, generated: str) -> int:
     """Compare a committed page with the generated one: 0, or if stale 1, with the difference printed."""
     committed = file.read_text(encoding="utf-8") if file.exists() else ""
     old, new = without_numbers(committed).splitlines(), without_numbers(generated).splitlines()
     lines = list(difflib.unified_diff(old, new, file.name, "generated", lineterm="", n=0))
     if lines:
         print("\n".join(lines))
-        print(f"stale: run python tools/{tool}", file=sys.stderr)
+        print(f"stale: run python tools/{Path(sys.argv[0]).name}", file=sys.stderr)
     return int(bool(lines))

@@ -1,13 +1,12 @@
 """Generates docs/explanation/default-bias.md from folders of `run -s race`, and of `run` with the held-out scenes."""
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from pages import measured
+from pages import filled, measured, table, write
 
 from shadowbench.measure.rows import Record
 from shadowbench.plugin.registry import techniques
@@ -27,13 +26,10 @@ def main() -> int:
     rows = [row for run in read_runs([Path(name) for name in sys.argv[1:]]) for row in run.rows]
     cells = pd.DataFrame([_cell(row) for row in rows if row["status"] == "ok"])
     means = cells.groupby(["filter", "bias", "held_out", "scene", "size"]).mean().sort_index()
-    text = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
-    text = text.replace("@MEASURED@", measured("shadowbench run -s race"))
-    text = text.replace("@SCENES@", str(means.xs(False, level="held_out").reset_index()["scene"].nunique()))
-    for name, written in FILTERS.items():
-        text = text.replace(f"@{name}@", "\n".join(_table(means.loc[written])))
-    FILE.write_text(text, encoding="utf-8")
-    return 0
+    scenes = means.xs(False, level="held_out").reset_index()["scene"].nunique()
+    values = {name: "\n".join(_table(means.loc[written])) for name, written in FILTERS.items()}
+    values |= {"MEASURED": measured("shadowbench run -s race"), "SCENES": str(scenes)}
+    return write({FILE: filled(__file__, values)}, check=False)
 
 
 def _cell(row: Record) -> dict[str, object]:
@@ -45,18 +41,18 @@ def _cell(row: Record) -> dict[str, object]:
     return {**names, "size": row["map_size"], "held_out": row["scene"].startswith("held-out"), **errors, **faults}
 
 
-def _table(means: pd.DataFrame) -> Iterator[str]:
+def _table(means: pd.DataFrame) -> list[str]:
     """Lines of a Markdown table, a line per bias, by 1 − IoU; all but contact and acne as ratios to REFERENCE."""
     lines = {bias: _line(means.loc[bias], means.loc[REFERENCE]) for bias in means.index.unique("bias")}
-    yield f"| {' | '.join(HEADINGS)} |"
-    yield f"|---|{'---:|' * (len(HEADINGS) - 1)}"
+    rows = []
     for bias, (error, *others, ms, held_out) in sorted(lines.items(), key=lambda item: item[1]):
         beaten = any(line[0] < error and line[-2] < ms for line in lines.values())
         worst, equal, ssim, contact, acne = others
-        ratios = f"{error:.3f} | {worst:.2f} | {equal:.3f} | {ssim:.3f} | {contact:.3f} | {acne}"
-        yield f"| `{bias}` | {ratios} | {ms:.2f} | {held_out:.3f} | {'' if beaten else '●'} |"
+        ratios = f"{error:.3f}", f"{worst:.2f}", f"{equal:.3f}", f"{ssim:.3f}", f"{contact:.3f}", acne, f"{ms:.2f}"
+        rows.append((f"`{bias}`", *ratios, f"{held_out:.3f}", "" if beaten else "●"))
     size, time = (min(lines, key=lambda bias: lines[bias][index]) for index in (0, 2))
-    yield f"\nAt equal size `{size}` is the most accurate, at equal predicted time `{time}`."
+    best = f"At equal size `{size}` is the most accurate, at equal predicted time `{time}`."
+    return [*table(HEADINGS, rows), "", best]
 
 
 def _line(errors: Any, reference: Any) -> tuple[float, ...]:

@@ -3,7 +3,6 @@
 --check reports stale texts. Numbers and pictures depend on the renderer, so --check ignores them.
 """
 
-import argparse
 import inspect
 import re
 import sys
@@ -13,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pages import MEASURED, compare, grid, labelled, measured, png
+from pages import MEASURED, checks, grid, labelled, measured, png, table, write
 from PIL import Image
 
 from shadowbench.errors import Unsupported
@@ -88,11 +87,8 @@ Scores = dict[str, float | None]
 
 def main() -> int:
     """Write the pages and pictures, or with --check compare the pages."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="exit 1 if a committed text is stale")
-    if parser.parse_args().check:
-        pages = _pages({one.name: dict.fromkeys(_shown(_view(one))) for one in own_techniques()})
-        return max(compare(file, text, Path(__file__).name) for file, text in pages.items())
+    if checks(__doc__):
+        return write(_pages({one.name: dict.fromkeys(_shown(_view(one))) for one in own_techniques()}), check=True)
     scores: dict[str, Scores] = {}
     with Worker() as worker:
         for technique in own_techniques():
@@ -103,10 +99,7 @@ def main() -> int:
             (PICTURES / f"{technique.name}.png").write_bytes(png([rendering.picture], LARGEST))
         for family in (one for one in _families() if _file(one) in STRIPS):
             (PICTURES / f"{_file(family)}.png").write_bytes(png([strip(worker, family)], LARGEST))
-    for file, text in _pages(scores).items():
-        file.write_text(text, encoding="utf-8")
-        print(file)
-    return 0
+    return write(_pages(scores), check=False)
 
 
 def _view(technique: type[Technique]) -> View:
@@ -191,17 +184,13 @@ def _broken(technique: type[Technique]) -> list[str]:
     if broken.empty:
         return [RANGES_MADE, f"Holds along all {ranges['axis'].nunique()} axes of `shadowbench stress`.", ""]
     lights = [light for light in NAMES if (ranges["light"] == light).any()]
-    lines = [
-        RANGES_MADE,
-        "",
-        f"| breaks along, at | {' | '.join(NAMES[light] for light in lights)} |",
-        "|---" * (len(lights) + 1) + "|",
-    ]
+    rows = []
     for axis in dict.fromkeys(broken["axis"]):
         texts = ranges[ranges["axis"] == axis].set_index("light")["range"]
         cells = (str(texts.get(light, "")).replace("breaks at ", "").replace(" of 5.9 mm", "") for light in lights)
-        lines.append(f"| {axis} | {' | '.join(cells)} |")
-    return [*lines, ""]
+        rows.append((axis, *cells))
+    headings = [NAMES[light] for light in lights]
+    return [RANGES_MADE, "", *table(("breaks along, at", *headings), rows, texts=headings), ""]
 
 
 def _family(family: type[Component]) -> str:
