@@ -21,10 +21,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import psutil
 
@@ -32,6 +31,9 @@ from shadowbench.errors import InputError, ShadowbenchError, quoted
 from shadowbench.files import cache_folder, make_folder
 from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.engine import Engine
+
+if TYPE_CHECKING:
+    from http.server import ThreadingHTTPServer
 
 HERE = Path(__file__).parent
 Answer = tuple[dict[str, Any], bytes]
@@ -338,8 +340,9 @@ def _page(engine: type[Engine]) -> str:
     return f'<!doctype html><meta charset="utf-8"><script type="importmap">{table}</script>{classic}{module}'
 
 
-def _server(host: WebHost, folder: Path) -> ThreadingHTTPServer:
+def _server(host: WebHost, folder: Path) -> "ThreadingHTTPServer":
     """A server of a folder's files, but not their names; of the next call; and for answers."""
+    from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer  # no command but of engines waits for it
 
     class Handler(SimpleHTTPRequestHandler):
         protocol_version = "HTTP/1.1"

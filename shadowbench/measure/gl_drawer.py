@@ -272,6 +272,13 @@ def _compile_beside() -> None:
         atexit.register(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet).poll)
 
 
+def _import_beside() -> None:
+    """Import what scores and tables need, which takes a second, while the worker starts."""
+    import pandas  # noqa: F401
+
+    from shadowbench.scores import loops  # noqa: F401
+
+
 @contextmanager
 def campaign_in(
     folder: Path | None,
@@ -290,6 +297,7 @@ def campaign_in(
     measures instead, and the renderer of its workers; options: see `Campaign`.
     """
     _compile_beside()
+    threading.Thread(target=_import_beside).start()
     with ExitStack() as stack:
         if folder is None:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="shadowbench-")))
