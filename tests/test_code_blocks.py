@@ -200,7 +200,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_every_block_says_what_it_is() -> None:
-    assert {block.language for block in BLOCKS} <= {"sh", "console", "python", "toml", "gdscript"}
+    assert {block.language for block in BLOCKS} <= {"sh", "console", "python", "toml", "text", "gdscript"}
     assert all(block.reason for block in BLOCKS if block.language == "gdscript")
     for page in PAGES:
         text, found = page.read_text(encoding="utf-8"), blocks_of(page)
