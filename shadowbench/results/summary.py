@@ -336,10 +336,11 @@ def _cost_name(run: Run, cells: pd.DataFrame) -> CostName:
 
 
 def _scenes(frame: pd.DataFrame) -> pd.Series:
-    """The scene of each line, and its light and renderer where there are several."""
+    """The scene of each line, its sequence, and its light and renderer where there are several."""
     # One table for several lights would compare medians over different cells: techniques support different lights.
     several = frame.groupby("scene")["light"].transform("nunique") > 1
     scenes = frame["scene"].where(~several, frame["scene"] + ", " + frame["light"])
+    scenes = scenes.where(frame["sequence"].isna(), scenes + ", " + frame["sequence"].astype(str))
     return (scenes if frame["renderer"].nunique() < 2 else scenes + ", " + frame["renderer"]).astype(str)
 
 
