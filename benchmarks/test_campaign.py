@@ -14,6 +14,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.measure.campaign import Campaign, LogReporter
+from shadowbench.measure.frames import CellScores
 from shadowbench.measure.gl_drawer import GLDrawer, campaign_in
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.rows import RowStore
@@ -22,7 +23,8 @@ from shadowbench.plugin.registry import techniques
 from shadowbench.studies.run import measure
 from shadowbench.studies.study import find_study, read_study
 
-CALLS = {Campaign: ("_score", "_time", "_score_cell"), GLDrawer: ("_measure",), Worker: ("call",), Pipe: ("receive",)}
+CALLS = {Campaign: ("_score", "_time"), GLDrawer: ("_measure",), Worker: ("call",), Pipe: ("receive",)}
+SCORES = {CellScores: ("add", "record")}
 WRITES = {Pictures: ("write_cell", "write_truth", "write_shading"), RowStore: ("append",)}
 
 
@@ -55,7 +57,7 @@ def test_demo(tmp_path: Path, smallest: bool, monkeypatch: pytest.MonkeyPatch, b
         study = study.with_(scenes=study.scenes[:1], technique=study.technique[:3], map_size=None, view_size=64)
     with Worker() as worker, campaign_in(tmp_path / "run", LogReporter(), worker=worker) as campaign:
         campaign.trace([*study.blocks()])
-        for owner, names in (CALLS | WRITES).items():
+        for owner, names in (CALLS | SCORES | WRITES).items():
             for name in names:
                 monkeypatch.setattr(owner, name, noted(name, getattr(owner, name)))
         benchmark.pedantic(measure, args=(study, campaign), rounds=1)
@@ -69,10 +71,10 @@ def test_demo(tmp_path: Path, smallest: bool, monkeypatch: pytest.MonkeyPatch, b
     rounds = [[frame for frame in frames if start <= frame[0] <= end] for start, end in spans["_measure"]]
     rounds_s, frames_s = sum(group[-1][1] - group[0][0] for group in rounds), sum(frame[2] for frame in frames)
     seconds = {"scored cells": whole, "drawing": drawn - read, "reading back": read}
-    seconds |= {"scoring": covered(*scored("_score_cell")), "writing": covered(*scored(*writes))}
-    seconds["waiting"] = whole - covered(*scored("call", "_score_cell", *writes))
+    seconds |= {"scoring": covered(*scored("add", "record")), "writing": covered(*scored(*writes))}
+    seconds["waiting"] = whole - covered(*scored("call", "add", "record", *writes))
     seconds |= {"timed cells": covered(*spans["_time"]), "their rounds": rounds_s, "their frames": frames_s}
-    either = (covered(*scored("call", "_score_cell")) - read) / whole
+    either = (covered(*scored("call", "add", "record")) - read) / whole
     shares = {"drawing or scoring": either, "frames in rounds": frames_s / rounds_s}
     benchmark.extra_info |= {**seconds, **shares, "rows": len(campaign.store.scores)}
     print(*(f"{name}: {value:.2f}" for name, value in (seconds | shares).items()), sep="\n")
