@@ -238,10 +238,9 @@ class Technique(Subject):
 def build(technique: Technique, stage: Stage) -> Callable[[Frame], moderngl.Texture]:
     """Build a technique. Returns its `draw`, with the contact shadows and the history of its parameters on top."""
     technique.build(stage)
-    draw = technique.draw
+    draw: Callable[[Frame], moderngl.Texture] = technique.draw
     if technique.params.contact.shader:
-        darken = ContactPass(stage, technique.params)
-        draw = lambda frame: darken(frame, technique.draw(frame))  # noqa: E731
+        draw = ContactPass(stage, technique, draw)
     return HistoryPass(stage, technique, draw) if technique.params.history.shader else draw
 
 

@@ -1,5 +1,6 @@
 """Contact shadows on top of any technique: a march through the view's depth, and as engines ship it."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal
 
 from shadowbench.gl.device import moderngl
@@ -8,7 +9,7 @@ from shadowbench.gl.program import Sampling
 from shadowbench.plugin.params import Component, param
 
 if TYPE_CHECKING:
-    from shadowbench.plugin.base import Frame, TechniqueParams
+    from shadowbench.plugin.base import Frame, Technique
     from shadowbench.plugin.stage import Stage
 
 
@@ -73,18 +74,19 @@ class ScreenSpace(Contact):
 
 
 class ContactPass:
-    """Darkens what a technique drew."""
+    """Darkens what a technique draws. draw: of the technique."""
 
-    def __init__(self, stage: "Stage", params: "TechniqueParams") -> None:
-        self._program = stage.program("fullscreen.vert", "contact.frag", params=params)
+    def __init__(self, stage: "Stage", technique: "Technique", draw: "Callable[[Frame], moderngl.Texture]") -> None:
+        self._draw = draw
+        self._program = stage.program("fullscreen.vert", "contact.frag", params=technique.params)
         self._texture = stage.texture()
         self._target = stage.target(self._texture)
         self._triangle = stage.fullscreen(self._program)
 
-    def __call__(self, frame: "Frame", drawn: moderngl.Texture) -> moderngl.Texture:
-        """Visibility with contact shadows; drawn: without them."""
+    def __call__(self, frame: "Frame") -> moderngl.Texture:
+        """Visibility with contact shadows."""
         depth = frame.surface.depth
-        more = {"drawn": (drawn, Sampling()), "surface_between": (depth, Sampling(linear=True))}
+        more = {"drawn": (self._draw(frame), Sampling()), "surface_between": (depth, Sampling(linear=True))}
         with frame.timed("contact", changes="view"):
             self._program.set(
                 light=frame.light_uniform,

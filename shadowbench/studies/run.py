@@ -107,10 +107,9 @@ def _notes(study: Study, blocks: Sequence[Block]) -> Iterator[str]:
 def _announce(study: Study, blocks: Sequence[Block], campaign: Campaign) -> None:
     """Begin the stage of the cells, after a note if they take long."""
     cells = [(block, cell) for block in blocks for cell in block.cells]
-    missing = [cell for block in blocks for cell in campaign.unscored(block)]
+    missing = [(cell, len(block.views)) for block in blocks for cell in campaign.unscored(block)]
     timed = sum(block.times(cell) for block, cell in cells)
-    frames = max((len(block.views) for block in blocks), default=1)
-    if (seconds := sum(_seconds(study, cell, frames) for cell in missing)) >= _LONG_S:
+    if (seconds := sum(_seconds(study, cell, frames) for cell, frames in missing)) >= _LONG_S:
         rough = f"about {duration(seconds)} on two cores without a GPU"
         also = f" and {timed} to time" if timed else ""
         campaign.reporter.note(f"{len(missing)} of {len(cells)} cells to draw{also}: {rough}")
