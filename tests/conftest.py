@@ -206,6 +206,9 @@ def key_of(*parts: object) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
+NOT_OF_WORKERS = {"PYTEST_CURRENT_TEST", "SHADOWBENCH_CACHE", "COLUMNS"}  # which read no truths and print no tables
+
+
 @pytest.fixture(scope="session")
 def lent_worker(plugin_folder: Path) -> Iterator[Callable[..., AbstractContextManager[Worker]]]:
     """In place of `Worker`: commands in the same environment are served by the same process.
@@ -221,7 +224,7 @@ def lent_worker(plugin_folder: Path) -> Iterator[Callable[..., AbstractContextMa
                 with Worker(plugins, limits) as own:
                     yield own
                 return
-            environment = frozenset(item for item in os.environ.items() if item[0] != "PYTEST_CURRENT_TEST")
+            environment = frozenset(item for item in os.environ.items() if item[0] not in NOT_OF_WORKERS)
             key = tuple(plugins), environment
             if key not in kept:
                 kept[key] = session.enter_context(Worker(plugins))
