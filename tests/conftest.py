@@ -213,7 +213,7 @@ NOT_OF_WORKERS = {"PYTEST_CURRENT_TEST", "SHADOWBENCH_CACHE", "COLUMNS"}  # whic
 def lent_worker(plugin_folder: Path) -> Iterator[Callable[..., AbstractContextManager[Worker]]]:
     """In place of `Worker`: commands in the same environment are served by the same process.
 
-    Those with plug-ins of one test, whose files may change, have a process of their own.
+    Another serves those with `half` or `wild`. Those with plug-ins of one test, whose files may change, have their own.
     """
     kept: dict[object, Worker] = {}
     with ExitStack() as session:
@@ -225,9 +225,9 @@ def lent_worker(plugin_folder: Path) -> Iterator[Callable[..., AbstractContextMa
                     yield own
                 return
             environment = frozenset(item for item in os.environ.items() if item[0] not in NOT_OF_WORKERS)
-            key = tuple(plugins), environment
+            key = bool(plugins), environment
             if key not in kept:
-                kept[key] = session.enter_context(Worker(plugins))
+                kept[key] = session.enter_context(Worker(sorted(plugin_folder.glob("*.py")) if plugins else ()))
             kept[key].limits = limits or Limits()
             yield kept[key]
 

@@ -30,10 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Spec:
-    """A technique or engine and its parameters, as its full text has them; searches compare specs very often.
-
-    explicit: keys that the user set, directly or by a preset.
-    """
+    """A technique or engine and its parameters, compared as text. `explicit`: keys set by the user or by a preset."""
 
     technique: "type[Subject]"
     params: SubjectParams

@@ -29,7 +29,7 @@ spec = "planar-projection"
 [[technique]]
 spec = "shadow-map:fit=scene"
 bias = ["none", "constant", "constant(units=0.2)", "slope(max=0.05,min=0.005)", "texel"]
-filter = ["hard", "hardware", "pcf(taps=5)"]
+filter = ["hard", "pcf(taps=5)"]
 """
 
 
