@@ -3,6 +3,8 @@
 import shutil
 from pathlib import Path
 
+import nbclient
+import nbformat
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -13,9 +15,6 @@ NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
 @pytest.mark.filterwarnings("default")  # of Jupyter's own
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 def test_a_notebook_runs_and_shows_a_picture(file: Path, tmp_path: Path) -> None:
-    import nbclient  # 0.4 s, which whoever collects the fast tests does without
-    import nbformat
-
     folder = shutil.copytree(ROOT / "examples", tmp_path / "examples") / "notebooks"
     book = nbformat.read(file, 4)
     nbclient.NotebookClient(book, timeout=240, resources={"metadata": {"path": str(folder)}}).execute()

@@ -298,8 +298,8 @@ def campaign_in(
     measures instead, and the renderer of its workers; options: see `Campaign`.
     """
     _compile_beside()
-    begun = folder is not None and (folder / "rows.jsonl").exists()  # and perhaps complete
-    threading.Thread(target=_import_beside, args=[not begun]).start()
+    # Where there are rows, nothing may be left to score.
+    threading.Thread(target=_import_beside, args=[folder is None or not (folder / "rows.jsonl").exists()]).start()
     with ExitStack() as stack:
         if folder is None:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="shadowbench-")))

@@ -85,16 +85,13 @@ def _shader(name: str) -> bytes:
     return "\n".join(filter(None, map(str.strip, text.splitlines()))).encode() + b"\0"
 
 
+@cache
 def shader_names(techniques: Sequence[type[Technique]]) -> list[str]:
     """Built-in shader files that a cell may use: its techniques' own, and those in no technique's folder."""
     bases = {base for one in techniques for base in one.__mro__}
     others = {other.name for other in own_techniques() if other not in bases}
-    return [name.as_posix() for name in _own_shaders() if name.parts[0] not in others]
-
-
-@cache
-def _own_shaders() -> list[Path]:
-    return [file.relative_to(data_folder("shaders")) for file in files_in(data_folder("shaders"))]
+    names = [file.relative_to(data_folder("shaders")) for file in files_in(data_folder("shaders"))]
+    return [name.as_posix() for name in names if name.parts[0] not in others]
 
 
 def files_in(folder: Path) -> list[Path]:

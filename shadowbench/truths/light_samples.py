@@ -97,8 +97,7 @@ def _tables() -> NDArray[np.uint32]:
     for row in range(32):  # of the matrices, each giving a bit of the fraction, the highest first
         own = np.uint32(1 << 31 - row)
         higher = np.uint32(0xFFFFFFFF ^ (2 * int(own) - 1))
-        parity = np.bitwise_count(bits & (rows[:, :, row] & higher | own)) & 1
-        tables |= parity.astype(np.uint32) * own
+        tables |= (np.bitwise_count(bits & (rows[:, :, row] & higher | own)) & 1).astype(np.uint32) * own
     return tables
 
 
