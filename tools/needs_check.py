@@ -1,4 +1,4 @@
-"""Compares predictions of `needs` with measurements on built-in and larger scenes: map size, cascades, bits, bias.
+"""Compares predictions of `needs` with measurements on built-in and larger scenes: map size, cascades, bias.
 
 python tools/needs_check.py [SCENE…]: a line of a Markdown table per scene; ratios are predicted over measured values.
 """
@@ -20,8 +20,7 @@ LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.glt
 SIZES = tuple(round(256 * 2 ** (k / 2)) for k in range(13))  # to 16384
 BIASES = tuple(2 ** (k / 2) for k in range(-8, 7))  # factors of the predicted bias
 CASCADES = 5  # the technique's default
-FORMATS = {16: "depth=d16", 24: "depth=d24", 32: "depth=d32f"}
-COLUMNS = {"size": ".0f", f"size, {CASCADES} cascades": ".0f", "bias (m)": ".3g", "depth bits": ".0f"}
+COLUMNS = {"size": ".0f", f"size, {CASCADES} cascades": ".0f", "bias (m)": ".3g"}
 WITHIN = 2.0
 
 
@@ -62,12 +61,9 @@ def check(scene: str) -> Iterator[tuple[float | None, float]]:
     one, several = predicted.texels.edge_size, predicted.cascades and predicted.cascades.edge_size[CASCADES]
     for size, spec in ((one, f"{technique}:depth=d32f"), (several, f"cascades:count={CASCADES}")):
         yield size, first_below(SIZES if size else (), 1.0, "edge_p95", spec + ",size={:.0f}", measure)
-    bias, bits = predicted.bias and predicted.bias.needed, predicted.bits and predicted.bits.bits
+    bias = predicted.bias and predicted.bias.needed
     constant = f"{technique}:depth=d32f,size={REFERENCE_SIZE},filter=hard,bias=constant(world={{:.9g}})"
     yield bias, first_below([bias * factor for factor in BIASES] if bias else (), TOLERATED, "acne", constant, measure)
-    formats = FORMATS | ({32: "depth=d32f,reversed=true"} if technique == "shadow-map" else {})
-    ious = {each: measure(f"{technique}:size={REFERENCE_SIZE},{depth}", "iou") for each, depth in formats.items()}
-    yield bits, next(each for each, iou in ious.items() if iou >= np.nanmax([*ious.values()]) - TOLERATED)
 
 
 def first_below(

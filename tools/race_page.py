@@ -59,22 +59,26 @@ def _table(means: pd.DataFrame) -> list[str]:
         beaten = any(line[0] < error and line[-2] < ms for line in lines.values())
         worst, equal, ssim, contact, acne = others
         ratios = f"{error:.3f}", f"{worst:.2f}", f"{equal:.3f}", f"{ssim:.3f}", f"{contact:.3f}", acne, f"{ms:.2f}"
-        rows.append((f"`{bias}`", *ratios, f"{held_out:.3f}", "" if beaten else "●"))
+        if "(" not in bias:  # else another falloff
+            rows.append((f"`{bias}`", *ratios, f"{held_out:.3f}", "" if beaten else "●"))
     size, time = (min(lines, key=lambda bias: lines[bias][index]) for index in (0, 2))
     if np.isnan(lines[time][2]):
         kept = [at for at, name in enumerate(HEADINGS) if name not in ("at equal ms", "ms", "front")]
         few = table([HEADINGS[at] for at in kept], [[row[at] for at in kept] for row in rows])
         return [*few, "", f"At equal size `{size}` is the most accurate. Times are not predicted."]
     best = f"At equal size `{size}` is the most accurate, at equal predicted time `{time}`."
-    return [*table(HEADINGS, rows), "", best]
+    falloffs = [error for bias, (error, *_) in lines.items() if "(" in bias]
+    others = (
+        f"Other falloffs of `normal-offset`: {min(falloffs):.1f} to {max(falloffs):.1f} times the error of `texel`."
+    )
+    return [*table(HEADINGS, rows), "", f"{best} {others}"]
 
 
 def _elevations(errors: Any) -> list[str]:
     """Lines of a Markdown table, a line per bias: errors as ratios to REFERENCE, for each filter and elevation."""
     logs = np.log(errors) - np.log(errors.xs(REFERENCE, level="bias"))
-    means = np.exp(
-        logs.groupby(["bias", "filter", "elevation"]).mean().unstack(["filter", "elevation"]).sort_index(axis=1)
-    )
+    means = np.exp(logs.groupby(["bias", "filter", "elevation"]).mean()).unstack(["filter", "elevation"])
+    means = means.sort_index(axis=1)
     labels = {written: name for name, written in FILTERS.items()}
     headings = ["bias", *(f"{labels[written]}, {elevation:g}°" for written, elevation in means.columns)]
     return table(headings, [(f"`{bias}`", *(f"{value:.2f}" for value in line)) for bias, line in means.iterrows()])
