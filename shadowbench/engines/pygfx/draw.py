@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pygfx
 
-renderer = scene = camera = None
+renderer = scene = None
 
 
 def open(width, height):
@@ -15,16 +15,17 @@ def open(width, height):
 
 
 def load(model, view):
-    global scene, camera
+    global scene
     scene = pygfx.Scene().add(pygfx.load_gltf(str(model), quiet=True).scene)
     for node in list(scene.iter()):
         if isinstance(node, pygfx.Light | pygfx.Camera):
             node.parent.remove(node)
         elif isinstance(node, pygfx.Mesh):
             node.cast_shadow = node.receive_shadow = True
-    pose = view["camera"]
-    planes, height = (pose["near"], pose["far"]), pose["height"]
-    aspect = view["image"]["width"] / view["image"]["height"]
+
+
+def camera_of(pose):
+    planes, height, aspect = (pose["near"], pose["far"]), pose["height"], pose["aspect"]
     if height:
         camera = pygfx.OrthographicCamera(aspect * height, height, depth_range=planes)
     else:
@@ -33,9 +34,10 @@ def load(model, view):
     camera.local.position = pose["position"]
     camera.local.reference_up = pose["up"]
     camera.look_at(pose["target"])
+    return camera
 
 
-def draw(light, box, params, shadows, exposure):
+def draw(camera, light, box, params, shadows, exposure):
     kind = {"directional": pygfx.DirectionalLight, "spot": pygfx.SpotLight, "point": pygfx.PointLight}[light["kind"]]
     lamp = kind(intensity=np.pi * exposure, cast_shadow=shadows)
     lens = lamp.shadow.camera
@@ -52,6 +54,6 @@ def draw(light, box, params, shadows, exposure):
         lens.fov = 180 / math.pi * 2 * lamp.angle  # another one has pygfx set the depth range too
     lamp.shadow.bias, lamp.shadow.cull_mode = params["bias"], params["cull"]
     scene.add(lamp)
-    renderer.render(scene, camera)
+    renderer.render(scene, camera_of(camera))
     scene.remove(lamp)
     return renderer.snapshot()
