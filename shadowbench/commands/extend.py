@@ -40,7 +40,7 @@ def export(
     view_size: options.ViewSize = None,
     sequence: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Write a sequence, as of `run`: an animation, and the poses of each frame."),
+        typer.Option(metavar="NAME", help="Write the frames of a sequence, one of those of `run`."),
     ] = None,
     frames: options.Frames = None,
     sides: Annotated[
@@ -54,13 +54,13 @@ def export(
     """Write a scene for your engine: glTF, matrices, truth.
 
     \b
-    scene.glb  meshes with flat normals, the camera, the light; an animation of a sequence
-    view.json  view and projection matrices, size, pixel convention, the light's box; those of a sequence's frames
-    truth.png  the ray-traced shadow mask, as an example of a mask for `score`; truth/000.png, 001.png … of a sequence
+    scene.glb  meshes with flat normals, the camera, the light; of a sequence an animation
+    view.json  view and projection matrices, size, pixel convention, the light's box; of a sequence those of each frame
+    truth.png  the ray-traced shadow mask, as an example of a mask for `score`; of a sequence truth/000.png and so on
     """
     from shadowbench.files import check_folder, make_folder
     from shadowbench.masks.export import DESCRIPTION, EXAMPLE, EXAMPLES, clip_of, export_view, inexpressible_in_gltf
-    from shadowbench.masks.inputs import picture_name
+    from shadowbench.masks.inputs import PICTURE
     from shadowbench.scores.masks import write_mask
     from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 
@@ -73,10 +73,10 @@ def export(
         for line in inexpressible_in_gltf(chosen, clip):
             reporter.note(line)
         model, description = export_view(chosen, folder, scene, sides=sides, options=view, clip=clip)
-        frames_to_trace = clip.frames if clip else (chosen,)
-        reporter.stage("truth", len(frames_to_trace))
-        for index, frame in enumerate(frames_to_trace):
-            example = folder / EXAMPLES / picture_name(index) if clip else folder / EXAMPLE
+        views = clip.frames if clip else (chosen,)
+        reporter.stage("truth", len(views))
+        for index, frame in enumerate(views):
+            example = folder / EXAMPLES / PICTURE.format(index) if clip else folder / EXAMPLE
             make_folder(example.parent)
             write_mask(example, cached_truth(frame, 1 if index else PIXEL_SAMPLES).visibility)
             reporter.step(example.name)

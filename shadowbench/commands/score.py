@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class ScoreOptions:
     """Screenshots in place of a mask, and where the score goes."""
 
-    lit: Path | None = option("Instead of a mask: a screenshot without shadows, sRGB; or a folder of them.", "LIT.png")
+    lit: Path | None = option("Instead of a mask: a screenshot without shadows, sRGB.", "LIT.png")
     shadowed: Path | None = option("The same screenshot with shadows.", "SHADOWED.png")
     ambient: Path | None = option("The same screenshot without the light  [black].", "AMBIENT.png")
     linear: bool = options.flag("The screenshots hold linear values instead of sRGB.")
@@ -34,11 +34,7 @@ def score(
     scene: options.Scene,
     mask: Annotated[
         Path | None,
-        options.argument(
-            "MASK.png",
-            "Shadow mask: linear grey, 8 or 16 bit, white is lit; its size is the view size. Of a sequence that was "
-            "exported: a folder with that of each frame, 000.png, 001.png …, beside its view.json.",
-        ),
+        options.argument("MASK.png", "Shadow mask: linear grey, 8 or 16 bit, white is lit; its size is the view size."),
     ] = None,
     *,
     scoring: ScoreOptions,
@@ -48,12 +44,13 @@ def score(
     """Score another renderer's mask or screenshots.
 
     Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
-    draw. A mask that is flipped, turned or inverted is refused; one that seems shifted, sRGB-encoded or lit by
+    draw; pictures of a sequence, 000.png, 001.png …, are in folders below that of `export`, which are given in place of
+    files. A mask that is flipped, turned or inverted is refused; one that seems shifted, sRGB-encoded or lit by
     ambient light is scored unchanged, with a warning. Below the metrics the errors are said in words, the leading one
     first. The column `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or both.
     """
     from shadowbench.masks.accuracy import accuracy_of, accuracy_of_frames, append_row
-    from shadowbench.masks.inputs import external_mask, external_masks
+    from shadowbench.masks.inputs import external_mask
     from shadowbench.scores.difference import difference_picture, write_difference
 
     _check_outputs(scoring, mask)
@@ -65,7 +62,7 @@ def score(
 
             name, count, size = exported_sequence(folder)
             clip = clip_of(reporter.view(scene, size, view), name, count)
-            accuracy = accuracy_of_frames(clip, external_masks(count, pictures, scoring.linear))
+            accuracy = accuracy_of_frames(clip, pictures, scoring.linear)
         else:
             picture = external_mask(*pictures, scoring.linear)
             accuracy = accuracy_of(picture, reporter.view(scene, picture.size, view))

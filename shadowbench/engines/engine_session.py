@@ -73,8 +73,7 @@ class EngineSession:
     def __init__(self, engine: type[Engine], size: ViewSize) -> None:
         self.engine, self.size = engine, size
         self._stack = ExitStack()
-        self._scene: tuple[Scene, str, str] | None = None  # that the program holds, its light, and its materials' sides
-        self._lit: tuple[View, str, Levels] | None = None
+        self._lit: tuple[View, str, Levels] | None = None  # of the last view, and the sides of its materials
         try:
             log = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="shadowbench-"))) / "log"
             self.host = start_host(engine, log, {"DISPLAY": self._display()} if engine.display else {})
@@ -86,8 +85,8 @@ class EngineSession:
                     "drew with SwiftShader, whose 4 sub-pixel bits are not the 8 that undecided pixels assume"
                 )
             probe, params = probe_view(size), cast(EngineParams, engine.Params())
-            request = self._request(probe, params, Phase(), nearest_depth(probe))
-            check_probe(probe, self._lit_picture(probe, params, request))
+            self._load(probe, params)
+            check_probe(probe, self._lit_picture(self._request(probe, params, Phase(), nearest_depth(probe))))
         except BaseException:  # such as KeyboardInterrupt: no program may be left
             self.close()
             raise
@@ -104,6 +103,8 @@ class EngineSession:
         for index, view in enumerate(views):
             request = self._request(view, params, phase, nearest)
             if self._lit is None or self._lit[0] is not view or self._lit[1] != params.sides:
+                if index == 0 or view.scene is not views[index - 1].scene:
+                    self._load(view, params)
                 truth = cached_truth(view, 1 if index else PIXEL_SAMPLES)
                 self._lit = view, params.sides, self._lit_levels(view, params, nearest, truth)
             lit = self._lit[2]
@@ -138,7 +139,7 @@ class EngineSession:
     def _lit_levels(self, view: View, params: EngineParams, nearest: float, truth: Truth) -> Levels:
         """Pictures of a view without shadows, as many as its darkest surfaces need, at least two."""
         request = self._request(view, params, Phase(), nearest)
-        levels = [self._lit_picture(view, params, request)]
+        levels = [self._lit_picture(request)]
         facing = _facing(truth)
         most_dark = _TOO_DARK_SHARE * np.count_nonzero(facing)
         while len(levels) < _MOST_LEVELS:
@@ -148,16 +149,13 @@ class EngineSession:
         check_lit(levels, truth, view.light.hard_kind == "directional")
         return levels
 
-    def _lit_picture(self, view: View, params: EngineParams, request: Request) -> Luminance:
-        """Find the exposure at which the brightest surface of a view is bright but not cut off, and draw that.
+    def _load(self, view: View, params: EngineParams) -> None:
+        """Have the program hold the scene of a view, in place of the former one."""
+        plain = plain_view(view)
+        self._call("load", describe(plain, plain.scene.name), glb_of(plain, sides=params.sides))
 
-        A scene that the engine holds already, as that of the frame before, is not loaded again.
-        """
-        held, scene = self._scene, (view.scene, view.light.name, params.sides)
-        if held is None or held[0] is not scene[0] or held[1:] != scene[1:]:
-            plain, self._scene = plain_view(view), None
-            self._call("load", describe(plain, plain.scene.name), glb_of(plain, sides=params.sides))
-            self._scene = scene
+    def _lit_picture(self, request: Request) -> Luminance:
+        """Find the exposure at which the brightest surface is bright but not cut off, and draw that."""
         self._exposure = _BRIGHTEST
         for _ in range(_TRIES):
             picture = self._picture(request, shadows=False)

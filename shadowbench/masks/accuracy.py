@@ -18,7 +18,7 @@ from skimage.registration import phase_cross_correlation
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.masks.inputs import ExternalMask, decode_srgb
+from shadowbench.masks.inputs import PICTURE, ExternalMask, decode_srgb, external_mask
 from shadowbench.measure.rows import IMAGES, STILL, RowStore, identity
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.options import ViewSize
@@ -370,15 +370,20 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
     return Accuracy(external, view, whole, comparison, record)
 
 
-def accuracy_of_frames(clip: "Clip", masks: Iterator[ExternalMask]) -> Accuracy:
-    """Score masks against the truths of a sequence's frames, in order. Raises as `accuracy_of` of the first."""
+def accuracy_of_frames(clip: "Clip", folders: Sequence[Path | None], linear: bool = False) -> Accuracy:
+    """Score pictures of a sequence's frames in folders, which are as the pictures of `external_mask`.
+
+    Raises InputError for one that is missing or of another size, and for the first as `accuracy_of`.
+    """
     from shadowbench.measure.frames import CellScores, Truths  # `score` of a mask needs no OpenGL
     from shadowbench.measure.session import Rendering
 
     nothing, size = np.zeros((0, 0, 3), np.uint8), clip.frames[0].size
     with closing(Truths(clip.frames)) as truths:
         scores = CellScores(truths, filmed=True)
-        for mask in masks:
+        for index in range(len(clip.frames)):
+            file, lit, shadowed, ambient = (folder and folder / PICTURE.format(index) for folder in folders)
+            mask = external_mask(file, lit, shadowed, ambient, linear)
             if mask.size != size:
                 raise InputError(f"{mask.name}: found {mask.size} pixels; allowed: {size}, as was exported")
             if not scores.film:

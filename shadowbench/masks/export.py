@@ -21,7 +21,7 @@ from shadowbench.files import make_folder, png_of, replace_file
 from shadowbench.geometry.convex import caster_and_receiver_faces, caster_and_receiver_vertices
 from shadowbench.geometry.lights import light_space, window
 from shadowbench.geometry.topology import is_closed
-from shadowbench.masks.inputs import picture_name
+from shadowbench.masks.inputs import PICTURE
 from shadowbench.options import FIRST, SceneOptions, ViewSize
 from shadowbench.scenes.cutouts import Cutout, Wrap
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View
@@ -216,7 +216,7 @@ def describe(
             for mesh in view.scene.meshes
         ],
         "mask": {
-            "example": f"{EXAMPLES}/{picture_name(0)}" if clip else EXAMPLE,
+            "example": f"{EXAMPLES}/{PICTURE.format(0)}" if clip else EXAMPLE,
             "format": "grey PNG, 8 or 16 bit, linear (no sRGB curve): full where the light is seen, 0 in shadow, "
             "full where no surface faces camera and light",
             "score": shlex.join(score),

@@ -1,6 +1,5 @@
 """What is scored: a mask file, an array, or screenshots."""
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,17 +12,14 @@ from shadowbench.scores.masks import LEVELS, open_png, quantise, read_mask
 
 LARGEST = 4096  # most pixels along a side of a mask: a small PNG may hold many, and scoring takes 130 bytes for each
 
+PICTURE = "{:03}.png"
+"""Name of a frame's picture, by its index from 0."""
 DARKEST = 1 / 64  # least difference of linear luminance between a lit and an ambient pixel for it to be scored
 
 _PICTURE = "allowed: a PNG, grey or RGB"
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB; ITU-R BT.709
 _PLAIN = {"L": 255, "RGB": 255, "I;16": LEVELS, "I": LEVELS}
 _REDUCED = {"P": "RGB", "RGBA": "RGB", "LA": "L", "1": "L"}  # without transparency
-
-
-def picture_name(index: int) -> str:
-    """Name of a frame's picture, by its index from 0."""
-    return f"{index:03}.png"
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,13 +119,6 @@ def _size_of(file: Path) -> ViewSize:
     if max(size) > LARGEST:
         raise InputError(f"{file}: found {size.width} × {size.height} pixels; {allowed}")
     return size
-
-
-def external_masks(count: int, folders: Sequence[Path | None], linear: bool) -> Iterator[ExternalMask]:
-    """Masks of frames from folders, as `external_mask` of their files."""
-    for index in range(count):
-        mask, lit, shadowed, ambient = (folder and folder / picture_name(index) for folder in folders)
-        yield external_mask(mask, lit, shadowed, ambient, linear)
 
 
 def external_mask(

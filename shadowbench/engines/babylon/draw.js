@@ -29,14 +29,6 @@ export async function load({ glb }) {
   meshes = scene.meshes.filter((mesh) => mesh.getTotalVertices() > 0);
 }
 
-function look({ fov_y, height, aspect, near: minZ, far: maxZ, position, up, target }) {
-  const camera = scene.activeCamera, fov = BABYLON.Tools.ToRadians(fov_y), [right, top] = [(height / 2) * aspect, height / 2];
-  camera.mode = BABYLON.Camera[height ? "ORTHOGRAPHIC_CAMERA" : "PERSPECTIVE_CAMERA"];
-  Object.assign(camera, { position: vector(position), upVector: vector(up), fov, minZ, maxZ });
-  Object.assign(camera, { orthoLeft: -right, orthoRight: right, orthoBottom: -top, orthoTop: top });
-  camera.setTarget(vector(target));
-}
-
 const LIGHTS = {
   directional: ({ direction }) => new BABYLON.DirectionalLight("", vector(direction), scene),
   spot: ({ position, direction, cone }) => // 0: without a soft rim
@@ -44,8 +36,13 @@ const LIGHTS = {
   point: ({ position }) => new BABYLON.PointLight("", vector(position), scene),
 };
 
-export async function draw({ camera, light: lamp, box, params, shadows, exposure }) {
-  look(camera);
+export async function draw({ camera: pose, light: lamp, box, params, shadows, exposure }) {
+  const { height, near: minZ, far: maxZ, position, up, target } = pose, fov = BABYLON.Tools.ToRadians(pose.fov_y);
+  const camera = scene.activeCamera, [right, top] = [(height / 2) * pose.aspect, height / 2];
+  camera.mode = BABYLON.Camera[height ? "ORTHOGRAPHIC_CAMERA" : "PERSPECTIVE_CAMERA"];
+  Object.assign(camera, { position: vector(position), upVector: vector(up), fov, minZ, maxZ });
+  Object.assign(camera, { orthoLeft: -right, orthoRight: right, orthoBottom: -top, orthoTop: top });
+  camera.setTarget(vector(target));
   scene.lights.slice().forEach((former) => former.dispose()); // with their maps
   const light = LIGHTS[lamp.kind](lamp);
   light.intensity = Math.PI * exposure; // of which a white surface reflects 1 / π

@@ -34,24 +34,13 @@ export async function load({ glb }) {
   }
 }
 
-function cameraOf({ fov_y, height, aspect, near, far, position, up, target }) {
-  const half = height / 2;
-  const camera = height
-    ? new THREE.OrthographicCamera(-aspect * half, aspect * half, half, -half, near, far)
-    : new THREE.PerspectiveCamera(fov_y, aspect, near, far);
-  camera.position.set(...position);
-  camera.up.set(...up);
-  camera.lookAt(...target);
-  return camera;
-}
-
 const LIGHTS = {
   directional: () => new THREE.DirectionalLight(),
   spot: ({ cone }) => new THREE.SpotLight(undefined, 1, 0, THREE.MathUtils.degToRad(cone / 2), 0, 0), // no decay
   point: () => new THREE.PointLight(undefined, 1, 0, 0),
 };
 
-export function draw({ camera, light: lamp, box, params, shadows, exposure }) {
+export function draw({ camera: pose, light: lamp, box, params, shadows, exposure }) {
   if (params.filter === "vsm" && lamp.kind === "point") throw new Error("three.js has no VSM of point lights");
   light?.dispose(); // with its map
   light?.removeFromParent();
@@ -77,5 +66,12 @@ export function draw({ camera, light: lamp, box, params, shadows, exposure }) {
     material.shadowSide = SIDES[params.cast];
     material.needsUpdate = true;
   }
-  renderer.render(scene, cameraOf(camera));
+  const { fov_y, height, aspect, near, far } = pose, half = height / 2;
+  const camera = height
+    ? new THREE.OrthographicCamera(-aspect * half, aspect * half, half, -half, near, far)
+    : new THREE.PerspectiveCamera(fov_y, aspect, near, far);
+  camera.position.set(...pose.position);
+  camera.up.set(...pose.up);
+  camera.lookAt(...pose.target);
+  renderer.render(scene, camera);
 }
