@@ -16,7 +16,7 @@ from pages import LABEL, MEASURED, checks, completed, labelled, measured, png, w
 from PIL import Image, ImageDraw
 
 import shadowbench as sb
-from shadowbench.measure.session import Rendering
+from shadowbench.measure.pictures import Rendering
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.motion import MOTION
 from shadowbench.studies.artefacts import Artefact, artefacts

@@ -11,7 +11,7 @@ from shadowbench.errors import InputError, Unsupported
 from shadowbench.geometry.topology import is_closed, surrounds
 from shadowbench.measure.campaign import Block, Cell
 from shadowbench.measure.gl_drawer import GLDrawer
-from shadowbench.measure.session import Rendering
+from shadowbench.measure.pictures import Rendering
 from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import Engine, EngineParams

@@ -21,7 +21,7 @@ from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 from shadowbench.engines.programs import start_host
 from shadowbench.masks.export import describe, describe_camera, describe_light, glb_of, light_box, nearest_depth
 from shadowbench.masks.inputs import DARKEST, decode_srgb
-from shadowbench.measure.session import Rendering
+from shadowbench.measure.pictures import Rendering
 from shadowbench.measure.worker import CellFailed
 from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Phase

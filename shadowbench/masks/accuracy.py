@@ -19,6 +19,8 @@ from skimage.registration import phase_cross_correlation
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.masks.inputs import PICTURE, ExternalMask, decode_srgb, external_mask
+from shadowbench.measure.frames import CellScores, Truths
+from shadowbench.measure.pictures import Pictures, Rendering
 from shadowbench.measure.rows import IMAGES, STILL, RowStore, identity
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.options import ViewSize
@@ -375,9 +377,6 @@ def accuracy_of_frames(clip: "Clip", folders: Sequence[Path | None], linear: boo
 
     Raises InputError for one that is missing or of another size, and for the first as `accuracy_of`.
     """
-    from shadowbench.measure.frames import CellScores, Truths  # `score` of a mask needs no OpenGL
-    from shadowbench.measure.session import Rendering
-
     nothing, size = np.zeros((0, 0, 3), np.uint8), clip.frames[0].size
     with closing(Truths(clip.frames)) as truths:
         scores = CellScores(truths, filmed=True)
@@ -416,8 +415,6 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
     The row's technique and spec are the engine's name, its renderer is `external: NAME`. A changed mask gets a new row
     after the older one. Raises InputError if the folder cannot be written or another run writes into it.
     """
-    from shadowbench.measure.pictures import Pictures
-
     view = accuracy.view
     cell, renderer = identity(view, technique=name, spec=name, full_spec=name), f"external: {name}"
     cell |= {part: accuracy.record.get(part, value) for part, value in STILL.items()}

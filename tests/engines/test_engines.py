@@ -24,7 +24,7 @@ from shadowbench.engines.programs import (
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.masks.export import describe
 from shadowbench.measure.campaign import Block, Cell
-from shadowbench.measure.session import Rendering
+from shadowbench.measure.pictures import Rendering
 from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.registry import engines
