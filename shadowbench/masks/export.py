@@ -24,7 +24,7 @@ from shadowbench.geometry.topology import is_closed
 from shadowbench.masks.inputs import PICTURE
 from shadowbench.options import FIRST, SceneOptions, ViewSize
 from shadowbench.scenes.cutouts import Cutout, Wrap
-from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View
+from shadowbench.scenes.model import Camera, Light, Mesh, View
 from shadowbench.scenes.sequences import frames_of, motions_of
 from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
@@ -56,13 +56,10 @@ class Clip(NamedTuple):
 
 def exported_sequence(folder: Path) -> tuple[str, int, ViewSize]:
     """Name, number of frames and size of an exported sequence whose pictures are in a folder. Raises InputError."""
-    for file in (folder / DESCRIPTION, folder.parent / DESCRIPTION):
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            described = json.loads(file.read_text(encoding="utf-8"))
-            return described["sequence"]["name"], len(described["sequence"]["frames"]), ViewSize(**described["image"])
-    raise InputError(
-        f"{folder}: found no {DESCRIPTION} there or above; allowed: folders in that of `export --sequence`"
-    )
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        described = json.loads((folder.absolute().parent / DESCRIPTION).read_text(encoding="utf-8"))
+        return described["sequence"]["name"], len(described["sequence"]["frames"]), ViewSize(**described["image"])
+    raise InputError(f"{folder}: is not in a folder that `export --sequence` wrote; allowed: pictures of frames there")
 
 
 def clip_of(view: View, name: str, frames: int | None = None) -> Clip:
@@ -225,11 +222,10 @@ def describe(
     }
 
 
-def _mesh_poses(clip: Clip) -> dict[int, list[Json]]:
-    """Pose of the nodes of meshes that move in each frame. Raises InputError for a mesh that changes its shape."""
-    meshes, origin = clip.frames[0].scene.meshes, _origin(clip.frames[0].scene)
+def _mesh_poses(clip: Clip, origin: Floats) -> dict[int, list[Json]]:
+    """Poses in each frame of the nodes of meshes that move. Raises InputError for a mesh that changes its shape."""
     poses: dict[int, list[Json]] = {}
-    for index, mesh in enumerate(meshes):
+    for index, mesh in enumerate(clip.frames[0].scene.meshes):
         moved = [frame.scene.meshes[index].vertices for frame in clip.frames]
         if all(np.array_equal(vertices, mesh.vertices) for vertices in moved):
             continue
@@ -240,7 +236,7 @@ def _mesh_poses(clip: Clip) -> dict[int, list[Json]]:
             if misfit > RIGID * np.linalg.norm(mesh.vertices - middle):
                 allowed = "allowed: sequences in which meshes move as they are"
                 raise InputError(f"sequence {clip.name}: {mesh.name} changes its shape; {allowed}")
-            poses[index].append(_pose(turn, there + turn.apply(origin - middle)))
+            poses[index].append(_pose(turn.as_matrix(), there + turn.apply(origin - middle)))
     return poses
 
 
@@ -321,7 +317,9 @@ def glb_of(view: View, *, sides: "Sides" = "double", clip: Clip | None = None) -
     view = clip.frames[0] if clip else view
     scene, camera, light = view.scene, view.camera, view.light
     materials = [(sides == "double" or not is_closed(mesh), mesh.cutout) for mesh in scene.meshes]
-    origin = _origin(scene)
+    low, high = scene.geometry.bounds
+    center = (low + high) / 2
+    origin = center if np.linalg.norm(center) > np.linalg.norm(high - low) else np.zeros(3)
 
     def complete(tree: Json) -> None:
         """Add what trimesh does not write; its meshes are in the order of the scene's."""
@@ -344,11 +342,11 @@ def glb_of(view: View, *, sides: "Sides" = "double", clip: Clip | None = None) -
         tree["cameras"] = [{"name": camera.name, "type": kind, kind: {**lens, "znear": near, "zfar": far}}]
         tree["extensions"] = {"KHR_lights_punctual": {"lights": [_lamp(light)]}}
         tree["extensionsUsed"] = ["KHR_lights_punctual"]
-        punctual = {"KHR_lights_punctual": {"light": 0}}
+        punctual, (of_camera, of_light) = {"KHR_lights_punctual": {"light": 0}}, _poses(view)
         tree["nodes"] = [
             *(_mesh_node(index, mesh, origin) for index, mesh in enumerate(scene.meshes)),
-            {"name": camera.name, "camera": 0, **_camera_pose(camera)},
-            {"name": light.name, "extensions": punctual, **_light_pose(light)},
+            {"name": camera.name, "camera": 0, **of_camera},
+            {"name": light.name, "extensions": punctual, **of_light},
         ]
         tree["scenes"] = [{"name": scene.name, "nodes": list(range(len(tree["nodes"])))}]
 
@@ -365,18 +363,17 @@ def glb_of(view: View, *, sides: "Sides" = "double", clip: Clip | None = None) -
             process=False,
         )
         loaded.add_geometry(shape, geom_name=f"mesh {index}")
-    animate = partial(_animate, clip) if clip else None
+    animate = partial(_animate, clip, origin) if clip else None
     written: bytes = export_glb(  # type: ignore[no-untyped-call]
         loaded, include_normals=True, tree_postprocessor=complete, buffer_postprocessor=animate
     )
     return written
 
 
-def _animate(clip: Clip, buffers: dict[str, bytes], tree: Json) -> None:
+def _animate(clip: Clip, origin: Floats, buffers: dict[str, bytes], tree: Json) -> None:
     """Add an animation to a glTF, whose nodes are those of meshes, camera and light."""
-    nodes, count = _mesh_poses(clip), len(clip.frames[0].scene.meshes)
-    nodes[count] = [_camera_pose(frame.camera) for frame in clip.frames]
-    nodes[count + 1] = [_light_pose(frame.light) for frame in clip.frames]
+    nodes, count = _mesh_poses(clip, origin), len(clip.frames[0].scene.meshes)
+    nodes |= dict(enumerate(map(list, zip(*map(_poses, clip.frames), strict=True)), count))
 
     def accessor(values: Any, kind: str, **bounds: Any) -> int:
         """Index of an accessor of values, which are added to the buffer."""
@@ -444,23 +441,13 @@ def _mesh_node(index: int, mesh: Mesh, origin: Floats) -> Json:
     return node
 
 
-def _camera_pose(camera: Camera) -> Json:
-    return _pose(Rotation.from_matrix(camera.basis().T), np.asarray(camera.position))
-
-
-def _light_pose(light: Light) -> Json:
-    """Both kinds of light that have a direction shine along their node's −z."""
+def _poses(view: View) -> tuple[Json, Json]:
+    """Poses of the nodes of camera and light, which shines along its −z if it has a direction."""
+    camera, light = view.camera, view.light
     turn = np.eye(3) if light.kind == "point" else perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
-    return _pose(Rotation.from_matrix(turn.T), np.asarray(light.position))
+    return _pose(camera.basis().T, camera.position), _pose(turn.T, light.position)
 
 
-def _pose(turn: Rotation, place: Floats) -> Json:
-    """Fields of a glTF node at a place; rotation: a quaternion."""
-    return {"translation": place.tolist(), "rotation": turn.as_quat().tolist()}
-
-
-def _origin(scene: Scene) -> Floats:
-    """Place of the nodes of meshes: the origin, or the middle of a scene that is farther from it than it is large."""
-    low, high = scene.geometry.bounds
-    center: Floats = (low + high) / 2
-    return center if np.linalg.norm(center) > np.linalg.norm(high - low) else np.zeros(3)
+def _pose(turn: Floats, place: Sequence[float] | Floats) -> Json:
+    """Fields of a glTF node, of a rotation matrix and a place."""
+    return {"translation": [*map(float, place)], "rotation": Rotation.from_matrix(turn).as_quat().tolist()}

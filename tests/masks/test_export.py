@@ -284,19 +284,13 @@ def test_near_is_at_the_triangle_that_is_nearest_not_at_its_corners(builtin: Cal
 
 
 MOVED = """
-[[mesh]]
-name = "floor"
-shape = "plane"
-scale = 6
-translate = [1000, 0, 0]
-[[mesh]]
-name = "post"
-shape = "box"
-translate = [1000.5, 0.5, 0]
+mesh = [
+    { name = "floor", shape = "plane", scale = 6, translate = [1000, 0, 0] },
+    { name = "post", shape = "box", translate = [1000.5, 0.5, 0] },
+]
 [[sequence]]
 name = "turns"
 frames = 5
-seconds = 2.0
 [[sequence.key]]
 time = 1.0
 camera = { target = [1001, 0, 0] }

@@ -202,7 +202,7 @@ def test_bad_input_is_one_line_that_says_what_is_allowed(
         ((SCENE, mask, "--diff", tmp_path / "diff.jpg"), "diff.jpg: found a name that ends with '.jpg'; allowed: .png"),
         ((SCENE, tmp_path / "link.png", "--diff", mask), "is one of the pictures to score; name another file"),
         ((SCENE, tmp_path / "none.png"), "none.png: no such file"),
-        ((SCENE, tmp_path), "found no view.json there or above; allowed: folders in that of `export --sequence`"),
+        ((SCENE, tmp_path), "is not in a folder that `export --sequence` wrote; allowed: pictures of frames"),
     ]:
         answer = shadowbench("score", *arguments)
         assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1), line
