@@ -56,7 +56,7 @@ def export(
     \b
     scene.glb  meshes with flat normals, the camera, the light; of a sequence an animation
     view.json  view and projection matrices, size, pixel convention, the light's box; of a sequence those of each frame
-    truth.png  the ray-traced shadow mask, as an example of a mask for `score`; of a sequence truth/000.png and so on
+    truth.png  the ray-traced shadow mask, as an example of a mask for `score`; of a sequence truth/000.png …
     """
     from shadowbench.files import check_folder, make_folder
     from shadowbench.masks.export import DESCRIPTION, EXAMPLE, EXAMPLES, clip_of, export_view, inexpressible_in_gltf

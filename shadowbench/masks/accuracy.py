@@ -385,7 +385,7 @@ def accuracy_of_frames(clip: "Clip", folders: Sequence[Path | None], linear: boo
             mask = external_mask(file, lit, shadowed, ambient, linear)
             if mask.size != size:
                 raise InputError(f"{mask.name}: found {mask.size} pixels; allowed: {size}, as was exported")
-            if not scores.film:
+            if index == 0:
                 first = accuracy_of(mask, clip.frames[0])
             scores.add(Rendering(mask.visibility, nothing, None, None, {}, {}, measurable=mask.measurable), None)
     record = {**first.record, **scores.record(), "sequence": clip.name, "frames": len(clip.frames)}

@@ -371,7 +371,7 @@ def glb_of(view: View, *, sides: "Sides" = "double", clip: Clip | None = None) -
 
 
 def _animate(clip: Clip, origin: Floats, buffers: dict[str, bytes], tree: Json) -> None:
-    """Add an animation to a glTF, whose nodes are those of meshes, camera and light."""
+    """Add an animation of what moves to a glTF, whose nodes are those of meshes, camera and light."""
     nodes, count = _mesh_poses(clip, origin), len(clip.frames[0].scene.meshes)
     nodes |= dict(enumerate(map(list, zip(*map(_poses, clip.frames), strict=True)), count))
 
@@ -389,10 +389,12 @@ def _animate(clip: Clip, origin: Floats, buffers: dict[str, bytes], tree: Json) 
     animation: Json = {"name": clip.name, "channels": [], "samplers": []}
     for node, poses in nodes.items():
         for path, kind in (("translation", "VEC3"), ("rotation", "VEC4")):
-            target = {"node": node, "path": path}
-            animation["channels"].append({"sampler": len(animation["samplers"]), "target": target})
-            animation["samplers"].append({"input": times, "output": accessor([one[path] for one in poses], kind)})
-    tree["animations"] = [animation]
+            values, target = [one[path] for one in poses], {"node": node, "path": path}
+            if any(value != values[0] for value in values):
+                animation["channels"].append({"sampler": len(animation["samplers"]), "target": target})
+                animation["samplers"].append({"input": times, "output": accessor(values, kind)})
+    if animation["channels"]:
+        tree["animations"] = [animation]
 
 
 def _corner_attributes(mesh: Mesh) -> Json:

@@ -93,10 +93,16 @@ def test_camera_light_and_names_are_read_back(seen: Callable[..., View], name: s
     assert [mesh.name for mesh in found.scene.meshes] == [mesh.name for mesh in view.scene.meshes]
 
 
+def tree_of(glb: bytes) -> dict[str, Any]:
+    """What of a .glb is JSON."""
+    (length,) = struct.unpack("<I", glb[12:16])
+    tree: dict[str, Any] = json.loads(glb[20 : 20 + length])
+    return tree
+
+
 def materials(glb: bytes) -> dict[str, dict[str, Any]]:
     """Each mesh's material."""
-    (length,) = struct.unpack("<I", glb[12:16])
-    tree = json.loads(glb[20 : 20 + length])
+    tree = tree_of(glb)
     return {mesh["name"]: tree["materials"][mesh["primitives"][0]["material"]] for mesh in tree["meshes"]}
 
 
@@ -300,11 +306,16 @@ object = { post = { translate = [0, 0.5, 0], rotate = [0, 90, 30] } }
 
 
 @pytest.mark.parametrize(
-    ("scene", "sequence"),
-    [("stairs", "pan"), ("spot-lamp", "carried-lamp"), ("cube-on-plane", "moving-caster"), ("moved", "turns")],
+    ("scene", "sequence", "moving"),
+    [
+        ("stairs", "pan", "camera"),
+        ("spot-lamp", "carried-lamp", "light"),
+        ("cube-on-plane", "moving-caster", "cube"),
+        ("moved", "turns", "post camera light"),
+    ],
 )
 def test_an_animation_that_is_read_back_has_the_frames_and_view_json_their_matrices(
-    shadowbench: Callable, scene: str, sequence: str, tmp_path: Path
+    shadowbench: Callable, scene: str, sequence: str, moving: str, tmp_path: Path
 ) -> None:
     """The scene `moved` is far from the origin, so that its nodes are translated besides."""
     if scene == "moved":
@@ -315,6 +326,9 @@ def test_an_animation_that_is_read_back_has_the_frames_and_view_json_their_matri
     assert answer.code == 0, answer.err
     clip, described = clip_of(view, sequence, 3), json.loads((out / "view.json").read_text(encoding="utf-8"))
     assert (described["sequence"]["name"], len(described["sequence"]["frames"])) == (sequence, 3)
+    tree = tree_of((out / "scene.glb").read_bytes())
+    nodes = [tree["nodes"][one["target"]["node"]]["name"] for one in tree["animations"][0]["channels"]]
+    assert list(dict.fromkeys(nodes)) == moving.split()
     for index, (frame, written) in enumerate(zip(clip.frames, described["sequence"]["frames"], strict=True)):
         read = read_meshes(out / "scene.glb", chosen=Chosen(time=written["time"]))
         (camera,), (light,) = read.cameras, read.lights
