@@ -83,7 +83,6 @@ def export(
     if not quiet:
         meshes = chosen.scene.meshes
         triangles = sum(len(mesh.faces) for mesh in meshes)
-        animated = f", an animation of {len(clip.frames)} frames" if clip else ""
-        console.print_line(f"{model}: {len(meshes)} meshes, {triangles} triangles, the camera, the light{animated}")
-        console.print_line(f"{description}: matrices, size, conventions")
+        console.print_line(f"{model}: {len(meshes)} meshes, {triangles} triangles, the camera, the light")
+        console.print_line(f"{description}: matrices{f' of {len(views)} frames' if clip else ''}, size, conventions")
         console.print_line(f"{example}: the ray-traced mask{' of the last one' if clip else ''}, as an example")
