@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         truth,
     )
     from shadowbench.errors import InputError, ShadowbenchError
-    from shadowbench.measure.session import Rendering
+    from shadowbench.measure.pictures import Rendering
     from shadowbench.plugin.base import Technique
     from shadowbench.plugin.params import param
     from shadowbench.plugin.spec import Spec

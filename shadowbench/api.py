@@ -32,9 +32,9 @@ from shadowbench.masks.inputs import visibility_of
 from shadowbench.measure.gl_drawer import campaign_in, shared_worker
 from shadowbench.measure.gl_drawer import close as close
 from shadowbench.measure.gl_drawer import render as draw_once
+from shadowbench.measure.pictures import Rendering
 from shadowbench.measure.plugin_output import subjects_with, techniques_with
 from shadowbench.measure.scoring import prepare_truth, truth_record
-from shadowbench.measure.session import Rendering
 from shadowbench.plugin.base import Technique as Technique
 from shadowbench.plugin.params import param as param
 from shadowbench.plugin.spec import Spec, parse_spec

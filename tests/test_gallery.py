@@ -15,8 +15,8 @@ from shadowbench.maps.biases import Bias
 from shadowbench.maps.filters import Filter
 from shadowbench.maps.fits import Fit, Split
 from shadowbench.measure.columns import ROW_METRICS
+from shadowbench.measure.pictures import Rendering
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.measure.session import Rendering
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.techniques.shadow_map import ENGINES

@@ -19,8 +19,8 @@ from PIL import Image, ImageDraw
 import shadowbench as sb
 from shadowbench.measure.campaign import Block, Cell
 from shadowbench.measure.gl_drawer import GLDrawer, shared_worker
+from shadowbench.measure.pictures import Rendering
 from shadowbench.measure.points import motion_scores
-from shadowbench.measure.session import Rendering
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.reports.gallery import difference

@@ -107,23 +107,20 @@ def engines(
 def _list(chosen: "Engines", json: bool) -> int:
     from shadowbench.engines.programs import locked_version, what_lacks
 
+    entries = [
+        {
+            "name": name,
+            "version": locked_version(engine),
+            "lights": sorted(engine.lights),
+            "presets": list(engine.presets),
+            "lacks": what_lacks(engine),
+        }
+        for name, engine in chosen.items()
+    ]
     if json:
-        entries = [
-            {
-                "name": name,
-                "version": locked_version(engine),
-                "lights": sorted(engine.lights),
-                "presets": list(engine.presets),
-                "lacks": what_lacks(engine),
-            }
-            for name, engine in chosen.items()
-        ]
         console.print_json(entries)
         return 0
-    rows = [
-        (name, locked_version(one), " ".join(sorted(one.lights)), " ".join(one.presets), what_lacks(one) or "ready")
-        for name, one in chosen.items()
-    ]
+    rows = [[" ".join(part) if isinstance(part, list) else part or "ready" for part in one.values()] for one in entries]
     console.print_table("", ("engine", "version", "lights", "presets", ""), rows, whole=("engine", "version"))
     return 0
 

@@ -90,6 +90,7 @@ Scene = Annotated[str, argument("SCENE", f"The scene: {SCENE}.")]
 Plugins = Annotated[list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help=_PLUGIN)]
 _FIELDS = {one.name: one for group in (Measuring, Printed) for one in fields(group)}
 ViewSize = Annotated[shared.ViewSize | None, _option_of(_FIELDS["view_size"])]
+Frames = Annotated[int | None, _option_of(_FIELDS["frames"])]
 Json = Annotated[bool, _option_of(_FIELDS["json"])]
 Quiet = Annotated[bool, _option_of(_FIELDS["quiet"])]
 

@@ -44,18 +44,28 @@ def score(
     """Score another renderer's mask or screenshots.
 
     Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
-    draw. A mask that is flipped, turned or inverted is refused; one that seems shifted, sRGB-encoded or lit by
+    draw; pictures of a sequence, 000.png, 001.png …, are in folders below that of `export`, which are given in place of
+    files. A mask that is flipped, turned or inverted is refused; one that seems shifted, sRGB-encoded or lit by
     ambient light is scored unchanged, with a warning. Below the metrics the errors are said in words, the leading one
     first. The column `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or both.
     """
-    from shadowbench.masks.accuracy import accuracy_of, append_row
+    from shadowbench.masks.accuracy import accuracy_of, accuracy_of_frames, append_row
     from shadowbench.masks.inputs import external_mask
     from shadowbench.scores.difference import difference_picture, write_difference
 
     _check_outputs(scoring, mask)
-    picture = external_mask(mask, scoring.lit, scoring.shadowed, scoring.ambient, scoring.linear)
+    pictures = mask, scoring.lit, scoring.shadowed, scoring.ambient
+    folder = next((one for one in pictures if one and one.is_dir()), None)
     with console.Reporter(printed.quiet) as reporter:
-        accuracy = accuracy_of(picture, reporter.view(scene, picture.size, view))
+        if folder:
+            from shadowbench.masks.export import clip_of, exported_sequence  # imports trimesh, 0.8 s
+
+            name, count, size = exported_sequence(folder)
+            clip = clip_of(reporter.view(scene, size, view), name, count)
+            accuracy = accuracy_of_frames(clip, pictures, scoring.linear)
+        else:
+            picture = external_mask(*pictures, scoring.linear)
+            accuracy = accuracy_of(picture, reporter.view(scene, picture.size, view))
     notes = []
     if scoring.diff is not None:
         write_difference(scoring.diff, difference_picture(accuracy.comparison))
@@ -94,18 +104,22 @@ def _check_outputs(scoring: ScoreOptions, mask: Path | None) -> None:
 
 def _print(accuracy: "Accuracy") -> None:
     from shadowbench.scores.metrics import METRICS, is_soft
+    from shadowbench.scores.motion import MOTION
 
-    view = accuracy.view
+    view, record = accuracy.view, accuracy.record
     title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}"
+    if name := record.get("sequence"):
+        title += f", and the other {record['frames'] - 1} frames of {name}"
     soft = is_soft(accuracy.metrics)
     first = ("rmse", "rmse_pen") if soft else ()
     rows = []
-    for metric in sorted(METRICS.values(), key=lambda metric: metric.name not in first):
+    metrics = [metric for metric in (*METRICS.values(), *MOTION.values()) if metric.name in accuracy.metrics]
+    for metric in sorted(metrics, key=lambda metric: metric.name not in first):
         value = accuracy.metrics[metric.name]
         if metric.suits(soft) and (value is not None or metric.kind != "soft"):
             # The first sentence of a metric of soft shadows is not enough.
             about = metric.help if metric.kind == "soft" else metric.help.split(". ")[0]
-            shown = metric.text(value, number, accuracy.record)
+            shown = metric.text(value, number, record)
             rows.append((metric.name, shown, metric.better, metric.kind, about))
     columns = ("metric", "", "better", "shadows", "what it is")
     console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better", "shadows"))

@@ -11,7 +11,8 @@ from shadowbench.errors import InputError, Unsupported
 from shadowbench.geometry.topology import is_closed, surrounds
 from shadowbench.measure.campaign import Block, Cell
 from shadowbench.measure.gl_drawer import GLDrawer
-from shadowbench.measure.session import Rendering
+from shadowbench.measure.pictures import Rendering
+from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Phase
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.spec import Spec
@@ -53,27 +54,31 @@ class EngineDrawer(GLDrawer):
         if engine is None:
             yield from super().draw(block, cell, keep)
             return
-        for view in block.views:
-            yield self._draw(engine, view, cell)
-
-    def _draw(self, engine: type[Engine], view: View, cell: Cell) -> Rendering:
-        if reason := _unsupported(engine, view, cell):
+        if reason := next(filter(None, (_unsupported(engine, view, cell) for view in block.views)), None):
             raise Unsupported(reason)
+        session = self._session(engine, block.view.size)
+        frames = session.draw(block.views, cast(EngineParams, cell.spec.params), Phase(cell.phase))
+        for _ in block.views:
+            try:
+                drawn = next(frames)
+            except BaseException:  # such as KeyboardInterrupt: no program may be left
+                self._close(engine)
+                raise
+            yield drawn
+
+    def _session(self, engine: type[Engine], size: ViewSize) -> "EngineSession":
+        """The engine's program; one that has ended, draws another size or is large is replaced."""
         open_one = self._sessions.get(engine)
-        if open_one and (open_one.host.ended or open_one.size != view.size or open_one.host.memory > _MOST_BYTES):
+        if open_one and (open_one.host.ended or open_one.size != size or open_one.host.memory > _MOST_BYTES):
             self._close(engine)
         if engine not in self._sessions:
             while len(self._sessions) >= _MOST_OPEN:
                 self._close(next(iter(self._sessions)))
             from shadowbench.engines.engine_session import EngineSession  # imports trimesh, 0.8 s
 
-            self._sessions[engine] = EngineSession(engine, view.size)
-        session = self._sessions[engine] = self._sessions.pop(engine)  # behind those that were used before
-        try:
-            return session.draw(view, cast(EngineParams, cell.spec.params), Phase(cell.phase))
-        except BaseException:  # such as KeyboardInterrupt: no program may be left
-            self._close(engine)
-            raise
+            self._sessions[engine] = EngineSession(engine, size)
+        self._sessions[engine] = self._sessions.pop(engine)  # behind those that were used before
+        return self._sessions[engine]
 
     def _close(self, engine: type[Engine]) -> None:
         self._sessions.pop(engine).close()

@@ -7,7 +7,7 @@ frame, encoding and shading are what they should be.
 import math
 import subprocess
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import lru_cache
@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 
 from shadowbench.engines.programs import start_host
-from shadowbench.masks.export import describe, describe_light, glb_of, light_box
+from shadowbench.masks.export import describe, describe_camera, describe_light, glb_of, light_box, nearest_depth
 from shadowbench.masks.inputs import DARKEST, decode_srgb
-from shadowbench.measure.session import Rendering
+from shadowbench.measure.pictures import Rendering
 from shadowbench.measure.worker import CellFailed
 from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Phase
@@ -29,7 +29,7 @@ from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Mesh, Scene, View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.masks import quantise
-from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 from shadowbench.truths.trace import Truth
 
 Request = Mapping[str, Any]
@@ -73,7 +73,7 @@ class EngineSession:
     def __init__(self, engine: type[Engine], size: ViewSize) -> None:
         self.engine, self.size = engine, size
         self._stack = ExitStack()
-        self._scene: tuple[View, str] | None = None
+        self._lit: tuple[View, str, Levels] | None = None  # of the last view, and the sides of its materials
         try:
             log = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="shadowbench-"))) / "log"
             self.host = start_host(engine, log, {"DISPLAY": self._display()} if engine.display else {})
@@ -84,8 +84,9 @@ class EngineSession:
                 raise CellFailed(
                     "drew with SwiftShader, whose 4 sub-pixel bits are not the 8 that undecided pixels assume"
                 )
-            probe = probe_view(size)
-            check_probe(probe, self._lit_picture(probe, cast(EngineParams, engine.Params())))
+            probe, params = probe_view(size), cast(EngineParams, engine.Params())
+            self._load(probe, params)
+            check_probe(probe, self._lit_picture(self._request(probe, params, Phase(), nearest_depth(probe))))
         except BaseException:  # such as KeyboardInterrupt: no program may be left
             self.close()
             raise
@@ -94,21 +95,27 @@ class EngineSession:
         """End the program."""
         self._stack.close()
 
-    def draw(self, view: View, params: EngineParams, phase: Phase) -> Rendering:
-        """The mask of a view. Raises CellFailed; the session is to be closed then."""
-        request = self._request(view, params, phase)
-        if self._scene is None or self._scene[0] is not view or self._scene[1] != params.sides:
-            self._lit = self._lit_levels(view, params)
-        exposures = [BRIGHTER**level for level in range(len(self._lit))]
-        shadowed = [self._picture(request, shadows=True, times=times) for times in exposures]
-        again = self._picture(request, shadows=False)
-        if np.abs(again - self._lit[0]).max() > _ROUNDING:
-            raise CellFailed("drew two different pictures without shadows")
-        mask, measurable = visibility(self._lit, shadowed)
+    def draw(self, views: Sequence[View], params: EngineParams, phase: Phase) -> Iterator[Rendering]:
+        """Masks of a view, or of a sequence's frames in order. Raises CellFailed; the session is to be closed then."""
+        nearest = nearest_depth(*views)  # of all frames, as the planes of their cameras are
         about = {"version": self.version, "renderer": self.renderer}
         about |= {"box": self.engine.box, "phase": "box" if self.engine.phased else "none"}
-        picture = encode_srgb(shadowed[0])
-        return Rendering(mask, picture, None, None, {}, {}, engine=about, measurable=measurable)
+        for index, view in enumerate(views):
+            request = self._request(view, params, phase, nearest)
+            if self._lit is None or self._lit[0] is not view or self._lit[1] != params.sides:
+                if index == 0 or view.scene is not views[index - 1].scene:
+                    self._load(view, params)
+                truth = cached_truth(view, 1 if index else PIXEL_SAMPLES)
+                self._lit = view, params.sides, self._lit_levels(view, params, nearest, truth)
+            lit = self._lit[2]
+            exposures = [BRIGHTER**level for level in range(len(lit))]
+            shadowed = [self._picture(request, shadows=True, times=times) for times in exposures]
+            again = self._picture(request, shadows=False)
+            if np.abs(again - lit[0]).max() > _ROUNDING:
+                raise CellFailed("drew two different pictures without shadows")
+            mask, measurable = visibility(lit, shadowed)
+            picture = encode_srgb(shadowed[0])
+            yield Rendering(mask, picture, None, None, {}, {}, engine=about, measurable=measurable)
 
     def shadows_drawn(self) -> dict[str, float]:
         """Share of the true shadow that the engine has in shadow, by kind of light. Raises CellFailed for less than ½.
@@ -120,7 +127,7 @@ class EngineSession:
         shares: dict[str, float] = {}
         for light in sorted(self.engine.lights):
             view = chosen_view(_TRIAL_SCENES[light], self.size)
-            truth, rendering = cached_truth(view), self.draw(view, params, Phase())
+            truth, rendering = cached_truth(view), next(self.draw((view,), params, Phase()))
             shadow = truth.receivers & ~truth.undecided & (truth.visibility < 0.5)
             shares[light] = float((rendering.visibility[shadow] < 0.5).mean())
             if shares[light] < _LEAST_SHADOW:
@@ -129,10 +136,10 @@ class EngineSession:
                 raise CellFailed(f"drew {missing}, under a {light} light: {reach}")
         return shares
 
-    def _lit_levels(self, view: View, params: EngineParams) -> Levels:
+    def _lit_levels(self, view: View, params: EngineParams, nearest: float, truth: Truth) -> Levels:
         """Pictures of a view without shadows, as many as its darkest surfaces need, at least two."""
-        truth, request = cached_truth(view), self._request(view, params, Phase())
-        levels = [self._lit_picture(view, params)]
+        request = self._request(view, params, Phase(), nearest)
+        levels = [self._lit_picture(request)]
         facing = _facing(truth)
         most_dark = _TOO_DARK_SHARE * np.count_nonzero(facing)
         while len(levels) < _MOST_LEVELS:
@@ -142,26 +149,27 @@ class EngineSession:
         check_lit(levels, truth, view.light.hard_kind == "directional")
         return levels
 
-    def _lit_picture(self, view: View, params: EngineParams) -> Luminance:
-        """Load a view, find the exposure at which its brightest surface is bright but not cut off, and draw that."""
-        self._scene = None
+    def _load(self, view: View, params: EngineParams) -> None:
+        """Have the program hold the scene of a view, in place of the former one."""
         plain = plain_view(view)
         self._call("load", describe(plain, plain.scene.name), glb_of(plain, sides=params.sides))
-        request = self._request(view, params, Phase())
+
+    def _lit_picture(self, request: Request) -> Luminance:
+        """Find the exposure at which the brightest surface is bright but not cut off, and draw that."""
         self._exposure = _BRIGHTEST
         for _ in range(_TRIES):
             picture = self._picture(request, shadows=False)
             brightest = float(np.quantile(picture, 0.999))
             if brightest > 0 and _TOO_DARK <= brightest < _CUT_OFF:
-                self._scene = view, params.sides
                 return picture
             self._exposure *= 0.25 if brightest >= _CUT_OFF else min(_BRIGHTEST / max(brightest, 1e-3), 100)
         raise CellFailed("drew no picture without shadows that is neither black nor white")
 
-    def _request(self, view: View, params: EngineParams, phase: Phase) -> Request:
-        """What the pictures of a cell have in common."""
+    def _request(self, view: View, params: EngineParams, phase: Phase, nearest: float) -> Request:
+        """What the pictures of a frame have in common; nearest: as of `describe_camera`."""
         size, view = self.engine.map_size(params), plain_view(view)
         return {
+            "camera": describe_camera(view, nearest),
             "light": describe_light(view.light),
             "box": light_box(view, size, phase.shift if self.engine.phased else (0.0, 0.0)),
             "params": params.model_dump(mode="json", exclude={"sides"}),

@@ -4,12 +4,12 @@ import hashlib
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,10 @@ from skimage.registration import phase_cross_correlation
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.masks.inputs import ExternalMask, decode_srgb
-from shadowbench.measure.rows import IMAGES, RowStore, identity
+from shadowbench.masks.inputs import PICTURE, ExternalMask, decode_srgb, external_mask
+from shadowbench.measure.frames import CellScores, Truths
+from shadowbench.measure.pictures import Pictures, Rendering
+from shadowbench.measure.rows import IMAGES, STILL, RowStore, identity
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.options import ViewSize
 from shadowbench.scenes.model import View, view_digest
@@ -31,6 +33,9 @@ from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 from shadowbench.versions import of_scores
 
+if TYPE_CHECKING:
+    from shadowbench.masks.export import Clip
+
 _HARD_ERRORS = {
     "edge_px": (1, "edges lie {:.3g} px from the true ones on average"),
     "acne": (100, "{:.3g}% of the lit interior is dark"),
@@ -38,7 +43,7 @@ _HARD_ERRORS = {
     "contact": (100, "{:.3g}% of the shadow next to its caster is lit (peter-panning)"),
 }
 """By metric: the factor of its value, and the line that says it."""
-_IDENTITY = ("scene", "view", "light", "spec", "view_size", "view_width", "renderer")
+_IDENTITY = ("scene", "view", "light", "spec", "view_size", "view_width", "renderer", *STILL)
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]{0,79}")
 
 Image = NDArray[np.float32]
@@ -249,13 +254,17 @@ def _misfit(comparison: Comparison, where: Mask, shift: Shift | None) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """Scores of a mask of another renderer; record: fields of its score record; comparison: mask and truth."""
+    """Scores of a mask of another renderer; record: fields of its score record; comparison: mask and truth.
+
+    Of a sequence metrics are of all frames, `film` has pictures of them, and all else is of the first.
+    """
 
     external: ExternalMask
     view: View
     truth: Truth
     comparison: Comparison
     record: dict[str, Any]
+    film: Sequence[NDArray[np.uint8]] = ()
 
     @property
     def metrics(self) -> dict[str, float | None]:
@@ -363,6 +372,26 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
     return Accuracy(external, view, whole, comparison, record)
 
 
+def accuracy_of_frames(clip: "Clip", folders: Sequence[Path | None], linear: bool = False) -> Accuracy:
+    """Score pictures of a sequence's frames in folders, which are as the pictures of `external_mask`.
+
+    Raises InputError for one that is missing or of another size, and for the first as `accuracy_of`.
+    """
+    nothing, size = np.zeros((0, 0, 3), np.uint8), clip.frames[0].size
+    with closing(Truths(clip.frames)) as truths:
+        scores = CellScores(truths, filmed=True)
+        for index in range(len(clip.frames)):
+            file, lit, shadowed, ambient = (folder and folder / PICTURE.format(index) for folder in folders)
+            mask = external_mask(file, lit, shadowed, ambient, linear)
+            if mask.size != size:
+                raise InputError(f"{mask.name}: found {mask.size} pixels; allowed: {size}, as was exported")
+            if index == 0:
+                first = accuracy_of(mask, clip.frames[0])
+            scores.add(Rendering(mask.visibility, nothing, None, None, {}, {}, measurable=mask.measurable), None)
+    record = {**first.record, **scores.record(), "sequence": clip.name, "frames": len(clip.frames)}
+    return replace(first, record=record, film=scores.film)
+
+
 def _warnings(encoding: MaskEncoding, screenshots: bool) -> Iterator[str]:
     """What is wrong with a whole mask, in words."""
     if encoding.shift is not None:
@@ -388,11 +417,13 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
     """
     view = accuracy.view
     cell, renderer = identity(view, technique=name, spec=name, full_spec=name), f"external: {name}"
+    cell |= {part: accuracy.record.get(part, value) for part, value in STILL.items()}
     content = _digest(  # of everything that the row depends on
         {
             "engine": name,
             "view": (view.scene.name, view.camera.name, view.light.name, view_digest(view)),
             "mask": accuracy.record["mask_sha256"],
+            **{part: accuracy.record[part] for part in (*STILL, "by_frame") if part in accuracy.record},
             "input": accuracy.record["input"],
             "versions": of_scores(),
         }
@@ -408,9 +439,9 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
             (folder / kind).mkdir(exist_ok=True)
         write_mask(folder / "masks" / f"{key}.png", accuracy.external.visibility)
         write_difference(folder / "differences" / f"{key}.png", difference_picture(accuracy.comparison))
-        truth = accuracy.truth
-        for end, mask in (("", truth.visibility), (".undecided", truth.undecided), (".facets", truth.facets)):
-            write_mask(folder / "truth" / f"{view.name}{end}.png", mask.astype(np.float32))
+        pictures = Pictures(folder)
+        pictures.write_film(key, accuracy.film)
+        pictures.write_truth(view, accuracy.truth)
         if accuracy.external.picture is not None:
             with replace_file(folder / "pictures" / f"{key}.png") as temporary:
                 shutil.copyfile(accuracy.external.picture, temporary)

@@ -1,4 +1,4 @@
-"""Export of a view for another renderer: `scene.glb`, `view.json`, and the truth as an example mask."""
+"""Export of a view, or of a sequence, for another renderer: `scene.glb`, `view.json`, and truths as example masks."""
 
 import base64
 import json
@@ -6,68 +6,100 @@ import math
 import re
 import shlex
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import trimesh
+from scipy.spatial.transform import Rotation
 from trimesh.exchange.gltf import export_glb
 
+from shadowbench.errors import InputError
 from shadowbench.files import make_folder, png_of, replace_file
 from shadowbench.geometry.convex import caster_and_receiver_faces, caster_and_receiver_vertices
 from shadowbench.geometry.lights import light_space, window
 from shadowbench.geometry.topology import is_closed
-from shadowbench.options import FIRST, SceneOptions
+from shadowbench.masks.inputs import PICTURE
+from shadowbench.options import FIRST, SceneOptions, ViewSize
 from shadowbench.scenes.cutouts import Cutout, Wrap
 from shadowbench.scenes.model import Camera, Light, Mesh, View
+from shadowbench.scenes.sequences import frames_of, motions_of
 from shadowbench.scenes.triangles import bounds_of
 from shadowbench.scenes.vectors import Floats, perpendicular_basis, unit
-from shadowbench.scores.masks import write_mask
-from shadowbench.truths.trace import Truth
 
 if TYPE_CHECKING:
     from shadowbench.plugin.engine import Sides
 
 SCHEMA = 1
 _ROW = re.compile(r"\[[^][{}]*\]")  # a list of numbers, which is written on one line
-MODEL, DESCRIPTION, EXAMPLE = "scene.glb", "view.json", "truth.png"
+MODEL, DESCRIPTION, EXAMPLE, EXAMPLES = "scene.glb", "view.json", "truth.png", "truth"
+RIGID = 1e-6  # share of a mesh's size by which it may differ from the same one moved
 
 PADDING = 2.0  # texels beside the casters and receivers, for an engine's filter
 MARGIN = 1e-3  # share of the distances, against rounding
 
 _WRAPS: dict[Wrap, int] = {"clamp": 33071, "mirror": 33648, "repeat": 10497}
-_NEAREST = 9728
+_NEAREST, _FLOAT = 9728, 5126
 
 Json = dict[str, Any]
 
 
+class Clip(NamedTuple):
+    """A sequence: its name, seconds from frame to frame, and the frames."""
+
+    name: str
+    interval: float
+    frames: tuple[View, ...]
+
+
+def exported_sequence(folder: Path) -> tuple[str, int, ViewSize]:
+    """Name, number of frames and size of an exported sequence whose pictures are in a folder. Raises InputError."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        described = json.loads((folder.absolute().parent / DESCRIPTION).read_text(encoding="utf-8"))
+        return described["sequence"]["name"], len(described["sequence"]["frames"]), ViewSize(**described["image"])
+    raise InputError(f"{folder}: is not in a folder that `export --sequence` wrote; allowed: pictures of frames there")
+
+
+def clip_of(view: View, name: str, frames: int | None = None) -> Clip:
+    """A sequence of a view; frames: how many, by default all. Raises InputError."""
+    motion, *others = motions_of(view.scene, [name])
+    if others:
+        raise InputError(f"--sequence: found {name!r}; allowed: one, such as {motion.name}")
+    return Clip(name, motion.seconds / (motion.frames - 1), frames_of(view, motion, frames))
+
+
 def export_view(
     view: View,
-    truth: Truth,
     folder: Path,
     scene_name: str,
     *,
     sides: "Sides" = "double",
     options: SceneOptions = FIRST,
+    clip: Clip | None = None,
 ) -> list[Path]:
-    """Write a view's files into a folder, and return their paths.
+    """Write a view, or the sequence that begins with it, into a folder; the paths of its model and description.
 
-    scene_name: its argument on the command line; options: how it was read; sides: as of `glb_of`.
+    scene_name: its argument on the command line; options: how it was read; sides: as of `glb_of`. Raises InputError for
+    a sequence in which a mesh changes its shape.
     """
     make_folder(folder)
-    model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
+    model, description = folder / MODEL, folder / DESCRIPTION
     with replace_file(model) as temporary:
-        temporary.write_bytes(glb_of(view, sides=sides))
+        temporary.write_bytes(glb_of(view, sides=sides, clip=clip))
     with replace_file(description) as temporary:
-        text = json.dumps(describe(view, scene_name, sides, options), indent=2, ensure_ascii=False, allow_nan=False)
+        described = describe(view, scene_name, sides, options, clip)
+        text = json.dumps(described, indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
-    write_mask(example, truth.visibility)
-    return [model, description, example]
+    return [model, description]
 
 
-def inexpressible_in_gltf(view: View) -> list[str]:
-    """One line for each mesh that casts or receives no shadow, and for a light's size."""
+def inexpressible_in_gltf(view: View, clip: Clip | None = None) -> list[str]:
+    """One line for each mesh that casts or receives no shadow, for a light's size, and for a camera that zooms."""
     lines, light = [], view.light
+    if clip and any(not np.array_equal(frame.projection, clip.frames[0].projection) for frame in clip.frames):
+        lines.append(f"sequence {clip.name} changes the field of view, which glTF cannot say: see {DESCRIPTION}")
     if light.kind != light.hard_kind:
         spot = f"a spot of {math.degrees(light.frustum_angle or 0.0):.0f}° in {MODEL}"
         lines.append(f"light {light.name!r} is a {light.kind}, which glTF cannot say: {spot}; see {DESCRIPTION}")
@@ -92,31 +124,61 @@ def view_matrix(camera: Camera) -> Floats:
     return matrix
 
 
-def nearest_depth(view: View) -> float:
-    """Depth of the nearest surface in the picture, in metres along the camera's axis, at least that of the near plane.
+def nearest_depth(*views: View) -> float:
+    """Depth of the nearest surface in pictures, in metres along the camera's axis, at least that of the near plane.
 
     The near plane of a camera within the scene's bounds is at far/10⁴, where a depth buffer of 24 bits is coarse: a
     shadow volume that is tested against it ends millimetres beside the shadow.
     """
+    nearest = views[0].near_far[1]
+    for view in views:
+        camera = view.camera
+        right, up, back = camera.basis()
+        position, aspect = np.asarray(camera.position), view.size.aspect
+        vertices, faces = view.scene.geometry.vertices, view.scene.geometry.faces
+        for normal, scale in ((right, aspect), (-right, aspect), (up, 1.0), (-up, 1.0)):
+            cut = trimesh.intersections.slice_faces_plane(  # type: ignore[no-untyped-call]
+                vertices, faces, normal - scale * camera.slope * back, position - scale * camera.height / 2 * normal
+            )
+            vertices, faces = cut[:2]
+        depths = (vertices[np.unique(faces)] - position) @ -back
+        nearest = float(depths.min(initial=nearest))
+    return max(views[0].near_far[0], nearest)
+
+
+def describe_camera(view: View, nearest: float) -> Json:
+    """Camera in `view.json`; nearest: depth of the nearest surface in the picture, or in those of all frames."""
     camera, (near, far) = view.camera, view.near_far
-    right, up, back = camera.basis()
-    position, aspect = np.asarray(camera.position), view.size.aspect
-    vertices, faces = view.scene.geometry.vertices, view.scene.geometry.faces
-    for normal, scale in ((right, aspect), (-right, aspect), (up, 1.0), (-up, 1.0)):
-        cut = trimesh.intersections.slice_faces_plane(  # type: ignore[no-untyped-call]
-            vertices, faces, normal - scale * camera.slope * back, position - scale * camera.height / 2 * normal
-        )
-        vertices, faces = cut[:2]
-    depths = (vertices[np.unique(faces)] - position) @ -back
-    return max(near, float(depths.min(initial=far)))
+    return {
+        "name": camera.name,
+        "position": list(camera.position),
+        "target": list(camera.target),
+        "up": camera.basis()[1].tolist(),
+        "kind": "perspective" if camera.converging else "orthographic",
+        "fov_y": math.degrees(camera.fov_y) or None,
+        "height": camera.height or None,
+        "aspect": view.size.aspect,
+        "near": near,
+        "far": far,
+        "nearest": nearest,
+        "view": view_matrix(camera).tolist(),
+        "projection": view.projection.tolist(),
+    }
 
 
-def describe(view: View, scene_name: str, sides: "Sides" = "double", options: SceneOptions = FIRST) -> Json:
+def describe(
+    view: View, scene_name: str, sides: "Sides" = "double", options: SceneOptions = FIRST, clip: Clip | None = None
+) -> Json:
     """Contents of `view.json`: conventions that glTF leaves open, camera, light, meshes and the format of masks."""
-    camera, (near, far) = view.camera, view.near_far
+    read = [scene_name, "MASKS" if clip else "MASK.png", *options.arguments()]
+    score = ["shadowbench", "score", *read, "--view", view.camera.name, "--light", view.light.name]
+    frames = clip.frames if clip else (view,)
+    view, nearest = frames[0], nearest_depth(*frames)
+    moving: list[Json] = [
+        {"camera": describe_camera(frame, nearest), "light": {**describe_light(frame.light), "box": light_box(frame)}}
+        for frame in frames
+    ]
     low, high = bounds_of(caster_and_receiver_vertices(view.scene.geometry)).tolist()
-    read = [scene_name, "MASK.png", *options.arguments()]
-    score = ["shadowbench", "score", *read, "--view", camera.name, "--light", view.light.name]
     return {
         "schema": SCHEMA,
         "scene": view.scene.name,
@@ -131,21 +193,12 @@ def describe(view: View, scene_name: str, sides: "Sides" = "double", options: Sc
             "angles": "degrees",
         },
         "image": view.size._asdict(),
-        "camera": {
-            "name": camera.name,
-            "position": list(camera.position),
-            "target": list(camera.target),
-            "up": camera.basis()[1].tolist(),
-            "kind": "perspective" if camera.converging else "orthographic",
-            "fov_y": math.degrees(camera.fov_y) or None,
-            "height": camera.height or None,
-            "near": near,
-            "far": far,
-            "nearest": nearest_depth(view),
-            "view": view_matrix(camera).tolist(),
-            "projection": view.projection.tolist(),
+        **moving[0],
+        "sequence": clip
+        and {
+            "name": clip.name,
+            "frames": [{"time": index * clip.interval, **one} for index, one in enumerate(moving)],
         },
-        "light": {**describe_light(view.light), "box": light_box(view)},
         "bounds": {"low": low, "high": high},
         "sides": sides,
         "meshes": [
@@ -160,13 +213,31 @@ def describe(view: View, scene_name: str, sides: "Sides" = "double", options: Sc
             for mesh in view.scene.meshes
         ],
         "mask": {
-            "example": EXAMPLE,
+            "example": f"{EXAMPLES}/{PICTURE.format(0)}" if clip else EXAMPLE,
             "format": "grey PNG, 8 or 16 bit, linear (no sRGB curve): full where the light is seen, 0 in shadow, "
             "full where no surface faces camera and light",
             "score": shlex.join(score),
         },
-        "assumptions": [*view.scene.notes, *inexpressible_in_gltf(view)],
+        "assumptions": [*view.scene.notes, *inexpressible_in_gltf(view, clip)],
     }
+
+
+def _mesh_poses(clip: Clip, origin: Floats) -> dict[int, list[Json]]:
+    """Poses in each frame of the nodes of meshes that move. Raises InputError for a mesh that changes its shape."""
+    poses: dict[int, list[Json]] = {}
+    for index, mesh in enumerate(clip.frames[0].scene.meshes):
+        moved = [frame.scene.meshes[index].vertices for frame in clip.frames]
+        if all(np.array_equal(vertices, mesh.vertices) for vertices in moved):
+            continue
+        middle, poses[index] = mesh.vertices.mean(axis=0), []
+        for vertices in moved:
+            there = vertices.mean(axis=0)
+            turn, misfit = Rotation.align_vectors(vertices - there, mesh.vertices - middle)
+            if misfit > RIGID * np.linalg.norm(mesh.vertices - middle):
+                allowed = "allowed: sequences in which meshes move as they are"
+                raise InputError(f"sequence {clip.name}: {mesh.name} changes its shape; {allowed}")
+            poses[index].append(_pose(turn.as_matrix(), there + turn.apply(origin - middle)))
+    return poses
 
 
 def describe_light(light: Light) -> dict[str, Any]:
@@ -234,18 +305,19 @@ def _distances(view: View) -> tuple[float, float]:
     return float(max(near, far / 1e4)), far
 
 
-def glb_of(view: View, *, sides: "Sides" = "double") -> bytes:
+def glb_of(view: View, *, sides: "Sides" = "double", clip: Clip | None = None) -> bytes:
     """Bytes of a .glb with the view's meshes in float32, its camera and its light (KHR_lights_punctual).
 
     Each triangle has vertices of its own, with its normal. sides: which of the white materials are double-sided, those
     of meshes that are not closed, or all. The light has no size there, and a disc or rectangle is a spot of
     WIDEST_CONE. A mesh that casts or receives no shadow has `casts` or `receives` in its node's `extras`, since glTF
     cannot express it. If the scene is farther from the origin than it is large, nodes are translated to its centre, so
-    that float32 vertices keep their precision.
+    that float32 vertices keep their precision. clip: what an animation of the nodes plays, in place of the view.
     """
+    view = clip.frames[0] if clip else view
     scene, camera, light = view.scene, view.camera, view.light
-    low, high = scene.geometry.bounds
     materials = [(sides == "double" or not is_closed(mesh), mesh.cutout) for mesh in scene.meshes]
+    low, high = scene.geometry.bounds
     center = (low + high) / 2
     origin = center if np.linalg.norm(center) > np.linalg.norm(high - low) else np.zeros(3)
 
@@ -270,13 +342,11 @@ def glb_of(view: View, *, sides: "Sides" = "double") -> bytes:
         tree["cameras"] = [{"name": camera.name, "type": kind, kind: {**lens, "znear": near, "zfar": far}}]
         tree["extensions"] = {"KHR_lights_punctual": {"lights": [_lamp(light)]}}
         tree["extensionsUsed"] = ["KHR_lights_punctual"]
-        # Both kinds of light that have a direction shine along their node's −z.
-        turn = np.eye(3) if light.kind == "point" else perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
-        punctual = {"KHR_lights_punctual": {"light": 0}}
+        punctual, (of_camera, of_light) = {"KHR_lights_punctual": {"light": 0}}, _poses(view)
         tree["nodes"] = [
             *(_mesh_node(index, mesh, origin) for index, mesh in enumerate(scene.meshes)),
-            {"name": camera.name, "camera": 0, "matrix": _columns(camera.basis(), camera.position)},
-            {"name": light.name, "extensions": punctual, "matrix": _columns(turn, light.position)},
+            {"name": camera.name, "camera": 0, **of_camera},
+            {"name": light.name, "extensions": punctual, **of_light},
         ]
         tree["scenes"] = [{"name": scene.name, "nodes": list(range(len(tree["nodes"])))}]
 
@@ -293,8 +363,38 @@ def glb_of(view: View, *, sides: "Sides" = "double") -> bytes:
             process=False,
         )
         loaded.add_geometry(shape, geom_name=f"mesh {index}")
-    written: bytes = export_glb(loaded, include_normals=True, tree_postprocessor=complete)  # type: ignore[no-untyped-call]
+    animate = partial(_animate, clip, origin) if clip else None
+    written: bytes = export_glb(  # type: ignore[no-untyped-call]
+        loaded, include_normals=True, tree_postprocessor=complete, buffer_postprocessor=animate
+    )
     return written
+
+
+def _animate(clip: Clip, origin: Floats, buffers: dict[str, bytes], tree: Json) -> None:
+    """Add an animation of what moves to a glTF, whose nodes are those of meshes, camera and light."""
+    nodes, count = _mesh_poses(clip, origin), len(clip.frames[0].scene.meshes)
+    nodes |= dict(enumerate(map(list, zip(*map(_poses, clip.frames), strict=True)), count))
+
+    def accessor(values: Any, kind: str, **bounds: Any) -> int:
+        """Index of an accessor of values, which are added to the buffer."""
+        array, name = np.array(values, np.float32), f"animation {len(buffers)}"
+        buffers[name] = array.tobytes()
+        tree["accessors"][name] = {
+            "bufferView": len(buffers) - 1, "componentType": _FLOAT, "count": len(array), "type": kind, **bounds
+        }  # fmt: skip
+        return len(tree["accessors"]) - 1
+
+    last = (len(clip.frames) - 1) * clip.interval
+    times = accessor(np.linspace(0, last, len(clip.frames)), "SCALAR", min=[0.0], max=[float(np.float32(last))])
+    animation: Json = {"name": clip.name, "channels": [], "samplers": []}
+    for node, poses in nodes.items():
+        for path, kind in (("translation", "VEC3"), ("rotation", "VEC4")):
+            values, target = [one[path] for one in poses], {"node": node, "path": path}
+            if any(value != values[0] for value in values):
+                animation["channels"].append({"sampler": len(animation["samplers"]), "target": target})
+                animation["samplers"].append({"input": times, "output": accessor(values, kind)})
+    if animation["channels"]:
+        tree["animations"] = [animation]
 
 
 def _corner_attributes(mesh: Mesh) -> Json:
@@ -343,9 +443,13 @@ def _mesh_node(index: int, mesh: Mesh, origin: Floats) -> Json:
     return node
 
 
-def _columns(basis: Floats, position: tuple[float, float, float]) -> list[float]:
-    """A pose as a glTF matrix: 16 numbers in column-major order. `basis` has the axes as rows."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = basis  # the transpose of the transform, so that ravel is column-major
-    matrix[3, :3] = position
-    return [float(value) for value in matrix.ravel()]
+def _poses(view: View) -> tuple[Json, Json]:
+    """Poses of the nodes of camera and light, which shines along its −z if it has a direction."""
+    camera, light = view.camera, view.light
+    turn = np.eye(3) if light.kind == "point" else perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
+    return _pose(camera.basis().T, camera.position), _pose(turn.T, light.position)
+
+
+def _pose(turn: Floats, place: Sequence[float] | Floats) -> Json:
+    """Fields of a glTF node, of a rotation matrix and a place."""
+    return {"translation": [*map(float, place)], "rotation": Rotation.from_matrix(turn).as_quat().tolist()}

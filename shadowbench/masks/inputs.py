@@ -12,6 +12,8 @@ from shadowbench.scores.masks import LEVELS, open_png, quantise, read_mask
 
 LARGEST = 4096  # most pixels along a side of a mask: a small PNG may hold many, and scoring takes 130 bytes for each
 
+PICTURE = "{:03}.png"
+"""Name of a frame's picture, by its index from 0."""
 DARKEST = 1 / 64  # least difference of linear luminance between a lit and an ambient pixel for it to be scored
 
 _PICTURE = "allowed: a PNG, grey or RGB"

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import MetricError
+from shadowbench.measure.pictures import Rendering
 from shadowbench.measure.points import Points
 from shadowbench.measure.rows import Record
 from shadowbench.measure.scoring import comparison_record, prepare_truth
-from shadowbench.measure.session import Rendering
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison, PreparedTruth
 from shadowbench.scores.difference import difference_picture

@@ -26,7 +26,8 @@ from shadowbench.measure.campaign import (
     reference_name,
     status_of,
 )
-from shadowbench.measure.session import CellRequest, Rendering, Session, Surface
+from shadowbench.measure.pictures import Rendering, Surface
+from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.time_rows import Samples, Times
 from shadowbench.measure.worker import CellFailed, DeviceInfo, Limits, MemoryExceeded, P, R, Worker
 from shadowbench.plugin.spec import Spec

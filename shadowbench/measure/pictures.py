@@ -1,21 +1,66 @@
 """Images of a run folder, masks and pictures named by cell key, truths by view; jobs in the background."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageSequence
 
 from shadowbench.errors import InputError, counted
-from shadowbench.files import replace_file
-from shadowbench.measure.session import Rendering, Surface
+from shadowbench.files import png_of, replace_file
 from shadowbench.scenes.model import View
 from shadowbench.scores.masks import mask_sha256, read_mask, write_mask
 from shadowbench.truths.trace import Truth
 
 _FRAME_MS = 125
+
+
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """Images and measurements of one draw; row 0 of images is at the top.
+
+    visibility: (H, W) float32, 0 in shadow to 1 lit, quantised to 16 bits; picture: (H, W, 3) uint8 sRGB, shaded with
+    the visibility; map: float32 linear depth, None if not requested or the technique has none; gpu_bytes: of its
+    textures and buffers; work: counts by name; facts: numbers reported by the technique, by name.
+
+    Of another engine, gpu_bytes is None; engine: its version, its renderer, whose light box it is (`given`, `own`), and
+    what a phase shifts (`box`, `none`); measurable: (H, W) bool, where its pictures are bright enough.
+    """
+
+    visibility: NDArray[np.float32]
+    picture: NDArray[np.uint8]
+    map: NDArray[np.float32] | None
+    gpu_bytes: int | None
+    work: dict[str, int]
+    facts: dict[str, float]
+    engine: Mapping[str, str] | None = None
+    measurable: NDArray[np.bool_] | None = None
+
+    def __repr__(self) -> str:
+        """One line: the sizes of its images."""
+        height, width = self.visibility.shape
+        shadow_map = "no map" if self.map is None else f"a map of {self.map.shape[1]} × {self.map.shape[0]} texels"
+        return f"<Rendering of {width} × {height} pixels, {(self.visibility < 0.5).mean():.1%} in shadow, {shadow_map}>"
+
+    def _repr_png_(self) -> bytes:
+        """PNG of the picture, for notebooks."""
+        return png_of(self.picture)
+
+
+class Surface(NamedTuple):
+    """What masks of a view are drawn over; row 0 is at the top.
+
+    triangle: (H, W) int32 triangle ids, None if the renderer does not tell; lit, ambient: pictures, (H, W, 3) uint8
+    sRGB, with visibility 1 everywhere and 0 everywhere, from which a mask's picture is blended.
+    """
+
+    triangle: NDArray[np.int32] | None
+    lit: NDArray[np.uint8]
+    ambient: NDArray[np.uint8]
 
 
 class Pictures:

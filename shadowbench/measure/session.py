@@ -12,19 +12,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import Unsupported
-from shadowbench.files import png_of
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, with_work
 from shadowbench.gl.device import Device, moderngl, open_device
 from shadowbench.gl.gbuffer import DeviceGeometry, FacetPass, GBuffer, GBufferPass, download
 from shadowbench.gl.picture import PicturePass
 from shadowbench.gl.program import arithmetic
 from shadowbench.maps.filters import Filter
+from shadowbench.measure.pictures import Rendering, Surface
 from shadowbench.measure.rows import renderer_of
 from shadowbench.measure.worker import DeviceInfo
 from shadowbench.options import ViewSize
@@ -36,50 +35,6 @@ from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Placement,
 from shadowbench.scores.masks import quantise
 
 Draw = Callable[[Frame], moderngl.Texture]
-
-
-@dataclass(frozen=True, eq=False)
-class Rendering:
-    """Images and measurements of one draw; row 0 of images is at the top.
-
-    visibility: (H, W) float32, 0 in shadow to 1 lit, quantised to 16 bits; picture: (H, W, 3) uint8 sRGB, shaded with
-    the visibility; map: float32 linear depth, None if not requested or the technique has none; gpu_bytes: of its
-    textures and buffers; work: counts by name; facts: numbers reported by the technique, by name.
-
-    Of another engine, gpu_bytes is None; engine: its version, its renderer, whose light box it is (`given`, `own`), and
-    what a phase shifts (`box`, `none`); measurable: (H, W) bool, where its pictures are bright enough.
-    """
-
-    visibility: NDArray[np.float32]
-    picture: NDArray[np.uint8]
-    map: NDArray[np.float32] | None
-    gpu_bytes: int | None
-    work: dict[str, int]
-    facts: dict[str, float]
-    engine: Mapping[str, str] | None = None
-    measurable: NDArray[np.bool_] | None = None
-
-    def __repr__(self) -> str:
-        """One line: the sizes of its images."""
-        height, width = self.visibility.shape
-        shadow_map = "no map" if self.map is None else f"a map of {self.map.shape[1]} × {self.map.shape[0]} texels"
-        return f"<Rendering of {width} × {height} pixels, {(self.visibility < 0.5).mean():.1%} in shadow, {shadow_map}>"
-
-    def _repr_png_(self) -> bytes:
-        """PNG of the picture, for notebooks."""
-        return png_of(self.picture)
-
-
-class Surface(NamedTuple):
-    """What masks of a view are drawn over; row 0 is at the top.
-
-    triangle: (H, W) int32 triangle ids, None if the renderer does not tell; lit, ambient: pictures, (H, W, 3) uint8
-    sRGB, with visibility 1 everywhere and 0 everywhere, from which a mask's picture is blended.
-    """
-
-    triangle: NDArray[np.int32] | None
-    lit: NDArray[np.uint8]
-    ambient: NDArray[np.uint8]
 
 
 def checked_texture(spec: str, texture: object, size: ViewSize) -> moderngl.Texture:

@@ -7,12 +7,14 @@ defaults are the settings that the engine ships with. `draw.js` exports, and `dr
     open(canvas and size, or size)          the engine's version; in Python its version and the name of the renderer
     load(model, view)                       a scene in place of the former: in Python the path of a .glb, on a page its
                                             bytes, `glb`; and the object of view.json
-    draw(light, box, params, shadows, exposure)
+    draw(camera, light, box, params, shadows, exposure)
                                             a complete picture of that scene, with or without shadows
 
-`light` is that of view.json without its box, of intensity `exposure`: a white surface that faces it is as bright as
-`exposure`, at full from 1. `box` is what the shadow map is to cover: of a directional light position, target and up of
-an orthographic camera, width, height and depth, which begins at 0; of others near and far. `params` has the parameters.
+`camera` and `light` are those of view.json, which in a sequence move from frame to frame; the scene is loaded again
+only if its surfaces move. `nearest` is the least of all frames. `light` is without its box, of intensity `exposure`: a
+white surface that faces it is as bright as `exposure`, at full from 1. `box` is what the shadow map is to cover: of a
+directional light position, target and up of an orthographic camera, width, height and depth, which begins at 0; of
+others near and far. `params` has the parameters.
 Pictures are without ambient light, tone mapping, dithering, anti-aliasing and background. In Python they are returned:
 (H, W, 3 or 4), uint8 or float32, row 0 at the top; on a page they are what the canvas shows.
 """

@@ -15,6 +15,7 @@ from shadowbench.plugin import registry
 from shadowbench.plugin.engine import Engine
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
+from shadowbench.scenes.vectors import unit
 from shadowbench.truths.cache import cached_truth
 
 SIZE = ViewSize(64, 48)  # of the fake engine's pictures
@@ -46,6 +47,13 @@ def view(truth_cache: None) -> View:
     return chosen_view("cube-on-plane", SIZE)
 
 
+def learn(package: Path, view: View) -> None:
+    """Have the fake engine know a view, by its camera and light."""
+    truth, probe = cached_truth(view, 1), view.scene.name == "probe"
+    known = f"{view.camera.target[0]:.6f} {unit(view.light.direction)[0]:.6f}.npz"
+    np.savez(package / known, cosine=truth.cosine, visibility=truth.visibility, probe=probe)
+
+
 @pytest.fixture
 def engine(tmp_path: Path, view: View, monkeypatch: pytest.MonkeyPatch) -> Iterator[type[Engine]]:
     """The fake engine, of a package on the path; what it is to do wrongly stands in its file `fault`."""
@@ -56,8 +64,7 @@ def engine(tmp_path: Path, view: View, monkeypatch: pytest.MonkeyPatch) -> Itera
     (package / "fault").write_text("none")
     shutil.copy(Path(__file__).parent / "fake_engine.py", package / "draw.py")
     for one in (view, probe_view(SIZE)):
-        truth, probe = cached_truth(one), one.scene.name == "probe"
-        np.savez(package / f"{one.scene.name}.npz", cosine=truth.cosine, visibility=truth.visibility, probe=probe)
+        learn(package, one)
     (site / "fake-1.0.dist-info").mkdir()
     (site / "fake-1.0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: fake\nVersion: 1.0\n")
     (site / "fake-1.0.dist-info" / "entry_points.txt").write_text(ENTRY_POINTS)

@@ -24,16 +24,17 @@ from shadowbench.engines.programs import (
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.masks.export import describe
 from shadowbench.measure.campaign import Block, Cell
-from shadowbench.measure.session import Rendering
+from shadowbench.measure.pictures import Rendering
 from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.engine import Engine, EngineParams
 from shadowbench.plugin.registry import engines
 from shadowbench.plugin.spec import Spec, parse_spec
 from shadowbench.scenes.model import View
 from shadowbench.scenes.opening import chosen_view
+from shadowbench.scenes.sequences import BUILT_IN, frames_of
 from shadowbench.truths.cache import cached_truth
 from tests.conftest import Answer
-from tests.engines.conftest import SIZE
+from tests.engines.conftest import SIZE, learn
 
 Command = Callable[..., Answer]
 
@@ -71,6 +72,24 @@ def test_an_engine_that_draws_the_truth_has_its_mask(engine: type[Engine], view:
     assert np.abs(rendering.visibility - truth.visibility)[inside].max() < 0.02
     assert rendering.engine == {"version": "1.0", "renderer": "a test", "box": "own", "phase": "none"}
     assert np.array_equal(drawn(engine, view, "prints").visibility, rendering.visibility)
+
+
+@pytest.mark.parametrize("name", ["pan", "quick-sun"])
+def test_frames_are_drawn_in_order_of_a_scene_that_is_loaded_once(engine: type[Engine], view: View, name: str) -> None:
+    """One whose surfaces move is loaded again."""
+    frames = frames_of(view, BUILT_IN[name], 4)
+    for frame in frames:
+        learn(engine.folder(), frame)
+    cell = Cell(Spec(engine, EngineParams()))
+    with EngineDrawer(Mock()) as drawer:
+        masks = [one.visibility for one in drawer.draw(Block(frames, (cell,)), cell)]
+        assert (engine.folder() / "loaded").read_text().split() == ["probe", "cube-on-plane"]
+        moved = replace(frames[1], scene=replace(view.scene))
+        assert len(list(drawer.draw(Block((frames[0], moved), (cell,)), cell))) == 2
+        assert (engine.folder() / "loaded").read_text().split() == ["probe", *3 * ["cube-on-plane"]]
+    for frame, mask in zip(frames, masks, strict=True):
+        truth = cached_truth(frame, 1)
+        assert np.abs(mask - truth.visibility)[truth.receivers & ~truth.undecided].max() < 0.02
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,16 @@ def test_a_preset_named_after_an_engine_draws_as_it_does(
     assert (medians["acne"][theirs] - medians["acne"][ours]).abs().max() <= 0.005
 
 
+def test_a_preset_named_after_an_engine_flickers_as_it_does(tmp_path: Path, shadowbench: Command) -> None:
+    """As the sun moves slowly, and the map with it."""
+    specs = ["-t", "three:cast=back,size=1024", "-t", "shadow-map:preset=three,size=1024"]
+    moving = ["--sequence", "slow-sun", "--frames", "6", "-o", tmp_path / "out", "-q"]
+    answer = shadowbench("run", "stairs", *specs, *SIZE, *moving)
+    assert answer.code == 0, answer.err
+    theirs, ours = pd.read_csv(tmp_path / "out" / "table.csv").sort_values("technique")["flicker"][::-1]
+    assert theirs > 0.01 and abs(theirs - ours) <= 0.2 * theirs
+
+
 def test_a_run_that_is_killed_leaves_no_program(
     tmp_path: Path, start: Any, records: Callable[..., list[dict[str, Any]]]
 ) -> None:

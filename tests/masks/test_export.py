@@ -13,6 +13,7 @@ import pytest
 from shadowbench.masks.export import (
     MARGIN,
     PADDING,
+    clip_of,
     describe,
     export_view,
     glb_of,
@@ -20,9 +21,11 @@ from shadowbench.masks.export import (
 )
 from shadowbench.measure.scoring import positions
 from shadowbench.options import ViewSize
+from shadowbench.scenes.file_contents import Chosen
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light, Scene, View, view_of
+from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.masks import read_mask
 from shadowbench.truths.rays import ViewRays
 from shadowbench.truths.trace import Truth, trace
@@ -40,7 +43,7 @@ def read_back(folder: Path, size: ViewSize) -> View:
 
 def assert_same_shadows(view: View, folder: Path, truth: Truth | None = None) -> None:
     truth = truth or trace(view, 1)
-    export_view(view, truth, folder, view.scene.name)
+    export_view(view, folder, view.scene.name)
     again = trace(read_back(folder, view.size), 1)
     assert (truth.visibility[truth.receivers] < 0.5).any()
     decided = ~truth.undecided
@@ -78,7 +81,7 @@ def seen(builtin: Callable[..., View]) -> Callable[..., View]:
 @pytest.mark.parametrize("name", ["stairs", "stairs's", "spot-lamp", "lamp-by-wall's"])
 def test_camera_light_and_names_are_read_back(seen: Callable[..., View], name: str, tmp_path: Path) -> None:
     view = seen(name)
-    export_view(view, trace(view, 1), tmp_path, name)
+    export_view(view, tmp_path, name)
     found = read_back(tmp_path, SIZE)
     assert found.camera.name == view.camera.name
     assert (found.camera.fov_y, found.camera.height) == (view.camera.fov_y, view.camera.height)
@@ -90,10 +93,16 @@ def test_camera_light_and_names_are_read_back(seen: Callable[..., View], name: s
     assert [mesh.name for mesh in found.scene.meshes] == [mesh.name for mesh in view.scene.meshes]
 
 
+def tree_of(glb: bytes) -> dict[str, Any]:
+    """What of a .glb is JSON."""
+    (length,) = struct.unpack("<I", glb[12:16])
+    tree: dict[str, Any] = json.loads(glb[20 : 20 + length])
+    return tree
+
+
 def materials(glb: bytes) -> dict[str, dict[str, Any]]:
     """Each mesh's material."""
-    (length,) = struct.unpack("<I", glb[12:16])
-    tree = json.loads(glb[20 : 20 + length])
+    tree = tree_of(glb)
     return {mesh["name"]: tree["materials"][mesh["primitives"][0]["material"]] for mesh in tree["meshes"]}
 
 
@@ -157,7 +166,7 @@ def test_the_written_matrices_lead_to_the_pixel_centres_that_are_traced(
     seen: Callable[..., View], name: str, size: int | str, tmp_path: Path
 ) -> None:
     view = seen(name, size)
-    export_view(view, trace(view, 1), tmp_path, "stairs")
+    export_view(view, tmp_path, "stairs")
     found = json.loads((tmp_path / "view.json").read_text(encoding="utf-8"))
     matrix = np.array(found["camera"]["projection"]) @ np.array(found["camera"]["view"])
     rays = ViewRays(view).camera_rays(slice(0, view.size.height))
@@ -189,7 +198,7 @@ def test_a_light_s_size_is_in_the_description_and_gltf_has_the_light_at_its_cent
     builtin: Callable[..., View], name: str, radius: float | None, size: list[float] | None, tmp_path: Path
 ) -> None:
     view = builtin(name, 32)
-    export_view(view, trace(view, 1), tmp_path, name)
+    export_view(view, tmp_path, name)
     described = json.loads((tmp_path / "view.json").read_text(encoding="utf-8"))
     light, read = described["light"], read_back(tmp_path, 32).light
     assert (read.kind, read.soft, read.angle) == (view.light.hard_kind, False, view.light.frustum_angle or 0.0)
@@ -278,3 +287,72 @@ def test_near_is_at_the_triangle_that_is_nearest_not_at_its_corners(builtin: Cal
         box = light_box(replace(view, scene=plane, light=light))
         assert box["near"] == (pytest.approx(near, rel=2e-3) if near else box["far"] / 1e4)
         assert box["near"] < box["far"]
+
+
+MOVED = """
+mesh = [
+    { name = "floor", shape = "plane", scale = 6, translate = [1000, 0, 0] },
+    { name = "post", shape = "box", translate = [1000.5, 0.5, 0] },
+]
+[[sequence]]
+name = "turns"
+frames = 5
+[[sequence.key]]
+time = 1.0
+camera = { target = [1001, 0, 0] }
+light = { direction = [1, -1, 0] }
+object = { post = { translate = [0, 0.5, 0], rotate = [0, 90, 30] } }
+"""
+
+
+@pytest.mark.parametrize(
+    ("scene", "sequence", "moving"),
+    [
+        ("stairs", "pan", "camera"),
+        ("spot-lamp", "carried-lamp", "light"),
+        ("cube-on-plane", "moving-caster", "cube"),
+        ("moved", "turns", "post camera light"),
+    ],
+)
+def test_an_animation_that_is_read_back_has_the_frames_and_view_json_their_matrices(
+    shadowbench: Callable, scene: str, sequence: str, moving: str, tmp_path: Path
+) -> None:
+    """The scene `moved` is far from the origin, so that its nodes are translated besides."""
+    if scene == "moved":
+        (tmp_path / "moved.toml").write_text(MOVED, encoding="utf-8")
+        scene = str(tmp_path / "moved.toml")
+    out, view = tmp_path / "out", chosen_view(scene, ViewSize(32, 24))
+    answer = shadowbench("export", scene, out, "--view-size", "32x24", "--sequence", sequence, "--frames", "3")
+    assert answer.code == 0, answer.err
+    clip, described = clip_of(view, sequence, 3), json.loads((out / "view.json").read_text(encoding="utf-8"))
+    assert (described["sequence"]["name"], len(described["sequence"]["frames"])) == (sequence, 3)
+    tree = tree_of((out / "scene.glb").read_bytes())
+    nodes = [tree["nodes"][one["target"]["node"]]["name"] for one in tree["animations"][0]["channels"]]
+    assert list(dict.fromkeys(nodes)) == moving.split()
+    for index, (frame, written) in enumerate(zip(clip.frames, described["sequence"]["frames"], strict=True)):
+        read = read_meshes(out / "scene.glb", chosen=Chosen(time=written["time"]))
+        (camera,), (light,) = read.cameras, read.lights
+        for mesh, original in zip(read.meshes, frame.scene.meshes, strict=True):
+            corners = original.vertices[original.faces]
+            np.testing.assert_allclose(mesh.vertices[mesh.faces], corners, atol=1e-5 * np.abs(corners).max())
+        np.testing.assert_allclose(camera.position, frame.camera.position, rtol=1e-6)
+        np.testing.assert_allclose(camera.basis(), frame.camera.basis(), atol=1e-6)
+        np.testing.assert_allclose(light.homogeneous[0], frame.light.homogeneous[0], atol=1e-5)
+        np.testing.assert_array_equal(written["camera"]["projection"], frame.projection)
+        np.testing.assert_allclose(np.array(written["camera"]["view"])[:3, :3], frame.camera.basis())
+        assert written["light"]["box"] == light_box(frame)
+        truth = trace(frame, 1)
+        assert np.array_equal(read_mask(out / "truth" / f"00{index}.png"), truth.visibility)
+
+
+def test_what_an_animation_cannot_say_is_said(shadowbench: Callable, tmp_path: Path) -> None:
+    small = "--view-size", "16"
+    answer = shadowbench("export", "stairs", tmp_path / "out", *small, "--sequence", "zoom", "--frames", "2")
+    assert "sequence zoom changes the field of view, which glTF cannot say" in answer.err
+    for arguments, line in [
+        (("walker", tmp_path / "new", *small, "--sequence", "walker"), "walker changes its shape; allowed: sequences"),
+        (("stairs", tmp_path / "new", "--sequence", "all"), "--sequence: found 'all'; allowed: one, such as dolly"),
+        (("stairs", tmp_path / "new", "--frames", "3"), "--frames 3: is for a --sequence, which is not given"),
+    ]:
+        answer = shadowbench("export", *arguments)
+        assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1) and line in answer.err

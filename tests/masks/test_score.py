@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +13,14 @@ from scipy import ndimage
 from shadowbench import api
 from shadowbench.errors import number
 from shadowbench.masks.accuracy import accuracy_of
+from shadowbench.masks.export import clip_of
 from shadowbench.masks.inputs import mask_from_array
+from shadowbench.measure.campaign import Block, Cell, LogReporter
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.scores.masks import read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, score
+from shadowbench.scores.motion import MOTION
 from shadowbench.truths.cache import cached_truth
 from tests.masks.conftest import srgb
 
@@ -197,8 +202,60 @@ def test_bad_input_is_one_line_that_says_what_is_allowed(
         ((SCENE, mask, "--diff", tmp_path / "diff.jpg"), "diff.jpg: found a name that ends with '.jpg'; allowed: .png"),
         ((SCENE, tmp_path / "link.png", "--diff", mask), "is one of the pictures to score; name another file"),
         ((SCENE, tmp_path / "none.png"), "none.png: no such file"),
+        ((SCENE, tmp_path), "is not in a folder that `export --sequence` wrote; allowed: pictures of frames"),
     ]:
         answer = shadowbench("score", *arguments)
         assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1), line
         assert line in answer.err
     assert not (tmp_path / "rows").exists()
+
+
+def test_masks_of_frames_have_the_scores_of_the_run_that_drew_them_and_exchanged_ones_show(
+    bench: Any, shadowbench: Callable, tmp_path: Path
+) -> None:
+    """Of a map that is fitted to the view of each frame, and so crawls."""
+    count, out, masks = 8, tmp_path / "out", tmp_path / "out" / "masks"
+    assert shadowbench("export", SCENE, out, "--view-size", "96", "--sequence", "pan", "--frames", str(count)).code == 0
+    frames = clip_of(chosen_view(SCENE, 96), "pan", count).frames
+    cell = Cell(parse_spec("shadow-map:size=128,fit=view", bench.techniques))
+    block = Block(frames, (cell,), place={"sequence": "pan", "frames": count})
+    with bench.campaign(tmp_path / "run", LogReporter()) as campaign:
+        ((result,),) = campaign.measure([block])
+    masks.mkdir()
+    for index, drawn in enumerate(campaign.drawer.draw(block, cell)):
+        write_mask(masks / f"{index:03}.png", drawn.visibility)
+    rows = "-o", tmp_path / "rows", "--name", "mine"
+    scored = json.loads(shadowbench("score", SCENE, masks, "--json", *rows).out)
+    for field in ("metrics", "by_frame", "pop_frame", "sequence", "frames", "mask_sha256"):
+        assert scored[field] == result.score[field], field
+    (row,) = rows_of(tmp_path / "rows")
+    assert row["metrics"] == scored["metrics"] and (row["sequence"], row["frames"]) == ("pan", count)
+    assert "already holds" in shadowbench("score", SCENE, masks, *rows).out
+    (masks / "004.png").rename(masks / "last.png")
+    answer = shadowbench("score", SCENE, masks)
+    assert (answer.code, answer.err.count("\n")) == (2, 1) and "004.png: no such file" in answer.err
+    (masks / "006.png").rename(masks / "004.png")
+    (masks / "last.png").rename(masks / "006.png")
+    exchanged = json.loads(shadowbench("score", SCENE, masks, "--json", *rows).out)
+    assert exchanged["metrics"]["flicker"] > 2 * scored["metrics"]["flicker"]
+    assert len(rows_of(tmp_path / "rows")) == 2
+
+
+@pytest.mark.parametrize("sequence", ["slow-sun", "moving-caster"])
+def test_screenshots_of_frames_of_the_truth_have_no_error(shadowbench: Callable, tmp_path: Path, sequence: str) -> None:
+    """Shaded by N·L, as the light moves."""
+    out, count = tmp_path / "out", 4
+    answer = shadowbench(
+        "export", SCENE, out, "--view-size", "64", "--sequence", sequence, "--frames", str(count), "-q"
+    )
+    assert answer.code == 0
+    for index, frame in enumerate(clip_of(chosen_view(SCENE, 64), sequence, count).frames):
+        truth = cached_truth(frame, 1)
+        for name, picture in (("lit", truth.cosine), ("shadowed", truth.cosine * truth.visibility)):
+            (out / name).mkdir(exist_ok=True)
+            Image.fromarray(np.rint(255 * srgb(picture)).astype(np.uint8)).save(out / name / f"{index:03}.png")
+    metrics = json.loads(
+        shadowbench("score", SCENE, "--lit", out / "lit", "--shadowed", out / "shadowed", "--json").out
+    )["metrics"]
+    assert metrics["iou"] == 1
+    assert {metrics[name] for name in MOTION} <= {0, None} and metrics["flicker"] == 0

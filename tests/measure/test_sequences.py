@@ -8,7 +8,8 @@ import pytest
 
 from shadowbench.errors import InputError, Unsupported
 from shadowbench.gl.gbuffer import download
-from shadowbench.measure.session import CellRequest, Rendering, Session
+from shadowbench.measure.pictures import Rendering
+from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec

@@ -19,22 +19,13 @@ export function open({ canvas, width, height }) {
   return BABYLON.Engine.Version;
 }
 
-export async function load({ glb, view }) {
+export async function load({ glb }) {
   scene?.dispose();
   scene = new BABYLON.Scene(engine);
   scene.clearColor = new BABYLON.Color4(0, 0, 0, 1);
   await BABYLON.AppendSceneAsync(new Uint8Array(glb), scene, { pluginExtension: ".glb" });
   [...scene.lights, ...scene.cameras].forEach((own) => own.dispose());
-  const { fov_y, height, near: minZ, far: maxZ, position, up, target } = view.camera;
-  const camera = new BABYLON.FreeCamera("", vector(position), scene);
-  Object.assign(camera, { upVector: vector(up), fov: BABYLON.Tools.ToRadians(fov_y), minZ, maxZ });
-  if (height) {
-    const [right, top] = [(height / 2) * (view.image.width / view.image.height), height / 2];
-    camera.mode = BABYLON.Camera.ORTHOGRAPHIC_CAMERA;
-    Object.assign(camera, { orthoLeft: -right, orthoRight: right, orthoBottom: -top, orthoTop: top });
-  }
-  camera.setTarget(vector(target));
-  scene.activeCamera = camera;
+  scene.activeCamera = new BABYLON.FreeCamera("", BABYLON.Vector3.Zero(), scene);
   meshes = scene.meshes.filter((mesh) => mesh.getTotalVertices() > 0);
 }
 
@@ -45,7 +36,13 @@ const LIGHTS = {
   point: ({ position }) => new BABYLON.PointLight("", vector(position), scene),
 };
 
-export async function draw({ light: lamp, box, params, shadows, exposure }) {
+export async function draw({ camera: pose, light: lamp, box, params, shadows, exposure }) {
+  const { height, near: minZ, far: maxZ, position, up, target } = pose, fov = BABYLON.Tools.ToRadians(pose.fov_y);
+  const camera = scene.activeCamera, [right, top] = [(height / 2) * pose.aspect, height / 2];
+  camera.mode = BABYLON.Camera[height ? "ORTHOGRAPHIC_CAMERA" : "PERSPECTIVE_CAMERA"];
+  Object.assign(camera, { position: vector(position), upVector: vector(up), fov, minZ, maxZ });
+  Object.assign(camera, { orthoLeft: -right, orthoRight: right, orthoBottom: -top, orthoTop: top });
+  camera.setTarget(vector(target));
   scene.lights.slice().forEach((former) => former.dispose()); // with their maps
   const light = LIGHTS[lamp.kind](lamp);
   light.intensity = Math.PI * exposure; // of which a white surface reflects 1 / π

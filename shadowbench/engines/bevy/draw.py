@@ -13,7 +13,7 @@ os.mkdir("assets")
 import pybevy  # noqa: E402
 
 bevy, readback = pybevy.prelude, pybevy._pybevy.render_readback
-app = camera = image = lamp = size = None
+app = eye = image = lamp = size = None
 
 
 def open(width, height):
@@ -28,19 +28,17 @@ def load(model, view):
     app = bevy.App().add_plugins(plugins.set(compiled), readback.ImageCopyPlugin())
     app.insert_resource(bevy.GlobalAmbientLight(brightness=0.0)).add_systems(bevy.Update, smooth).initialize()
     size = view["image"]
-    app.world(lambda world: start(world, view["camera"], **size))
-    readback.spawn_image_copier(app, camera.to_bits(), image, *size.values())
+    app.world(lambda world: start(world, **size))
+    readback.spawn_image_copier(app, eye.to_bits(), image, *size.values())
 
 
-def start(world, pose, width, height):
-    global camera, image, lamp
+def start(world, width, height):
+    global eye, image, lamp
     world.spawn(bevy.SceneRoot(world.resource(bevy.AssetServer).load_scene("scene.glb#Scene0")))
     image = world.resource(bevy.Assets[bevy.Image]).add(bevy.Image.new_render_target(width=width, height=height))
     black = bevy.Camera(clear_color=bevy.ClearColorConfig.Custom(bevy.Color.BLACK))
     kind = bevy.Camera3d(), black, pybevy.camera.RenderTarget.image(image), bevy.Tonemapping.NONE, bevy.Msaa.Off
-    lens = bevy.PerspectiveProjection(np.radians(pose["fov_y"]), width / height, pose["near"], pose["far"])
-    view = bevy.Projection.Perspective(lens), seen(pose["position"], pose["target"], pose["up"])
-    camera = world.spawn(*kind, *view).id()
+    eye = world.spawn(*kind, bevy.Transform()).id()
     lamp = world.spawn(bevy.Transform()).id()
 
 
@@ -54,7 +52,11 @@ def smooth(meshes: bevy.Query[bevy.MeshMaterial3d], materials: bevy.ResMut[bevy.
             material.reflectance, material.perceptual_roughness = 0.0, 0.5  # as near to Lambert's as its diffuse gets
 
 
-def change(world, light, box, params, shadows, exposure):
+def change(world, camera, light, box, params, shadows, exposure):
+    lens = bevy.PerspectiveProjection(np.radians(camera["fov_y"]), camera["aspect"], camera["near"], camera["far"])
+    pose = seen(camera["position"], camera["target"], camera["up"])
+    filtered = getattr(pybevy.light.ShadowFilteringMethod, params["filter"])
+    world.entity(eye).insert(bevy.Projection.Perspective(lens), pose, filtered)
     position, along, cone = light["position"] or (0, 0, 0), light["direction"], np.radians((light["cone"] or 0) / 2)
     own = {"shadows_enabled": shadows, "shadow_depth_bias": params["bias"], "shadow_normal_bias": params["normal_bias"]}
     if light["kind"] == "spot":
@@ -65,7 +67,6 @@ def change(world, light, box, params, shadows, exposure):
         what = [bevy.DirectionalLight(illuminance=3000.0 * exposure, **own), ends]
     world.entity(lamp).insert(*what, seen(position, np.add(position, along), np.eye(3)[np.argmin(np.abs(along))]))
     world.insert_resource(pybevy.light.DirectionalLightShadowMap(size=params["size"]))
-    world.entity(camera).insert(getattr(pybevy.light.ShadowFilteringMethod, params["filter"]))
 
 
 def draw(**request):
@@ -73,7 +74,7 @@ def draw(**request):
     last, same = None, 0
     while same < 8:  # a scene is loaded in the meantime, and a picture comes frames late
         app.update()
-        if frame := readback.try_receive_frame(app, camera.to_bits()):
+        if frame := readback.try_receive_frame(app, eye.to_bits()):
             same = same + 1 if frame == last and np.frombuffer(frame, np.uint8).reshape(-1, 4)[:, :3].any() else 0
             last = frame
     return np.frombuffer(last, np.uint8).reshape(size["height"], -1, 4)[:, : size["width"]]  # rows are padded

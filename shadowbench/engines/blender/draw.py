@@ -23,16 +23,10 @@ def load(model, view):
     bpy.ops.import_scene.gltf(filepath=str(model))
     for item in [item for item in bpy.data.objects if item.type in ("LIGHT", "CAMERA")]:
         bpy.data.objects.remove(item)
-    scene, pose = bpy.context.scene, view["camera"]
-    camera = scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    camera.matrix_world = Y_UP @ Matrix(pose["view"]).inverted()
-    camera.data.sensor_fit = "VERTICAL"
-    if pose["height"]:
-        camera.data.type, camera.data.ortho_scale = "ORTHO", pose["height"]
-    else:
-        camera.data.angle = math.radians(pose["fov_y"])
-    camera.data.clip_start, camera.data.clip_end = pose["near"], pose["far"]
-    scene.collection.objects.link(camera)
+    scene = bpy.context.scene
+    scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    scene.camera.data.sensor_fit = "VERTICAL"
+    scene.collection.objects.link(scene.camera)
     scene.world = None
     render = scene.render
     render.engine = "BLENDER_EEVEE"
@@ -41,8 +35,16 @@ def load(model, view):
     render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
 
 
-def draw(light, box, params, shadows, exposure):
+def draw(camera, light, box, params, shadows, exposure):
     scene, directional = bpy.context.scene, light["kind"] == "directional"
+    eye = scene.camera.data
+    scene.camera.matrix_world = Y_UP @ Matrix(camera["view"]).inverted()
+    eye.type = "ORTHO" if camera["height"] else "PERSP"
+    if camera["height"]:
+        eye.ortho_scale = camera["height"]
+    else:
+        eye.angle = math.radians(camera["fov_y"])
+    eye.clip_start, eye.clip_end = camera["near"], camera["far"]
     data = bpy.data.lights.new("light", "SUN" if directional else light["kind"].upper())
     data.use_shadow = scene.eevee.use_shadows = shadows
     data.energy = math.pi * exposure if directional else (2 * math.pi * box["near"]) ** 2 * exposure

@@ -16,7 +16,7 @@ export async function open({ canvas, width, height }) {
   return "1.53.4"; // it does not say
 }
 
-export async function load({ glb, view: { camera: pose, image, meshes } }) {
+export async function load({ glb, view: { meshes } }) {
   extinguish();
   if (asset) loader.destroyAsset(asset);
   if (scene) engine.destroyScene(scene);
@@ -32,15 +32,15 @@ export async function load({ glb, view: { camera: pose, image, meshes } }) {
       renderables.setReceiveShadows(renderables.getInstance(entity), receives);
     }
   }
-  const half = pose.height / 2, aspect = image.width / image.height, sides = [-aspect * half, aspect * half, -half, half];
-  if (half) camera.setProjection(Filament.Camera$Projection.ORTHO, ...sides, pose.near, pose.far);
-  else camera.setProjectionFov(pose.fov_y, aspect, pose.near, pose.far, Filament.Camera$Fov.VERTICAL);
-  camera.lookAt(pose.position, pose.target, pose.up);
 }
 
 const KINDS = { directional: "DIRECTIONAL", spot: "SPOT", point: "POINT" };
 
-export async function draw({ light, box, shadows, exposure }) {
+export async function draw({ camera: pose, light, box, shadows, exposure }) {
+  const { fov_y, height, aspect, near, far } = pose, up = height / 2;
+  if (height) camera.setProjection(Filament.Camera$Projection.ORTHO, -aspect * up, aspect * up, -up, up, near, far);
+  else camera.setProjectionFov(fov_y, aspect, near, far, Filament.Camera$Fov.VERTICAL);
+  camera.lookAt(pose.position, pose.target, pose.up);
   extinguish();
   lamp = Filament.EntityManager.get().create();
   const full = Math.PI * exposure; // of which a white surface reflects 1 / π

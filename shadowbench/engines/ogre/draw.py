@@ -9,11 +9,11 @@ from Ogre.RTShader import SRS_SHADOW_MAPPING, ShaderGenerator
 
 KINDS = {"directional": Ogre.Light.LT_DIRECTIONAL, "spot": Ogre.Light.LT_SPOTLIGHT, "point": Ogre.Light.LT_POINT}
 FOLDER = tempfile.TemporaryDirectory()  # of scene.glb
-app = target = texture = scene = camera = lamp = None
+app = target = texture = scene = eye = lamp = None
 
 
 def open(width, height):
-    global app, target, texture, scene, camera, lamp
+    global app, target, texture, scene, eye, lamp
     app = Ogre.Bites.ApplicationContext("shadowbench")
     app.createRoot()
     app.getRoot().setRenderSystem(app.getRoot().getRenderSystemByName("OpenGL 3+ Rendering Subsystem"))
@@ -22,14 +22,13 @@ def open(width, height):
     Ogre.ResourceGroupManager.getSingleton().addResourceLocation(FOLDER.name, "FileSystem", "scene")
     scene = app.getRoot().createSceneManager()
     ShaderGenerator.getSingleton().addSceneManager(scene)
-    camera, lamp = scene.createCamera("camera"), scene.createLight()
-    camera.setAspectRatio(width / height)
-    for each in camera, lamp:
+    eye, lamp = scene.createCamera("camera"), scene.createLight()
+    for each in eye, lamp:
         scene.getRootSceneNode().createChildSceneNode().attachObject(each)
     kind = Ogre.TEX_TYPE_2D, width, height, 0, Ogre.PF_FLOAT32_RGBA, Ogre.TU_RENDERTARGET
     texture = Ogre.TextureManager.getSingleton().createManual("picture", Ogre.RGN_DEFAULT, *kind)
     target = texture.getBuffer().getRenderTarget()
-    target.addViewport(camera).setMaterialScheme(Ogre.MSN_SHADERGEN)
+    target.addViewport(eye).setMaterialScheme(Ogre.MSN_SHADERGEN)
     return Ogre.__version__, app.getRoot().getRenderSystem().getCapabilities().getDeviceName()
 
 
@@ -43,25 +42,26 @@ def load(model, view):
     for index in range(entity.getNumSubEntities()):  # in this order where surfaces meet
         entity.getSubEntity(index).setRenderQueueGroupAndPriority(Ogre.RENDER_QUEUE_MAIN, index)
     scene.getRootSceneNode().attachObject(entity)
-    pose, node = view["camera"], camera.getParentSceneNode()
-    node.setPosition(Ogre.Vector3(*pose["position"]))
-    node.setOrientation(Ogre.Quaternion(*(Ogre.Vector3(*row[:3]) for row in pose["view"][:3])))
-    camera.setNearClipDistance(0.99 * pose["nearest"])  # volumes need all of the 24 bits
-    camera.setFarClipDistance(0)  # infinite, as volumes set it
-    camera.setCustomProjectionMatrix(False)
-    if height := pose["height"]:
+
+
+def draw(camera, light, params, shadows, exposure, **_):
+    node, near = eye.getParentSceneNode(), 0.99 * camera["nearest"]
+    eye.setAspectRatio(camera["aspect"])
+    node.setPosition(Ogre.Vector3(*camera["position"]))
+    node.setOrientation(Ogre.Quaternion(*(Ogre.Vector3(*row[:3]) for row in camera["view"][:3])))
+    eye.setNearClipDistance(near)  # volumes need all of the 24 bits
+    eye.setFarClipDistance(0)  # infinite, as volumes set it
+    eye.setCustomProjectionMatrix(False)
+    if height := camera["height"]:
         # Beyond the volumes' ends; an infinite far plane would leave few steps of depth, as parallel rays have none.
-        near, far = 0.99 * pose["nearest"], 10 * pose["far"]
-        across, along = 2 / (height * camera.getAspectRatio()), -2 / (far - near)
-        rows = (across, 0, 0, 0), (0, 2 / height, 0, 0), (0, 0, along, along * (far + near) / 2), (0, 0, 0, 1)
-        camera.setProjectionType(Ogre.PT_ORTHOGRAPHIC)
-        camera.setCustomProjectionMatrix(True, Ogre.Matrix4(*np.ravel(rows).tolist()))
+        across, along = 2 / (height * camera["aspect"]), -2 / (10 * camera["far"] - near)
+        depth = (0, 0, along, along * (10 * camera["far"] + near) / 2)
+        rows = (across, 0, 0, 0), (0, 2 / height, 0, 0), depth, (0, 0, 0, 1)
+        eye.setProjectionType(Ogre.PT_ORTHOGRAPHIC)
+        eye.setCustomProjectionMatrix(True, Ogre.Matrix4(*np.ravel(rows).tolist()))
     else:
-        camera.setProjectionType(Ogre.PT_PERSPECTIVE)
-        camera.setFOVy(Ogre.Radian(Ogre.Degree(pose["fov_y"])))
-
-
-def draw(light, params, shadows, exposure, **_):
+        eye.setProjectionType(Ogre.PT_PERSPECTIVE)
+        eye.setFOVy(Ogre.Radian(Ogre.Degree(camera["fov_y"])))
     lamp.setType(KINDS[light["kind"]])
     node, cone = lamp.getParentSceneNode(), Ogre.Radian(Ogre.Degree(light["cone"] or 90))
     node.setPosition(Ogre.Vector3(*(light["position"] or (0, 0, 0))))

@@ -7,11 +7,11 @@ Z_UP = core.LMatrix4(1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1)  # rows: w
 CULL = core.CullFaceAttrib  # what the light does not see
 CULLED = {"both": CULL.M_cull_none, "front": CULL.M_cull_clockwise, "back": CULL.M_cull_counter_clockwise}
 KINDS = {"directional": core.DirectionalLight, "spot": core.Spotlight, "point": core.PointLight}
-engine = output = picture = scene = camera = None
+engine = output = picture = scene = eye = None
 
 
 def open(width, height):
-    global engine, output, picture, camera
+    global engine, output, picture, eye
     core.load_prc_file_data("", "textures-power-2 none")
     engine, pipe = core.GraphicsEngine.get_global_ptr(), core.GraphicsPipeSelection.get_global_ptr().make_default_pipe()
     made = core.WindowProperties.size(width, height), core.GraphicsPipe.BF_refuse_window
@@ -23,8 +23,8 @@ def open(width, height):
     picture = core.Texture()
     output.add_render_texture(picture, core.GraphicsOutput.RTM_copy_ram)
     output.set_clear_color((0, 0, 0, 1))
-    camera = core.NodePath(core.Camera("camera"))
-    output.make_display_region().set_camera(camera)
+    eye = core.NodePath(core.Camera("camera"))
+    output.make_display_region().set_camera(eye)
     return core.PandaSystem.get_version_string(), output.get_gsg().get_driver_renderer()
 
 
@@ -36,16 +36,7 @@ def load(model, view):
         material.set_refractive_index(1)  # else a roughness of 1 reflects 4% everywhere
     scene.set_shader_auto()
     scene.set_bin("unsorted", 0)  # in this order where surfaces meet
-    camera.reparent_to(scene)
-    pose, aspect = view["camera"], view["image"]["width"] / view["image"]["height"]
-    height = pose["height"] or 2 * np.tan(np.radians(pose["fov_y"]) / 2)  # at unit distance
-    lens = core.OrthographicLens() if pose["height"] else core.PerspectiveLens()
-    lens.set_film_size(aspect * height, height)
-    if not pose["height"]:
-        lens.set_focal_length(1)
-    camera.node().set_lens(lens)
-    lens.set_near_far(pose["near"], pose["far"])
-    place(camera, pose["position"], pose["target"], pose["up"])
+    eye.reparent_to(scene)
 
 
 def place(node, position, target, up):
@@ -53,7 +44,15 @@ def place(node, position, target, up):
     node.look_at(core.LPoint3(Z_UP.xform_point(core.LPoint3(*target))), Z_UP.xform_vec(core.LVector3(*up)))
 
 
-def draw(light, box, params, shadows, exposure):
+def draw(camera, light, box, params, shadows, exposure):
+    height = camera["height"] or 2 * np.tan(np.radians(camera["fov_y"]) / 2)  # at unit distance
+    lens = core.OrthographicLens() if camera["height"] else core.PerspectiveLens()
+    lens.set_film_size(camera["aspect"] * height, height)
+    if not camera["height"]:
+        lens.set_focal_length(1)
+    eye.node().set_lens(lens)
+    lens.set_near_far(camera["near"], camera["far"])
+    place(eye, camera["position"], camera["target"], camera["up"])
     lamp = KINDS[light["kind"]]("lamp")
     node, lamp.color = scene.attach_new_node(lamp), (exposure, exposure, exposure, 1)
     lamp.set_shadow_caster(shadows, params["size"], params["size"])

@@ -44,17 +44,18 @@ export async function load({ glb, view }) {
     const parts = root.findByName(name)?.findComponents("render") ?? [];
     parts.forEach((part) => Object.assign(part, { castShadows: casts, receiveShadows: receives }));
   }
-  const { fov_y: fov, height, near: nearClip, far: farClip, position, up, target } = view.camera;
   const plain = { clearColor: pc.Color.BLACK, toneMapping: pc.TONEMAP_NONE, gammaCorrection: pc.GAMMA_SRGB };
   camera = new pc.Entity("camera");
-  const lens = height ? { projection: pc.PROJECTION_ORTHOGRAPHIC, orthoHeight: height / 2 } : { fov };
-  camera.addComponent("camera", { ...lens, nearClip, farClip, ...plain });
+  camera.addComponent("camera", plain);
   app.root.addChild(camera);
-  camera.setPosition(...position);
-  camera.lookAt(new pc.Vec3(...target), new pc.Vec3(...up));
 }
 
-export async function draw({ light: lamp, box, params, shadows, exposure }) {
+export async function draw({ camera: pose, light: lamp, box, params, shadows, exposure }) {
+  const { fov_y: fov, height, near: nearClip, far: farClip, position, up, target } = pose;
+  const lens = height ? { projection: pc.PROJECTION_ORTHOGRAPHIC, orthoHeight: height / 2 } : { fov };
+  Object.assign(camera.camera, { projection: pc.PROJECTION_PERSPECTIVE, ...lens, nearClip, farClip });
+  camera.setPosition(...position);
+  camera.lookAt(new pc.Vec3(...target), new pc.Vec3(...up));
   const type = { directional: "directional", spot: "spot", point: "omni" }[lamp.kind];
   const { filter, size: shadowResolution, distance: shadowDistance, cascades: numCascades, bias: shadowBias } = params;
   if (type !== "directional") {

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pygfx
 
-renderer = scene = camera = None
+renderer = scene = None
 
 
 def open(width, height):
@@ -15,27 +15,25 @@ def open(width, height):
 
 
 def load(model, view):
-    global scene, camera
+    global scene
     scene = pygfx.Scene().add(pygfx.load_gltf(str(model), quiet=True).scene)
     for node in list(scene.iter()):
         if isinstance(node, pygfx.Light | pygfx.Camera):
             node.parent.remove(node)
         elif isinstance(node, pygfx.Mesh):
             node.cast_shadow = node.receive_shadow = True
-    pose = view["camera"]
-    planes, height = (pose["near"], pose["far"]), pose["height"]
-    aspect = view["image"]["width"] / view["image"]["height"]
+
+
+def draw(camera, light, box, params, shadows, exposure):
+    planes, height, aspect = (camera["near"], camera["far"]), camera["height"], camera["aspect"]
     if height:
-        camera = pygfx.OrthographicCamera(aspect * height, height, depth_range=planes)
+        eye = pygfx.OrthographicCamera(aspect * height, height, depth_range=planes)
     else:
-        mean = np.tan(np.radians(pose["fov_y"]) / 2) * (1 + aspect) / 2  # of width and height, which its angle is of
-        camera = pygfx.PerspectiveCamera(2 * np.degrees(np.arctan(mean)), aspect, depth_range=planes)
-    camera.local.position = pose["position"]
-    camera.local.reference_up = pose["up"]
-    camera.look_at(pose["target"])
-
-
-def draw(light, box, params, shadows, exposure):
+        mean = np.tan(np.radians(camera["fov_y"]) / 2) * (1 + aspect) / 2  # of width and height, which its angle is of
+        eye = pygfx.PerspectiveCamera(2 * np.degrees(np.arctan(mean)), aspect, depth_range=planes)
+    eye.local.position = camera["position"]
+    eye.local.reference_up = camera["up"]
+    eye.look_at(camera["target"])
     kind = {"directional": pygfx.DirectionalLight, "spot": pygfx.SpotLight, "point": pygfx.PointLight}[light["kind"]]
     lamp = kind(intensity=np.pi * exposure, cast_shadow=shadows)
     lens = lamp.shadow.camera
@@ -52,6 +50,6 @@ def draw(light, box, params, shadows, exposure):
         lens.fov = 180 / math.pi * 2 * lamp.angle  # another one has pygfx set the depth range too
     lamp.shadow.bias, lamp.shadow.cull_mode = params["bias"], params["cull"]
     scene.add(lamp)
-    renderer.render(scene, camera)
+    renderer.render(scene, eye)
     scene.remove(lamp)
     return renderer.snapshot()

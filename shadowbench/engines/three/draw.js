@@ -4,7 +4,7 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 const FILTERS = { basic: THREE.BasicShadowMap, pcf: THREE.PCFShadowMap, vsm: THREE.VSMShadowMap };
 const SIDES = { shipped: null, front: THREE.FrontSide, back: THREE.BackSide, both: THREE.DoubleSide };
-let renderer, scene, camera, light, meshes;
+let renderer, scene, light, meshes;
 
 export function open({ canvas, width, height }) {
   renderer = new THREE.WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
@@ -15,7 +15,7 @@ export function open({ canvas, width, height }) {
   return THREE.REVISION;
 }
 
-export async function load({ glb, view }) {
+export async function load({ glb }) {
   light?.dispose();
   light = null;
   meshes?.forEach((mesh) => [mesh.geometry, mesh.material].forEach((part) => part.dispose()));
@@ -32,14 +32,6 @@ export async function load({ glb, view }) {
     mesh.castShadow = mesh.userData.casts ?? true;
     mesh.receiveShadow = mesh.userData.receives ?? true;
   }
-  const { fov_y, height, near, far, position, up, target } = view.camera;
-  const half = height / 2, aspect = view.image.width / view.image.height;
-  camera = height
-    ? new THREE.OrthographicCamera(-aspect * half, aspect * half, half, -half, near, far)
-    : new THREE.PerspectiveCamera(fov_y, aspect, near, far);
-  camera.position.set(...position);
-  camera.up.set(...up);
-  camera.lookAt(...target);
 }
 
 const LIGHTS = {
@@ -48,7 +40,7 @@ const LIGHTS = {
   point: () => new THREE.PointLight(undefined, 1, 0, 0),
 };
 
-export function draw({ light: lamp, box, params, shadows, exposure }) {
+export function draw({ camera: pose, light: lamp, box, params, shadows, exposure }) {
   if (params.filter === "vsm" && lamp.kind === "point") throw new Error("three.js has no VSM of point lights");
   light?.dispose(); // with its map
   light?.removeFromParent();
@@ -74,5 +66,12 @@ export function draw({ light: lamp, box, params, shadows, exposure }) {
     material.shadowSide = SIDES[params.cast];
     material.needsUpdate = true;
   }
+  const { fov_y, height, aspect, near, far } = pose, half = height / 2;
+  const camera = height
+    ? new THREE.OrthographicCamera(-aspect * half, aspect * half, half, -half, near, far)
+    : new THREE.PerspectiveCamera(fov_y, aspect, near, far);
+  camera.position.set(...pose.position);
+  camera.up.set(...pose.up);
+  camera.lookAt(...pose.target);
   renderer.render(scene, camera);
 }

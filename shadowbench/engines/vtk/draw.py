@@ -33,21 +33,20 @@ def load(model, view):
     importer.SetFileName(str(model))
     importer.SetRenderWindow(window)
     importer.Update()
-    pose, camera = view["camera"], renderer.GetActiveCamera()
-    camera.SetPosition(pose["position"])
-    camera.SetFocalPoint(pose["target"])
-    camera.SetViewUp(pose["up"])
-    more = max(shown) / shown[1]  # height of the window, in those of the picture
-    camera.SetWindowCenter(*(1 - np.divide(shown, max(shown))))  # the picture is its lower left corner
-    camera.SetParallelProjection(bool(pose["height"]))
-    if pose["height"]:
-        camera.SetParallelScale(more * pose["height"] / 2)
+
+
+def draw(camera, light, params, shadows, exposure, **_):
+    eye, more = renderer.GetActiveCamera(), max(shown) / shown[1]  # height of the window, in those of the picture
+    eye.SetPosition(camera["position"])
+    eye.SetFocalPoint(camera["target"])
+    eye.SetViewUp(camera["up"])
+    eye.SetWindowCenter(*(1 - np.divide(shown, max(shown))))  # the picture is its lower left corner
+    eye.SetParallelProjection(bool(camera["height"]))
+    if camera["height"]:
+        eye.SetParallelScale(more * camera["height"] / 2)
     else:
-        camera.SetViewAngle(np.degrees(2 * np.arctan(more * np.tan(np.radians(pose["fov_y"]) / 2))))
-    camera.SetClippingRange(pose["near"], pose["far"])
-
-
-def draw(light, params, shadows, exposure, **_):
+        eye.SetViewAngle(np.degrees(2 * np.arctan(more * np.tan(np.radians(camera["fov_y"]) / 2))))
+    eye.SetClippingRange(camera["near"], camera["far"])
     lamp, position = vtkLight(), light["position"] or (0, 0, 0)
     lamp.SetPosition(position)
     lamp.SetFocalPoint(np.add(position, light["direction"]))
