@@ -48,6 +48,9 @@ class RecommendOptions:
         "penumbra].",
         "X",
     )
+    max_flicker: float | None = option(
+        "Besides: maximum flicker, in pixels, in the first sequence of the scene's file, else in pan.", "PX"
+    )
     budget_ms: float | None = option(
         "Maximum time per frame, in ms; without a GPU, of what shadows add, as predicted.", "X"
     )
@@ -142,6 +145,7 @@ def recommend(
             budget_ms=asked.budget_ms,
             timed=machines.dask is None,
             among=among,
+            max_flicker=asked.max_flicker,
         )
         if asked.export is not None:
             export_choice(advice, asked.export, campaign.drawer)

@@ -30,8 +30,8 @@ WALKED = [
 
 MOVED = [("railings", name) for name in ("pan", "dolly", "moving-caster", "slow-sun")] + [("walker", "walker")]
 IN_MOTION = [
-    (name, sequence) for sequence in BUILT_IN if sequence != "walker" for name in ("railings", "street", "walker")
-] + [("canopy", "walker"), ("crowd", "walker"), ("walker", "walker")]
+    (name, sequence) for sequence in BUILT_IN if sequence != "walker" for name in ("railings", "stairs", "walker")
+] + [("crowd", "walker"), ("walker", "walker")]
 
 
 def assert_agrees(view: View, judged: Callable[..., Any]) -> None:
