@@ -17,12 +17,15 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import message
 from shadowbench.measure.plugin_output import forward_output
+from shadowbench.measure.points import Points
 from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.measure.worker import Pipe, connected, die_with, sigint_blocked, spawn
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.scores.comparison import PreparedTruth
+from shadowbench.scores.comparison import Comparison, PreparedTruth
 from shadowbench.scores.metrics import score
-from shadowbench.truths.trace import trace
+from shadowbench.scores.motion import Motion
+from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.trace import Truth, trace
 
 if TYPE_CHECKING:
     from shadowbench.viewer.state import ViewerState
@@ -70,7 +73,8 @@ class Judge:
         self._number, self.failure = self._number + 1, ""
         if state.viewed != self._viewed:
             self._traced, self._viewed, self._first = None, state.viewed, self._number
-        self._questions.put((self._number, state.view(), masks))
+        frame = (hash(state.start), state.frame) if state.sequence else None
+        self._questions.put((self._number, state.view(), masks, frame))
 
     @property
     def has_answers(self) -> bool:
@@ -133,6 +137,28 @@ def _send(pipe: Pipe, questions: "queue.SimpleQueue[object]") -> None:
             pipe.send(question)
 
 
+class _Followed:
+    """Flicker of masks in a sequence, for as long as its frames come in order."""
+
+    def __init__(self) -> None:
+        self._last = (0, 0)
+        self._points, self._motions = Points(), dict[str, Motion]()
+
+    def flicker(
+        self, frame: tuple[int, int], truth: Truth, prepared: PreparedTruth, masks: Masks
+    ) -> Mapping[str, float | None]:
+        """That of the masks that were followed from frame 0 on; frame: which sequence, and the frame's index."""
+        if frame[1] == 0:
+            self._points, self._motions = Points(), {spec: Motion() for spec in masks}
+        elif (frame[0], frame[1] - 1) != self._last:
+            return {}
+        self._last, seen = frame, self._points.see(truth)
+        self._motions = {spec: motion for spec, motion in self._motions.items() if spec in masks}
+        for spec, motion in self._motions.items():
+            motion.add(Comparison(masks[spec], prepared), seen)
+        return {spec: motion.scores()["flicker"] for spec, motion in self._motions.items()}
+
+
 def serve(handle: str, parent: str) -> None:
     """Answer questions until the pipe is closed; arguments: as of `worker.serve`. Only the latest one is answered."""
     pipe = connected(handle)
@@ -141,21 +167,25 @@ def serve(handle: str, parent: str) -> None:
     trace(chosen_view("post", 16))  # compiled loops and libraries are loaded before the first question
     viewed: tuple[object, ...] = ()
     prepared: PreparedTruth | None = None  # of the last view: other masks of it are only scored
+    followed = _Followed()
     while True:
         try:
-            number, view, masks = pipe.receive()
+            number, view, masks, frame = pipe.receive()
             while pipe.connection.poll():
-                number, view, masks = pipe.receive()
+                number, view, masks, frame = pipe.receive()
         except EOFError:
             return
         try:
             if viewed != tuple(vars(view).values()):
-                truth = trace(view)
+                truth = cached_truth(view, 1) if frame else trace(view, 1)
                 scored = truth.receivers & ~truth.undecided
                 pipe.send((number, Traced(truth.visibility, scored, truth.facets, truth.sampled)))
                 prepared, viewed = prepare_truth(truth), tuple(vars(view).values())
             assert prepared is not None
             record = truth_record(prepared)
-            pipe.send((number, {spec: score(mask, prepared) | record for spec, mask in masks.items()}))
+            scores = {spec: score(mask, prepared) | record for spec, mask in masks.items()}
+            for spec, flicker in followed.flicker(frame, truth, prepared, masks).items() if frame else ():
+                scores[spec] |= {"flicker": flicker}
+            pipe.send((number, scores))
         except Exception as error:  # shown in the window, whatever it is
             pipe.send((number, message(error)))
