@@ -162,7 +162,6 @@ class Campaign:
         self._pictures = Pictures(folder)
         self._keys = WeakKeyDictionary[Block, dict[Cell, str]]()  # a scene takes long to hash
         self._truths: Truths | None = None  # of the last block
-        self._untimed = set[str]()  # specs that were said not to be timed
 
     def __enter__(self) -> Self:
         self.store = RowStore(self.folder, self._sweep)
@@ -313,9 +312,8 @@ class Campaign:
 
     def _time(self, block: Block) -> None:
         """Time the successful cells that lack a time, or a ratio since their reference failed."""
-        if block.rounds and (skipping := {cell.spec.text for cell in block.cells if cell.skips_draws} - self._untimed):
-            self._untimed |= skipping
-            self.reporter.note(f"not timed, as their frames differ; work is the mean: {'; '.join(sorted(skipping))}")
+        for spec in {cell.spec.sizeless_text: None for cell in block.cells if block.rounds and cell.skips_draws}:
+            self.reporter.note(f"{spec}: not timed, as frames differ; work is their mean")
         wanted = {cell: key for cell, key in self.keys(block).items() if block.times(cell)}
         if not wanted:
             return

@@ -69,7 +69,7 @@ def test_what_draws_its_map_in_some_frames_only_has_no_time(shadowbench: Callabl
     specs_of = {row["key"]: row["spec"].partition(":")[2] for row in rows if row["kind"] == "score"}
     assert {specs_of[key] for key in specs_of.keys() - timed} == {"update=every", "update=needed"}
     assert {specs_of[key] for key in timed} == {"", "history=exponential"}
-    assert answer.err.count("not timed, as their frames differ") == 1, "not again in each scene"
+    assert answer.err.count("not timed, as frames differ") == 2, "not again in each scene"
 
 
 def test_a_cell_whose_worker_crashes_in_any_frame_fails_as_a_whole(block: Block) -> None:
