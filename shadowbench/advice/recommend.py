@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from shadowbench.advice.search import (
+    TINY,
     Exclusion,
     Search,
     Trial,
@@ -78,11 +79,6 @@ class Steadiness(NamedTuple):
 
     most: float
     sequence: str
-
-    def share(self, metrics: Mapping[str, float | None]) -> float:
-        """The flicker of a row's metrics as a share of the most; 0 without any edge."""
-        flicker = metrics["flicker"] or 0.0
-        return flicker / self.most if self.most else math.inf if flicker else 0.0
 
 
 def target_text(target: Target, budget_ms: float | None = None, steadiness: Steadiness | None = None) -> str:
@@ -344,22 +340,18 @@ class Recommendation:
         return tuple(sorted(best.values(), key=lambda trial: (not self.meets(trial), trial.cost)))
 
     @property
-    def steady(self) -> list[Trial]:
-        """The trials with no more flicker than allowed."""
-        return [trial for trial in self.trials if trial.flicker <= 1]
-
-    @property
     def cheaper(self) -> Trial | None:
         """The most accurate trial that saves a tenth of the choice's cost or more, and to which a target can relax."""
         most = SAVED * self.choice.cost if self.choice is not None and self.choice.ranked else -math.inf
-        cheaper = [trial for trial in self.steady if trial.cost <= most and math.isfinite(trial.error)]
+        steady = [trial for trial in self.trials if trial.flicker <= 1]
+        cheaper = [trial for trial in steady if trial.cost <= most and math.isfinite(trial.error)]
         return min(cheaper, key=lambda trial: (trial.error, trial.cost), default=None)
 
     @property
     def better(self) -> Trial | None:
         """The cheapest trial with less than half of the choice's error, and with a cost."""
         least = self.choice.error / 2 if self.choice is not None else -math.inf
-        better = [trial for trial in self.steady if trial.error < least and trial.ranked]
+        better = [trial for trial in self.trials if trial.error < least and trial.flicker <= 1 and trial.ranked]
         return min(better, key=lambda trial: (trial.cost, trial.error), default=None)
 
     def standing(self, trial: Trial) -> Standing:
@@ -453,7 +445,8 @@ def find_cheapest(
         def try_spec(spec: Spec) -> Trial | None:
             result = measure(spec)
             if (status := by.status(result)) == "ok":
-                share = 0.0 if steadiness is None else steadiness.share(result.score["metrics"])
+                flicker = result.score["metrics"].get("flicker") or 0.0  # none without an edge, or in a still view
+                share = flicker / max(steadiness.most, TINY) if steadiness else 0.0
                 return replace(by.trial(spec, result, target, view), flicker=share)
             unsuccessful[spec.text] = status
             return None

@@ -95,9 +95,9 @@ def recommend(
 
     Searches techniques, parameters and map sizes. Few specs are measured: the scene's geometry rules some out (see
     `shadowbench needs`), and cost and error of the others are predicted from the measurements, so that a cheaper
-    one may exist. Cost is the time of a frame; on a software renderer, whose times are not those of a GPU, it is
-    the time that its work would take on the device on record, or work (shader invocations, texture reads) for
-    lights with a size, which were not timed there. What has no cost is tried, too, and what predictions leave out
+    one may exist. Cost is the time of a frame; on a software renderer, the time that its
+    work would take on the device on record, or work (shader invocations, texture reads) for lights with a size, which
+    were not timed there. What has no cost is tried, too, and what predictions leave out
     if nothing else meets the target. Exit code 1 if nothing does; the closest is then shown with the reason.
 
     \b

@@ -25,7 +25,7 @@ from shadowbench.scores.comparison import Comparison, PreparedTruth
 from shadowbench.scores.metrics import score
 from shadowbench.scores.motion import Motion
 from shadowbench.truths.cache import cached_truth
-from shadowbench.truths.trace import Truth, trace
+from shadowbench.truths.trace import trace
 
 if TYPE_CHECKING:
     from shadowbench.viewer.state import ViewerState
@@ -137,28 +137,6 @@ def _send(pipe: Pipe, questions: "queue.SimpleQueue[object]") -> None:
             pipe.send(question)
 
 
-class _Followed:
-    """Flicker of masks in a sequence, for as long as its frames come in order."""
-
-    def __init__(self) -> None:
-        self._last = (0, 0)
-        self._points, self._motions = Points(), dict[str, Motion]()
-
-    def flicker(
-        self, frame: tuple[int, int], truth: Truth, prepared: PreparedTruth, masks: Masks
-    ) -> Mapping[str, float | None]:
-        """That of the masks that were followed from frame 0 on; frame: which sequence, and the frame's index."""
-        if frame[1] == 0:
-            self._points, self._motions = Points(), {spec: Motion() for spec in masks}
-        elif (frame[0], frame[1] - 1) != self._last:
-            return {}
-        self._last, seen = frame, self._points.see(truth)
-        self._motions = {spec: motion for spec, motion in self._motions.items() if spec in masks}
-        for spec, motion in self._motions.items():
-            motion.add(Comparison(masks[spec], prepared), seen)
-        return {spec: motion.scores()["flicker"] for spec, motion in self._motions.items()}
-
-
 def serve(handle: str, parent: str) -> None:
     """Answer questions until the pipe is closed; arguments: as of `worker.serve`. Only the latest one is answered."""
     pipe = connected(handle)
@@ -167,7 +145,8 @@ def serve(handle: str, parent: str) -> None:
     trace(chosen_view("post", 16))  # compiled loops and libraries are loaded before the first question
     viewed: tuple[object, ...] = ()
     prepared: PreparedTruth | None = None  # of the last view: other masks of it are only scored
-    followed = _Followed()
+    last = 0, 0  # the sequence and index of the frame that was scored last
+    points, motions = Points(), dict[str, Motion]()
     while True:
         try:
             number, view, masks, frame = pipe.receive()
@@ -184,8 +163,17 @@ def serve(handle: str, parent: str) -> None:
             assert prepared is not None
             record = truth_record(prepared)
             scores = {spec: score(mask, prepared) | record for spec, mask in masks.items()}
-            for spec, flicker in followed.flicker(frame, truth, prepared, masks).items() if frame else ():
-                scores[spec] |= {"flicker": flicker}
+            if frame:  # its sequence and its index
+                if frame[1] == 0:
+                    points, motions = Points(), {spec: Motion() for spec in masks}
+                elif last != (frame[0], frame[1] - 1):  # out of order: of no flicker until frame 0
+                    motions = {}
+                last, motions = frame, {spec: motions[spec] for spec in motions.keys() & masks}
+                if motions:
+                    seen = points.see(truth)
+                for spec, motion in motions.items():
+                    motion.add(Comparison(masks[spec], prepared), seen)
+                    scores[spec] |= {"flicker": motion.scores()["flicker"]}
             pipe.send((number, scores))
         except Exception as error:  # shown in the window, whatever it is
             pipe.send((number, message(error)))
