@@ -103,20 +103,20 @@ class Drawing:
         if self._last == (drawn_of, state.frame - 1):
             first = state.frame
         for index in range(first, state.frame):
-            self._draw(state, size, index, remembers).frame.surface.release()
-        drawn = self._draw(state, size, state.frame, remembers)
+            self._draw(replace(state, frame=index), size, remembers).frame.surface.release()
+        drawn = self._draw(state, size, remembers)
         self._last = drawn_of, state.frame
         return drawn
 
-    def _draw(self, state: ViewerState, size: ViewSize, index: int, remembers: bool) -> Drawn:
-        file_view = state.view(size, index)
-        loaded = self._load(file_view, state, index > 0 and remembers)
+    def _draw(self, state: ViewerState, size: ViewSize, remembers: bool) -> Drawn:
+        file_view = state.view(size)
+        loaded = self._load(file_view, state, goes_on=remembers and state.frame > 0)
         view = loaded.to_drawing_coordinates(file_view)
         built = [self._build(loaded, spec, view) for spec in state.specs]
         start = time.perf_counter()
         self._recover()
         surface = loaded.surface_pass.draw(view)
-        frame = Frame(view, Phase(state.phase), index, surface, self.clock)
+        frame = Frame(view, Phase(state.phase), state.frame, surface, self.clock)
         masks = [self._mask(loaded, *drawn, frame) for drawn in zip(state.specs, built, strict=True)]
         self.device.context.finish()
         return Drawn(loaded, frame, tuple(masks), (time.perf_counter() - start) * 1e3)

@@ -82,10 +82,9 @@ class ViewerState:
         """The frames of the sequence; of a still view the one. Raises InputError."""
         return _frames(self.scene, self.camera, self.light, self.size, self.sequence)
 
-    def view(self, size: ViewSize | None = None, frame: int | None = None) -> View:
-        """The view of a frame, by default the one shown, of `size`. Raises InputError."""
-        view = self.frames[self.frame if frame is None else frame]
-        return view if size in (None, self.size) else view_of(view.scene, view.camera, view.light, size)
+    def view(self, size: ViewSize | None = None) -> View:
+        """The view of the frame, by default of `size`. Raises InputError."""
+        return replace(self.frames[self.frame], size=size or self.size)
 
     @property
     def start(self) -> tuple[object, ...]:

@@ -117,7 +117,7 @@ def test_the_mask_is_that_of_render_also_after_motion(
 @pytest.mark.parametrize(
     ("sequence", "spec"),
     [
-        ("pan", "shadow-map:size=64"),
+        ("dolly", "cascades:size=64"),
         ("pan", "shadow-map:size=64,history=exponential"),
         ("moving-caster", "shadow-map:size=64,history=exponential"),
         ("quick-sun", "shadow-map:size=64,update=every(n=3)"),
