@@ -77,19 +77,8 @@ def default_target(view: View) -> Target:
 class Steadiness(NamedTuple):
     """The most flicker, in pixels, that is allowed in a sequence, by its name."""
 
-    most: float
+    max_flicker: float
     sequence: str
-
-
-def target_text(target: Target, budget_ms: float | None = None, steadiness: Steadiness | None = None) -> str:
-    """Text such as `IoU ≥ 0.99, flicker ≤ 0.01 px in pan within 2 ms`, or `edges at most 0.5 px off`."""
-    metric = METRICS[target.metric]
-    text = f"{metric.label} {'≥' if metric.better == 'higher' else '≤'} {target.limit:g}"
-    if target.metric == "edge_px":
-        text = f"edges at most {target.limit:g} px off"
-    if steadiness is not None:
-        text += f", flicker ≤ {steadiness.most:g} px in {steadiness.sequence}"
-    return text if budget_ms is None else f"{text} within {budget_ms:g} ms"
 
 
 def target_error(target: Target, metrics: Mapping[str, float | None]) -> float:
@@ -287,8 +276,14 @@ class Recommendation:
 
     @property
     def asked(self) -> str:
-        """The target in words."""
-        return target_text(self.target, self.budget_ms, self.steadiness)
+        """Text such as `IoU ≥ 0.99, flicker ≤ 0.01 px in pan within 2 ms`, or `edges at most 0.5 px off`."""
+        metric, limit = METRICS[self.target.metric], self.target.limit
+        text = f"{metric.label} {'≥' if metric.better == 'higher' else '≤'} {limit:g}"
+        if metric.name == "edge_px":
+            text = f"edges at most {limit:g} px off"
+        if self.steadiness is not None:
+            text += f", flicker ≤ {self.steadiness.max_flicker:g} px in {self.steadiness.sequence}"
+        return text if self.budget_ms is None else f"{text} within {self.budget_ms:g} ms"
 
     @property
     def measured(self) -> int:
@@ -446,7 +441,7 @@ def find_cheapest(
             result = measure(spec)
             if (status := by.status(result)) == "ok":
                 flicker = result.score["metrics"].get("flicker") or 0.0  # none without an edge, or in a still view
-                share = flicker / max(steadiness.most, TINY) if steadiness else 0.0
+                share = flicker / max(steadiness.max_flicker, TINY) if steadiness else 0.0
                 return replace(by.trial(spec, result, target, view), flicker=share)
             unsuccessful[spec.text] = status
             return None

@@ -280,9 +280,7 @@ def values(advice: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "light": view.light.name,
         **view.size.columns,
         "target": {"metric": advice.target.metric, "value": advice.target.limit, "budget_ms": advice.budget_ms}
-        | (
-            {"max_flicker": advice.steadiness.most, "sequence": advice.steadiness.sequence} if advice.steadiness else {}
-        ),
+        | (advice.steadiness._asdict() if advice.steadiness else {}),
         "notes": notes(advice),
         "ranked_by": advice.cost.name,
         "device": law and law.device,

@@ -135,18 +135,9 @@ def recommend(
         console.Reporter(printed.quiet) as reporter,
         campaign_in(asked.output, reporter, asked.plugin, **asdict(machines)) as campaign,
     ):
-        advice, info = measure_recommendation(
-            reporter.view(scene, asked.view_size, view),
-            target,
-            known,
-            campaign,
-            by=asked.by,
-            device=asked.device,
-            budget_ms=asked.budget_ms,
-            timed=machines.dask is None,
-            among=among,
-            max_flicker=asked.max_flicker,
-        )
+        chosen, timed = reporter.view(scene, asked.view_size, view), machines.dask is None
+        limits = {name: getattr(asked, name) for name in ("by", "device", "budget_ms", "max_flicker")}
+        advice, info = measure_recommendation(chosen, target, known, campaign, timed=timed, among=among, **limits)
         if asked.export is not None:
             export_choice(advice, asked.export, campaign.drawer)
     if printed.json:

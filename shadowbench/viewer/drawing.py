@@ -99,10 +99,9 @@ class Drawing:
         What remembers earlier frames of a sequence is drawn in all of them, in order.
         """
         remembers = any(component.remembers for spec in state.specs for component in spec.components)
-        drawn_of, first = (state.start, *_how(state), size), 0 if remembers else state.frame
-        if self._last == (drawn_of, state.frame - 1):
-            first = state.frame
-        for index in range(first, state.frame):
+        drawn_of = state.start, *_how(state), size
+        goes_on = not remembers or self._last == (drawn_of, state.frame - 1)
+        for index in range(state.frame if goes_on else 0, state.frame):
             self._draw(replace(state, frame=index), size, remembers).frame.surface.release()
         drawn = self._draw(state, size, remembers)
         self._last = drawn_of, state.frame
@@ -315,12 +314,11 @@ class Viewer:
             self._ask(self.drawn)
         self._draw_pictures()
 
-    def show_sequence(self, name: str) -> str:
+    def show_sequence(self, name: str) -> None:
         """Show the first frame of a sequence, or for an empty name the view alone. Raises InputError."""
         self.playing, state = False, replace(self.state, sequence=name, frame=0)
-        count = len(state.frames)
-        self.change(state)
-        return f"{name}: {count} frames" if name else ""
+        if state.frames:
+            self.change(state)
 
     def to_frame(self, frame: int) -> None:
         """Show another frame of the sequence; after the last one comes the first."""
