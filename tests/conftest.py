@@ -206,11 +206,14 @@ def key_of(*parts: object) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
+NOT_OF_WORKERS = {"PYTEST_CURRENT_TEST", "SHADOWBENCH_CACHE", "COLUMNS"}  # which read no truths and print no tables
+
+
 @pytest.fixture(scope="session")
 def lent_worker(plugin_folder: Path) -> Iterator[Callable[..., AbstractContextManager[Worker]]]:
     """In place of `Worker`: commands in the same environment are served by the same process.
 
-    Those with plug-ins of one test, whose files may change, have a process of their own.
+    Another serves those with `half` or `wild`. Those with plug-ins of one test, whose files may change, have their own.
     """
     kept: dict[object, Worker] = {}
     with ExitStack() as session:
@@ -221,10 +224,10 @@ def lent_worker(plugin_folder: Path) -> Iterator[Callable[..., AbstractContextMa
                 with Worker(plugins, limits) as own:
                     yield own
                 return
-            environment = frozenset(item for item in os.environ.items() if item[0] != "PYTEST_CURRENT_TEST")
-            key = tuple(plugins), environment
+            environment = frozenset(item for item in os.environ.items() if item[0] not in NOT_OF_WORKERS)
+            key = bool(plugins), environment
             if key not in kept:
-                kept[key] = session.enter_context(Worker(plugins))
+                kept[key] = session.enter_context(Worker(sorted(plugin_folder.glob("*.py")) if plugins else ()))
             kept[key].limits = limits or Limits()
             yield kept[key]
 

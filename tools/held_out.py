@@ -1,4 +1,4 @@
-"""How much worse settings are in held-out scenes and phases than in those that they were chosen on.
+"""How much worse settings are in held-out scenes than in those that they were chosen on.
 
     python tools/held_out.py RUN...
     python tools/held_out.py --seed N FOLDER
@@ -30,11 +30,9 @@ from shadowbench.results.frame import read_runs
 from shadowbench.scores.metrics import is_soft, ranking
 
 STUDY = Path(__file__).resolve().parent.parent / "benchmarks" / "held-out.toml"
-FIRST_PHASE = 8
-"""Phases from here on are held out."""
 REFERENCE = "shadow-map"
-CHOSEN, PHASES, SCENES = PARTS = "chosen on", "other phases", "held-out scenes"
-HEADINGS = ("setting", *PARTS, "phases: ratio", "to reference", "held out", "scenes: ratio")
+PARTS = CHOSEN, HELD_OUT = "chosen on", "held-out scenes"
+HEADINGS = ("setting", *PARTS, "to reference", "held out", "ratio")
 _DRAWS = 10_000
 _LEAST = 1e-4  # of errors, whose logarithms are averaged
 LIGHTS = ("directional",) * 8 + ("spot", "point") * 2
@@ -62,8 +60,7 @@ def main() -> int:
 
 def table(rows: Sequence[Record]) -> list[str]:
     """Lines of a Markdown table, one per setting. Raises InputError without a row of the reference."""
-    cells = [(row["spec"], _part(row), row["scene"], _log_error(row)) for row in rows if row["status"] == "ok"]
-    frame = pd.DataFrame(cells, columns=["setting", "part", "scene", "error"])
+    frame = pd.DataFrame(map(_cell, (row for row in rows if row["status"] == "ok")))
     means = frame.groupby(["setting", "scene", "part"])["error"].mean().unstack("part").reindex(columns=PARTS)
     names = list(frame["setting"].unique())
     if REFERENCE not in names:
@@ -72,10 +69,9 @@ def table(rows: Sequence[Record]) -> list[str]:
     return [f"| {' | '.join(line)} |" for line in (HEADINGS, ["---", *["---:"] * (len(HEADINGS) - 1)], *lines)]
 
 
-def _part(row: Record) -> str:
-    if row["scene"].startswith("held-out"):
-        return SCENES
-    return PHASES if row["phase"] >= FIRST_PHASE else CHOSEN
+def _cell(row: Record) -> dict[str, Any]:
+    part = HELD_OUT if row["scene"].startswith("held-out") else CHOSEN
+    return {"setting": row["spec"], "part": part, "scene": row["scene"], "error": _log_error(row)}
 
 
 def _log_error(row: Record) -> float:
@@ -91,21 +87,18 @@ def _log_error(row: Record) -> float:
 def _line(name: str, errors: pd.DataFrame, reference: pd.DataFrame) -> list[str]:
     """errors: logarithms, a line for each scene and a column for each part."""
     beside = errors - reference
-    moved = (errors[PHASES] - errors[CHOSEN]).dropna()
     means = [f"{np.exp(errors[part].mean()):.4f}" if errors[part].count() else "" for part in PARTS]
-    ratios = [f"{np.exp(beside[part].mean()):.2f}" if beside[part].count() else "" for part in (CHOSEN, SCENES)]
-    gap = _ratio(beside[SCENES].dropna(), beside[CHOSEN].dropna()) if name != REFERENCE and all(ratios) else ""
-    return [f"`{preset_names().get(name, name)}`", *means, _ratio(moved) if len(moved) else "", *ratios, gap]
+    ratios = [f"{np.exp(beside[part].mean()):.2f}" if beside[part].count() else "" for part in PARTS]
+    gap = _ratio(beside[HELD_OUT].dropna(), beside[CHOSEN].dropna()) if name != REFERENCE and all(ratios) else ""
+    return [f"`{preset_names().get(name, name)}`", *means, *ratios, gap]
 
 
-def _ratio(over: pd.Series, under: pd.Series | None = None) -> str:
+def _ratio(over: pd.Series, under: pd.Series) -> str:
     """exp(mean over − mean under) with its interval; scenes of both are drawn apart."""
     random = np.random.default_rng(0)
-    parts = [(1, over), (-1, under)] if under is not None else [(1, over)]
-    value = sum(sign * values.mean() for sign, values in parts)
-    draws = sum(sign * random.choice(values, (_DRAWS, len(values))).mean(axis=1) for sign, values in parts)
-    low, high = np.exp(np.percentile(draws, [2.5, 97.5]))
-    return f"{np.exp(value):.3g} [{low:.3g}, {high:.3g}]"
+    drawn, other = (random.choice(values, (_DRAWS, len(values))).mean(axis=1) for values in (over, under))
+    low, high = np.exp(np.percentile(drawn - other, [2.5, 97.5]))
+    return f"{np.exp(over.mean() - under.mean()):.3g} [{low:.3g}, {high:.3g}]"
 
 
 def write_scenes(folder: Path, seed: int) -> None:

@@ -1,4 +1,4 @@
-"""Generates docs/explanation/default-bias.md from folders of `run -s race`, and of `run` with the held-out scenes."""
+"""Generates docs/explanation/default-bias.md from folders of the commands that it shows."""
 
 import sys
 from pathlib import Path
@@ -13,22 +13,30 @@ from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.results.frame import read_runs
 from shadowbench.results.law import law_on_record
+from shadowbench.scores.metrics import is_soft
 
 FILE = Path(__file__).resolve().parent.parent / "docs" / "explanation" / "default-bias.md"
 REFERENCE, CLEAN = "texel", 1e-3
-FILTERS = {"2×2": "hardware", "5×5": "pcf(taps=5)"}
+FILTERS = {"2×2": "hardware", "5×5": "pcf(taps=5)", "PCSS": "pcss"}
+SOFT = "… --phases 2 --sun -t shadow-map:bias=…,filter=pcss"
+SUNS = "… --phases 2 --sun-at 100,… -t shadow-map:bias=… --map-size 1024"
 LEAST = 1e-5  # of errors, whose logarithms are averaged
-HEADINGS = ("bias", "1 − IoU", "worst", "at equal ms", "1 − SSIM", "contact", "acne > 0.001", "ms", "held out", "front")
+HEADINGS = ("bias", "error", "worst", "at equal ms", "1 − SSIM", "contact", "acne > 0.001", "ms", "held out", "front")
 
 
 def main() -> int:
     """Write the page."""
     rows = [row for run in read_runs([Path(name) for name in sys.argv[1:]]) for row in run.rows]
-    cells = pd.DataFrame([_cell(row) for row in rows if row["status"] == "ok"])
-    means = cells.groupby(["filter", "bias", "held_out", "scene", "size"]).mean().sort_index()
-    scenes = means.xs(False, level="held_out").reset_index()["scene"].nunique()
+    cells = pd.DataFrame([_cell(row) for row in rows if row["status"] == "ok" and row["metrics"]["iou"] is not None])
+    in_order = cells[cells["elevation"].isna()].groupby(["filter", "bias", "held_out", "scene", "size"])
+    means = in_order.mean().sort_index()
+    scenes = means.loc["hardware"].xs(False, level="held_out").index.unique("scene").size
     values = {name: "\n".join(_table(means.loc[written])) for name, written in FILTERS.items()}
-    values |= {"MEASURED": measured("shadowbench run -s race"), "SCENES": str(scenes)}
+    values["ELEVATIONS"] = "\n".join(
+        _elevations(cells.groupby(["filter", "elevation", "bias", "scene"])["error"].mean())
+    )
+    commands = {"MEASURED": "-s race", "SOFT": SOFT, "SUNS": SUNS}
+    values |= {"SCENES": str(scenes)} | {name: measured(f"shadowbench run {text}") for name, text in commands.items()}
     return write({FILE: filled(__file__, values)}, check=False)
 
 
@@ -36,8 +44,10 @@ def _cell(row: Record) -> dict[str, object]:
     params = parse_spec(row["full_spec"], techniques()).params
     metrics, law = row["metrics"], law_on_record()
     names = {"filter": params.filter.written(), "bias": params.bias.written(), "scene": row["scene"]}  # type: ignore[attr-defined]
-    errors = {"iou": max(1 - metrics["iou"], LEAST), "ssim": max(1 - metrics["ssim"], LEAST)}
-    faults = {"acne": metrics["acne"], "contact": metrics["contact"], "ms": law.of_row(row) if law else None}
+    names["elevation"] = float(row["light"].split()[2]) if row["light"].startswith("sun ") else None  # of --sun-at
+    error = metrics["rmse"] if is_soft(metrics) else 1 - metrics["iou"]
+    errors = {"error": max(error, LEAST), "ssim": max(1 - metrics["ssim"], LEAST)}
+    faults = {"acne": metrics["acne"], "contact": metrics["contact"], "ms": (law and law.of_row(row)) or np.nan}
     return {**names, "size": row["map_size"], "held_out": row["scene"].startswith("held-out"), **errors, **faults}
 
 
@@ -51,18 +61,34 @@ def _table(means: pd.DataFrame) -> list[str]:
         ratios = f"{error:.3f}", f"{worst:.2f}", f"{equal:.3f}", f"{ssim:.3f}", f"{contact:.3f}", acne, f"{ms:.2f}"
         rows.append((f"`{bias}`", *ratios, f"{held_out:.3f}", "" if beaten else "●"))
     size, time = (min(lines, key=lambda bias: lines[bias][index]) for index in (0, 2))
+    if np.isnan(lines[time][2]):
+        kept = [at for at, name in enumerate(HEADINGS) if name not in ("at equal ms", "ms", "front")]
+        few = table([HEADINGS[at] for at in kept], [[row[at] for at in kept] for row in rows])
+        return [*few, "", f"At equal size `{size}` is the most accurate. Times are not predicted."]
     best = f"At equal size `{size}` is the most accurate, at equal predicted time `{time}`."
     return [*table(HEADINGS, rows), "", best]
 
 
+def _elevations(errors: Any) -> list[str]:
+    """Lines of a Markdown table, a line per bias: errors as ratios to REFERENCE, for each filter and elevation."""
+    logs = np.log(errors) - np.log(errors.xs(REFERENCE, level="bias"))
+    means = np.exp(
+        logs.groupby(["bias", "filter", "elevation"]).mean().unstack(["filter", "elevation"]).sort_index(axis=1)
+    )
+    labels = {written: name for name, written in FILTERS.items()}
+    headings = ["bias", *(f"{labels[written]}, {elevation:g}°" for written, elevation in means.columns)]
+    return table(headings, [(f"`{bias}`", *(f"{value:.2f}" for value in line)) for bias, line in means.iterrows()])
+
+
 def _line(errors: Any, reference: Any) -> tuple[float, ...]:
     ratios = errors / reference
-    own, held_out = (np.log(ratios[["iou", "ssim", "ms"]].xs(part, level="held_out")) for part in (False, True))
+    own, held_out = (np.log(ratios[["error", "ssim", "ms"]].xs(part, level="held_out")) for part in (False, True))
     built_in = errors.xs(False, level="held_out")
-    iou, ssim, ms = np.exp(own.mean())
-    worst, acne = float(np.exp(own["iou"].max())), int((built_in["acne"] > CLEAN).sum())
+    error, ssim, ms = np.exp(own.mean())
+    worst, acne = float(np.exp(own["error"].max())), int((built_in["acne"] > CLEAN).sum())
     equal = _at_equal_ms(built_in, reference.xs(False, level="held_out"))
-    return iou, worst, equal, ssim, float(built_in["contact"].mean()), acne, ms, float(np.exp(held_out["iou"].mean()))
+    contact, held = float(built_in["contact"].mean()), float(np.exp(held_out["error"].mean()))
+    return error, worst, equal, ssim, contact, acne, ms, held
 
 
 def _at_equal_ms(errors: Any, reference: Any) -> float:
@@ -75,7 +101,7 @@ def _at_equal_ms(errors: Any, reference: Any) -> float:
         other = reference.loc[scene].iloc[len(own) // 2]
         sizes = own.index.get_level_values("size").to_numpy(dtype=float)
         size = np.sqrt(np.interp(other["ms"], own["ms"], sizes**2))
-        logs.append(np.interp(np.log(size), np.log(sizes), np.log(own["iou"])) - np.log(other["iou"]))
+        logs.append(np.interp(np.log(size), np.log(sizes), np.log(own["error"])) - np.log(other["error"]))
     return float(np.exp(np.mean(logs)))
 
 

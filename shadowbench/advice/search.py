@@ -230,6 +230,7 @@ class Search:
         # By group: the cost of a map's texels and of vertices by size, and errors by filter and size.
         self._costs: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
         self._errors: defaultdict[str, dict[str, dict[int, float]]] = defaultdict(dict)
+        self._ratios: dict[tuple[str, str], tuple[float, float]] = {}
 
     def run(self) -> Trial | None:
         """Search, and return the cheapest spec measured that meets the target; None if none does."""
@@ -306,6 +307,7 @@ class Search:
             if size:
                 self._costs[group][size] = max(trial.cost - trial.fixed - self.base(spec), TINY), trial.fixed
                 self._errors[group].setdefault(filter, {})[size] = trial.miss(self._within)
+                self._ratios.clear()
         elif size:
             beyond = [one for one in self._left if group_of(one)[0] == group and (one.map_size or 0) >= size]
             self._beyond += beyond
@@ -361,20 +363,22 @@ class Search:
         return min((error for error, _ in self._predictions(spec).values()), default=math.inf)
 
     def _predictions(self, spec: Spec) -> dict[str, tuple[float, float]]:
-        """Predictions of a spec's error by each filter measured in its group, with their margins.
-
-        Another filter's is multiplied by the mean ratio of the two filters' errors at equal map sizes of all groups.
-        """
-        predictions: dict[str, tuple[float, float]] = {}
+        """Predictions of a spec's error by each filter measured in its group, with their margins."""
         group, filter = group_of(spec)
-        for other, line in self._errors.get(group, {}).items():
-            ratios = [1.0]
-            if other != filter:
-                both = [(_finite(own.get(filter, {})), _finite(own.get(other, {}))) for own in self._errors.values()]
-                ratios = [max(a[size], TINY) / max(b[size], TINY) for a, b in both for size in a.keys() & b.keys()]
-            ratio, margin = (statistics.geometric_mean(ratios), self.margins[0]) if ratios else (1.0, self.margins[1])
-            predictions[other] = ratio * extrapolate(line, spec.map_size or 1), margin
-        return predictions
+        return {
+            other: (ratio * extrapolate(line, spec.map_size or 1), margin)
+            for other, line in self._errors.get(group, {}).items()
+            for ratio, margin in [self._ratio(filter, other)]
+        }
+
+    def _ratio(self, filter: str, other: str) -> tuple[float, float]:
+        """Mean ratio of two filters' errors at equal map sizes of all groups, and the margin of a prediction by it."""
+        if (filter, other) not in self._ratios:
+            both = [(_finite(own.get(filter, {})), _finite(own.get(other, {}))) for own in self._errors.values()]
+            ratios = [max(a[size], TINY) / max(b[size], TINY) for a, b in both for size in a.keys() & b.keys()]
+            ratio = statistics.geometric_mean(ratios) if ratios and other != filter else 1.0
+            self._ratios[filter, other] = ratio, self.margins[not ratios and other != filter]
+        return self._ratios[filter, other]
 
 
 def extrapolate(errors: Mapping[int, float], size: int) -> float:

@@ -69,7 +69,7 @@ def corners(planes: Floats, extent: float) -> Floats:
 
 def hull_points(points: Floats) -> Floats:
     """(H, 3) vertices of the convex hull of (N, 3) points; for coplanar points the corners of their bounding box."""
-    from scipy.spatial import ConvexHull, QhullError  # the import takes 0.3 s; the worker has done it at its start
+    from scipy.spatial import ConvexHull, QhullError  # the import takes 0.3 s
 
     try:
         return points[ConvexHull(points).vertices]

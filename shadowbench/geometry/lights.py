@@ -68,7 +68,7 @@ class LightSpace:
 
         At no angle is it less than in the first: a least rectangle has a side on the hull's (Freeman and Shapira 1975).
         """
-        from scipy.spatial import ConvexHull, QhullError  # the import takes 0.3 s; the worker has done it at its start
+        from scipy.spatial import ConvexHull, QhullError  # the import takes 0.3 s
 
         flat = self.coords(points)[:, :2]
         with suppress(QhullError):  # of points on a line, all differences have its direction

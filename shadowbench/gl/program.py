@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -296,6 +297,16 @@ def compose(
     those that the text has words for. Raises FileNotFoundError for an include that no root has, KeyError for a slot
     without a file.
     """
+    kept = tuple(roots) == SHADERS and "\n" not in str(source)  # our own files do not change, as a plug-in's may
+    make = _composed if kept else _composed.__wrapped__
+    return make(str(source), tuple(roots), tuple(defines.items()), tuple(slots.items()))
+
+
+@cache
+def _composed(
+    source: str, roots: Sequence[Path], defines: Sequence[tuple[str, str]], named: Sequence[tuple[str, str]]
+) -> Composed:
+    slots = dict(named)
     lines: list[str] = []
     places: list[tuple[str, int]] = []
     taken: set[tuple[str, str]] = set()
@@ -319,9 +330,9 @@ def compose(
                 lines.append(line)
                 places.append((label, number))
 
-    include(str(source))
+    include(source)
     used = set(re.findall(r"\w+", "\n".join(lines)))
-    head = [VERSION, *(f"#define {name} {value}" for name, value in defines.items() if name in used)]
+    head = [VERSION, *(f"#define {name} {value}" for name, value in defines if name in used)]
     composed = Composed("\n".join([*head, *lines]))
     composed.places = [("", 0)] * len(head) + places
     return composed

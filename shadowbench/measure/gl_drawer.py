@@ -272,11 +272,12 @@ def _compile_beside() -> None:
         atexit.register(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet).poll)
 
 
-def _import_beside() -> None:
-    """Import what scores and tables need, which takes a second, while the worker starts."""
+def _import_beside(scores: bool) -> None:
+    """Import what tables need, and scores, which takes a second, while the worker starts."""
     import pandas  # noqa: F401
 
-    from shadowbench.scores import loops  # noqa: F401
+    if scores:
+        from shadowbench.scores import loops  # noqa: F401
 
 
 @contextmanager
@@ -297,7 +298,8 @@ def campaign_in(
     measures instead, and the renderer of its workers; options: see `Campaign`.
     """
     _compile_beside()
-    threading.Thread(target=_import_beside).start()
+    # Where there are rows, nothing may be left to score.
+    threading.Thread(target=_import_beside, args=[folder is None or not (folder / "rows.jsonl").exists()]).start()
     with ExitStack() as stack:
         if folder is None:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="shadowbench-")))

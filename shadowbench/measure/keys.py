@@ -85,6 +85,7 @@ def _shader(name: str) -> bytes:
     return "\n".join(filter(None, map(str.strip, text.splitlines()))).encode() + b"\0"
 
 
+@cache
 def shader_names(techniques: Sequence[type[Technique]]) -> list[str]:
     """Built-in shader files that a cell may use: its techniques' own, and those in no technique's folder."""
     bases = {base for one in techniques for base in one.__mro__}

@@ -301,8 +301,6 @@ def serve(handle: str, parent: str) -> None:
         pipe.send(("error", error))
         return
     pipe.send(("answer", session.info()))
-    import scipy.spatial  # noqa: F401  # for hulls of casters: while the parent works on
-
     while True:
         try:
             method, arguments, options = pipe.receive()

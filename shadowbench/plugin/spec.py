@@ -5,7 +5,7 @@ contains no preset, and `parse_spec(spec.text, …) == spec`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, cast
 
@@ -28,13 +28,19 @@ if TYPE_CHECKING:
     from shadowbench.plugin.base import Subject, Technique
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spec:
-    """A technique or engine and its parameters. `explicit`: keys that the user set, directly or by a preset."""
+    """A technique or engine and its parameters, compared as text. `explicit`: keys set by the user or by a preset."""
 
     technique: "type[Subject]"
     params: SubjectParams
-    explicit: frozenset[str] = field(default=frozenset(), compare=False)
+    explicit: frozenset[str] = frozenset()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Spec) and (self.technique, self.full_text) == (other.technique, other.full_text)
+
+    def __hash__(self) -> int:
+        return hash((self.technique, self.full_text))
 
     @cached_property
     def text(self) -> str:

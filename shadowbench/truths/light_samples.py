@@ -87,17 +87,17 @@ def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
 @cache
 def _tables() -> NDArray[np.uint32]:
     """(TABLES, 2, MOST_SAMPLES) Sobol points as 32-bit fractions, scrambled by random lower triangular matrices."""
-    from scipy.stats import qmc  # the import takes 0.6 s, and hard truths do not need it
-
-    points = qmc.Sobol(2, scramble=False, bits=32).random(MOST_SAMPLES)
-    bits = (points.T * 2.0**32).astype(np.uint32)
+    index = np.arange(MOST_SAMPLES)
+    bits, directions = np.zeros((2, MOST_SAMPLES), np.uint32), np.full((2, 1), 1 << 31, np.uint32)
+    for place in range(int(index[-1]).bit_length()):  # by Gray code; scipy.stats has the points, and takes 0.6 s
+        bits ^= ((index ^ index >> 1) >> place & 1).astype(np.uint32) * directions
+        directions = np.vstack([directions[:1] >> 1, directions[1:] ^ directions[1:] >> 1])
     tables = np.zeros((TABLES, *bits.shape), dtype=np.uint32)
     rows = _mixed(np.arange(TABLES * 2 * 32, dtype=np.uint64)).astype(np.uint32).reshape(TABLES, 2, 32, 1)
     for row in range(32):  # of the matrices, each giving a bit of the fraction, the highest first
         own = np.uint32(1 << 31 - row)
         higher = np.uint32(0xFFFFFFFF ^ (2 * int(own) - 1))
-        parity = np.bitwise_count(bits & (rows[:, :, row] & higher | own)) & 1
-        tables |= parity.astype(np.uint32) * own
+        tables |= (np.bitwise_count(bits & (rows[:, :, row] & higher | own)) & 1).astype(np.uint32) * own
     return tables
 
 

@@ -29,7 +29,7 @@ spec = "planar-projection"
 [[technique]]
 spec = "shadow-map:fit=scene"
 bias = ["none", "constant", "constant(units=0.2)", "slope(max=0.05,min=0.005)", "texel"]
-filter = ["hard", "hardware", "pcf(taps=5)"]
+filter = ["hard", "pcf(taps=5)"]
 """
 
 
@@ -40,7 +40,7 @@ def test_no_mask_of_ours_is_taken_for_turned_shifted_or_encoded(
     assert shadowbench("run", "-s", tmp_path / "study.toml", "-o", tmp_path / "run", "-q").code == 0
     rows = [json.loads(line) for line in (tmp_path / "run" / "rows.jsonl").read_text().splitlines()]
     held = [row for row in rows if row["kind"] == "score" and row["status"] == "ok"]
-    assert len(held) > 150
+    assert len(held) > 140
     alarms = []
     for row in held:
         one = comparison(read_mask(tmp_path / "run" / "masks" / f"{row['key']}.png"), row["scene"])

@@ -10,7 +10,7 @@ import pytest
 
 from tests.promises.conftest import Study, by_spec, environment, finished, gone, marked, study_text
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and process groups")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="signals and process groups")]
 
 LATE = "while timed: "
 EXPECTED = {
@@ -108,7 +108,6 @@ def test_what_plug_ins_print_goes_to_stderr_also_before_a_crash_and_in_any_encod
     assert "loud" not in survived.printed
 
 
-@pytest.mark.slow
 def test_what_hangs_costs_its_own_cell(tmp_path: Path, plugins: list[str | Path]) -> None:
     file, out, pids = (tmp_path / name for name in ("study.toml", "out", "pids"))
     file.write_text(study_text(*(f"does:{what}" for what in HANGS), "half", time_limit=5))
@@ -120,7 +119,6 @@ def test_what_hangs_costs_its_own_cell(tmp_path: Path, plugins: list[str | Path]
     assert gone(marked("PIDS", pids)), "of the plug-in, whether its worker hung or ended with the run"
 
 
-@pytest.mark.slow
 def test_processes_of_a_plug_in_end_when_the_whole_run_is_killed(
     start: Callable[..., Any], records: Any, tmp_path: Path, plugins: list[str | Path]
 ) -> None:
@@ -134,28 +132,6 @@ def test_processes_of_a_plug_in_end_when_the_whole_run_is_killed(
     assert gone(marked("PIDS", pids))
 
 
-def test_a_failed_cell_is_tried_again_and_no_other(study: Study, half: Path, wild: Path, tmp_path: Path) -> None:
-    study.plugins = (half, wild)
-    text = study_text("half", "does:what=lack", "does:what=lack,after=2", reference='"does:what=lack,level=0.25"')
-    needed = wild.parent / "needed"
-    try:
-        assert study.added(text) == (3, 1)
-        assert [line["status"].partition(" (")[0][:25] for line in by_spec(study.folder).values()] == [
-            "ok", "failed: FileNotFoundError", "failed: while timed: File",
-        ]  # fmt: skip
-        (timed,) = study.rows("time")
-        assert timed["ratio"] is None and timed["no_ratio"].startswith("failed: FileNotFoundError")
-        assert study.added(text) == (1, 1), "a crash may be the machine's: it is tried again, also of the reference"
-        needed.touch()
-        assert study.added(text) == (1, 3), "also the time whose reference failed"
-        assert study.added(text) == (0, 0)
-    finally:
-        needed.unlink(missing_ok=True)
-    assert {line["status"] for line in by_spec(study.folder).values()} == {"ok"}
-    assert all(row["ratio"] > 0 for row in study.rows("time")[2:])
-
-
-@pytest.mark.slow
 def test_no_cell_fails_for_the_memory_that_others_took(study: Study, wild: Path, tmp_path: Path) -> None:
     """Whether they wait to be timed, are timed with it, or have left it behind."""
     study.plugins = (Path(shutil.copy(wild, tmp_path)),)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.promises.conftest import Study, study_text, table, unsigned
+from tests.promises.conftest import Study, by_spec, study_text, table, unsigned
 
 SMALL = study_text("unshadowed", "shadow-map:size=64")
 TWO_SCENES = study_text(
@@ -83,6 +83,27 @@ def test_a_row_that_was_torn_is_measured_again(study: Study, kept: int) -> None:
     assert study.run(text).code == 0
     assert unsigned(study.rows("score")) == unsigned(rows) and file.read_bytes().endswith(b"\n")
     assert file.read_bytes()[:first] == whole[:first]
+
+
+def test_a_failed_cell_is_tried_again_and_no_other(study: Study, half: Path, wild: Path, tmp_path: Path) -> None:
+    study.plugins = (half, wild)
+    text = study_text("half", "does:what=lack", "does:what=lack,after=2", reference='"does:what=lack,level=0.25"')
+    needed = wild.parent / "needed"
+    try:
+        assert study.added(text) == (3, 1)
+        assert [line["status"].partition(" (")[0][:25] for line in by_spec(study.folder).values()] == [
+            "ok", "failed: FileNotFoundError", "failed: while timed: File",
+        ]  # fmt: skip
+        (timed,) = study.rows("time")
+        assert timed["ratio"] is None and timed["no_ratio"].startswith("failed: FileNotFoundError")
+        assert study.added(text) == (1, 1), "a crash may be the machine's: it is tried again, also of the reference"
+        needed.touch()
+        assert study.added(text) == (1, 3), "also the time whose reference failed"
+        assert study.added(text) == (0, 0)
+    finally:
+        needed.unlink(missing_ok=True)
+    assert {line["status"] for line in by_spec(study.folder).values()} == {"ok"}
+    assert all(row["ratio"] > 0 for row in study.rows("time")[2:])
 
 
 RECORDER = '''
