@@ -1,6 +1,6 @@
 """Generates docs/explanation/gallery.md and its pictures from docs/gallery/artefacts.toml; --check finds stale text.
 
-What stands above the list of artefacts is written by hand, on the page.
+What stands above the artefacts is written by hand, on the page.
 """
 
 import shutil
@@ -8,6 +8,7 @@ import sys
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,22 +17,31 @@ from pages import LABEL, MEASURED, checks, completed, labelled, measured, png, w
 from PIL import Image, ImageDraw
 
 import shadowbench as sb
+from shadowbench.measure.campaign import Block, Cell
+from shadowbench.measure.gl_drawer import GLDrawer, shared_worker
+from shadowbench.measure.points import motion_scores
 from shadowbench.measure.session import Rendering
+from shadowbench.plugin.registry import techniques
+from shadowbench.plugin.spec import parse_spec
 from shadowbench.reports.gallery import difference
-from shadowbench.scores.motion import MOTION
+from shadowbench.scenes.opening import chosen_view
+from shadowbench.scenes.sequences import frames_of, motions_of
 from shadowbench.studies.artefacts import Artefact, artefacts
+from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGE, PICTURES = DOCS / "explanation" / "gallery.md", DOCS / "pictures" / "gallery"
-SIZE, LARGEST = 256, 40_000  # pixels along a side of a panel, bytes of a picture
+SIZE, LARGEST = 256, 40_000  # pixels along a side of a panel, bytes of a picture, twice as many if it moves
+FILMED = 6  # most frames of a picture
 PARTS = 8  # of a panel's side, in which a crop is given
 FRAME = (204, 0, 102)
+_wrapped = partial(textwrap.fill, width=120, break_long_words=False, break_on_hyphens=False)
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """An artefact's frames, one for each camera, and the metric's values: broken, cured, of other cures."""
+    """An artefact's frames, one if nothing moves, and the metric's values: broken, cured, of other cures."""
 
     truths: list[Truth]
     traced: list[Rendering]
@@ -42,29 +52,31 @@ class Drawn:
 
 def draw(artefact: Artefact, size: int) -> Drawn:
     """Truth, and renderings by ray tracing and with the broken and cured settings, of size × size pixels."""
-    scene = sb.load(artefact.file)
-    views = [camera.name for camera in scene.cameras]
-    traced, broken, cured = (
-        [sb.render(scene, spec, view_size=size, view=view) for view in views]
-        for spec in ("ray-traced", artefact.broken, artefact.cured)
-    )
-    truths = [sb.truth(scene, view_size=size, view=view) for view in views]
-    if artefact.metric in MOTION:
-        specs = [artefact.broken, artefact.cured]
-        table = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, sequence="pan", frames=8)
-        values = table[artefact.metric].tolist()
-    else:
-        others = [sb.render(scene, spec, view_size=size, view=views[0]) for spec in artefact.others]
-        masks = [one.visibility for one in (broken[0], cured[0], *others)]
-        values = [sb.score(mask, truths[0])[artefact.metric] for mask in masks]
-    return Drawn(truths, traced, broken, cured, values)
+    view = chosen_view(str(artefact.file), size)
+    motions = motions_of(view.scene, [artefact.sequence] if artefact.sequence else [])
+    views = frames_of(view, motions[0], artefact.frames) if motions else (view,)
+    truths = [cached_truth(view) for view in views]
+
+    def drawn(spec: str) -> list[Rendering]:
+        cell = Cell(parse_spec(spec, techniques()))
+        with shared_worker(()) as worker:
+            return list(GLDrawer(worker).draw(Block(views, (cell,)), cell))
+
+    def value(frames: list[Rendering]) -> float:
+        masks = [one.visibility for one in frames]
+        scores = motion_scores(zip(masks, truths, strict=True)) if motions else sb.score(masks[0], truths[0])
+        return scores[artefact.metric]
+
+    traced, *others = (drawn(spec) for spec in ("ray-traced", artefact.broken, artefact.cured, *artefact.others))
+    return Drawn(truths, traced, *others[:2], list(map(value, others)))
 
 
 def _panels(artefact: Artefact, drawn: Drawn, index: int) -> NDArray[np.uint8]:
+    truth, broken = drawn.truths[index], drawn.broken[index]
     panels = {
-        "broken": drawn.broken[index].picture,
+        "broken": broken.picture,
         "ray traced": drawn.traced[index].picture,
-        "broken, change since the last frame" if index else "difference": _difference(drawn, index),
+        "difference": difference(broken.visibility, truth.visibility, truth.undecided, facets=truth.facet_shadow),
         "cured": drawn.cured[index].picture,
     }
     columns = []
@@ -78,16 +90,6 @@ def _panels(artefact: Artefact, drawn: Drawn, index: int) -> NDArray[np.uint8]:
     return np.hstack(columns)
 
 
-def _difference(drawn: Drawn, index: int) -> NDArray[np.uint8]:
-    """Difference from the truth or, after the first frame, from the previous one where the truth is unchanged."""
-    now, mask = drawn.truths[index], drawn.broken[index].visibility
-    if not index:
-        return difference(mask, now.visibility, now.undecided, facets=now.facet_shadow)
-    was = drawn.truths[index - 1]
-    moved = now.undecided | was.undecided | (now.visibility != was.visibility)
-    return difference(mask, drawn.broken[index - 1].visibility, moved)
-
-
 def _framed(panel: NDArray[np.uint8], left: int, top: int, side: int) -> NDArray[np.uint8]:
     """A copy with a square drawn by a line one pixel wide."""
     image = Image.fromarray(panel)
@@ -98,37 +100,30 @@ def _framed(panel: NDArray[np.uint8], left: int, top: int, side: int) -> NDArray
 def section(artefact: Artefact, values: Sequence[str]) -> str:
     """The section of an artefact; values: how often the work and memory its cure takes, and the metric as `Drawn`'s."""
     work, memory, broken, cured, *others = values
-    also = ", ".join(f"{value} with `{spec}`" for spec, value in zip(artefact.others, others, strict=True))
+    also = ", ".join(f"{value} `{spec}`" for spec, value in zip(artefact.others, others, strict=True))
     file = artefact.file.relative_to(DOCS.parent).as_posix()
-    third = "change since the last frame" if artefact.metric in MOTION else "their difference"
+    moves = f" --sequence {artefact.sequence} --frames {artefact.frames}" if artefact.sequence else ""
     paragraphs = [
         f"### {artefact.name}",
-        f"![{artefact.name}: broken, ray traced, {third}, cured](../pictures/gallery/{artefact.scene}.png)",
+        f"![{artefact.name}](../pictures/gallery/{artefact.scene}.png)",
         _wrapped(artefact.see),
         _wrapped(f"**Cause.** {artefact.cause}"),
         _wrapped(f"**Cure.** {artefact.cure}"),
-        f"Measured: `{artefact.metric}` {broken} broken, {cured} cured, for {work} times work, {memory} times memory"
-        f"{also and f'; {also}'}.",
+        f"Measured: `{artefact.metric}` {broken}, cured {cured}; work ×{work}, memory ×{memory}{also and f'; {also}'}.",
         _wrapped(f"**Question.** {artefact.question}"),
-        f"```sh\nshadowbench run {file} -t '{artefact.broken}' -t '{artefact.cured}'\n```",
+        f"```sh\nshadowbench run {file} -t '{artefact.broken}' -t '{artefact.cured}'{moves}\n```",
         _wrapped(f"{artefact.source}."),
     ]
     return "\n\n".join(paragraphs) + "\n"
 
 
-def _wrapped(text: str) -> str:
-    return textwrap.fill(text, 120, break_long_words=False, break_on_hyphens=False)
-
-
 def page(values: Mapping[str, Sequence[str]]) -> str:
     """The whole page; values: as those of `section`, by scene."""
-    contents, sheets = [], []
-    for chapter in dict.fromkeys(one.chapter for one in artefacts()):
-        own = [one for one in artefacts() if one.chapter == chapter]
-        anchors = {one.name: one.name.lower().replace(":", "").replace(" ", "-") for one in own}
-        contents.append(f"- {chapter}: {', '.join(f'[{name}](#{anchor})' for name, anchor in anchors.items())}")
-        sheets += [f"## {chapter}", "", *(section(one, values[one.scene]) for one in own)]
-    return completed(PAGE, MEASURED, [measured(f"python tools/{Path(__file__).name}"), "", *contents, "", *sheets])
+    sheets: list[str] = []
+    for one in artefacts():
+        chapter = f"## {one.chapter}\n"
+        sheets += [*([] if chapter in sheets else [chapter]), section(one, values[one.scene])]
+    return completed(PAGE, MEASURED, [measured(f"python tools/{Path(__file__).name}"), "", *sheets])
 
 
 def main() -> int:
@@ -140,8 +135,9 @@ def main() -> int:
     values = {}
     for one in artefacts():
         drawn = draw(one, SIZE)
-        frames = range(int(len(drawn.truths) > 1), len(drawn.truths))  # the first of several has no change to show
-        (PICTURES / f"{one.scene}.png").write_bytes(png([_panels(one, drawn, index) for index in frames], LARGEST))
+        frames = range(0, len(drawn.truths), -(-len(drawn.truths) // FILMED))
+        film = png([_panels(one, drawn, index) for index in frames], LARGEST * (2 if len(frames) > 1 else 1))
+        (PICTURES / f"{one.scene}.png").write_bytes(film)
         before, after = drawn.broken[0], drawn.cured[0]
         costs = after.work["cost"] / before.work["cost"], after.gpu_bytes / before.gpu_bytes
         values[one.scene] = [*(f"{cost:.2f}" for cost in costs), *(f"{value:.4f}" for value in drawn.values)]

@@ -1,4 +1,4 @@
-"""Renews the table of docs/explanation/engine-biases.md from the run folder of its command."""
+"""Renews the table of docs/explanation/engine-biases.md, or one of motion.md, from the run folder of its command."""
 
 import sys
 from pathlib import Path
@@ -8,9 +8,13 @@ from pages import MEASURED, completed, measured, table, write
 
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.results.frame import read_runs
+from shadowbench.results.frame import Run, read_runs
+from shadowbench.results.law import law_on_record
+from shadowbench.results.summary import summaries
+from shadowbench.strict import read_toml
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "explanation" / "engine-biases.md"
+ROOT = Path(__file__).resolve().parent.parent
+PAGE, MOTION = (ROOT / "docs" / "explanation" / f"{name}.md" for name in ("engine-biases", "motion"))
 COMMAND = "shadowbench run colonnade stairs statue street terrain table-top -s presets --map-size 1024 --view-size 512"
 CLEAN = 1e-3
 FACTORS = (1.0, 0.25, 0.5, 2.0)  # by which the study multiplies an engine's own parameters
@@ -25,12 +29,32 @@ OWN: dict[str, dict[str, float]] = {  # these, as shipped
 
 
 def main() -> int:
-    """Write the page."""
-    (run,) = read_runs([Path(sys.argv[1])])
+    """Write the page; a run folder of a study in benchmarks/motion/ has its name."""
+    folder = Path(sys.argv[1])
+    (run,) = read_runs([folder])
+    study = Path("benchmarks") / "motion" / f"{folder.name}.toml"
+    if (ROOT / study).exists():
+        return write({MOTION: _moving(run, study)}, check=False)
     scores = run.frame.groupby("full_spec").agg({"iou": "mean", "ssim": "mean", "contact": "mean", "acne": "max"})
     rows = [row for engine in OWN for row in _rows(engine, scores)]
     lines = table(("preset", "bias", "1 − IoU", "1 − SSIM", "contact", "acne"), rows, texts=("bias",))
     return write({PAGE: completed(PAGE, MEASURED, [measured("shadowbench run -s presets"), "", *lines])}, check=False)
+
+
+def _moving(run: Run, study: Path) -> str:
+    """The page of motion with the means over a study's scenes; ms are predicted, time is that of the reference."""
+    cells = pd.concat(one.cells for one in summaries(run, law_on_record()))
+    specs = {
+        parse_spec(one["spec"], techniques()).full_text: one["spec"] for one in read_toml(ROOT / study, "")["technique"]
+    }
+    cells = cells.assign(spec=cells["full_spec"].map(specs), error=1 - cells["iou"], time=cells["ratio"])
+    moving = cells.pivot_table(["flicker", "pop"], "spec", "sequence")
+    moving.columns = map(" ".join, moving.columns)
+    means = cells.groupby("spec")[["error", "predicted_ms", "time"]].mean().join(moving)
+    lines = means.loc[specs.values()].dropna(axis=1).rename_axis(None).to_string(float_format="{:.3g}".format)
+    command = f"shadowbench run -s {study}"
+    above, _, below = MOTION.read_text(encoding="utf-8").partition(f"{MEASURED}'{command}'")
+    return f"{above}{measured(command)}\n\n```text\n{lines}\n```{below.split('```', 2)[2]}"
 
 
 def _rows(engine: str, scores: pd.DataFrame) -> list[list[str]]:

@@ -148,11 +148,11 @@ def volume_wall(metres: float, kind: LightKind) -> Setting:
 @partial(
     Axis,
     name="camera-step",
-    about="the camera moves by fractions of a texel: shimmering edges",
-    unit="texels of 5.9 mm",
-    values=(0.05, 0.1, 0.25, 0.5, 0.75),
+    about="the camera's speed: edges that shimmer, and what is kept of earlier frames",
+    unit="texels of 5.9 mm a frame",
+    values=(0.05, 0.1, 0.25, 0.5, 0.75, 2.0, 8.0, 32.0),
     default=0.05,
-    quick=(0.05, 0.5),
+    quick=(0.05, 0.5, 8.0),
 )
 def camera_step(texels: float, kind: LightKind) -> Setting:
     """The camera moves by that many texels per frame."""
@@ -175,7 +175,7 @@ def _light_steps(texels: float, kind: LightKind) -> Setting:
 light_step = replace(
     camera_step,
     name="light-step",
-    about="the light moves so that shadow edges shift by fractions of a texel: shimmering edges",
+    about="the speed of the light, by that of shadow edges: those that shimmer, step or lag",
     change=_light_steps,
 )
 

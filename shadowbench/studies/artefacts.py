@@ -14,7 +14,8 @@ class Artefact:
 
     chapter: the kind of technique that has it; scene: name of its scene file; metric: that detects it; broken, cured:
     specs; see, cause, cure, question: texts, in Markdown; source: of cause and cure; crop: left, top and side of the
-    part of the picture that shows it best, in eighths of the picture; others: specs of other cures.
+    part of the picture that shows it best, in eighths of the picture; others: specs of other cures; sequence, frames:
+    of an artefact of motion, the name of its sequence, and how many frames show it.
     """
 
     name: str
@@ -30,6 +31,8 @@ class Artefact:
     source: str
     crop: tuple[int, int, int] | None = None
     others: tuple[str, ...] = ()
+    sequence: str | None = None
+    frames: int = 1
 
     @property
     def file(self) -> Path:

@@ -19,9 +19,9 @@ from shadowbench.maps.updates import Always, LastDraw, Update
 from shadowbench.plugin.base import Entry, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.scenes.model import View
 from shadowbench.scenes.vectors import Floats
-from shadowbench.techniques.shadow_map import BEVY, GODOT, UNITY
+from shadowbench.techniques.shadow_map import BABYLON, BEVY, GODOT, THREE, UNITY
 
-_SPHERES = "count=4,box=sphere,stable=true"  # as in all engines
+_SPHERES = "box=sphere,stable=true"
 
 
 class Cascades(Technique):
@@ -49,10 +49,14 @@ class Cascades(Technique):
     # Godot: light_3d.cpp, PARAM_SHADOW_SPLIT_*_OFFSET of 100 m; four share directional_shadow/size, 4096. Bevy:
     # CascadeShadowConfigBuilder, overlap_proportion 0.2 (of the end, here of the length), DirectionalLightShadowMap
     # 2048. Unity: UniversalRenderPipelineAsset.cs, m_Cascade4Split of 50 m, selected by spheres; four share 2048.
+    # three: examples/jsm/csm/CSM.js, centres rounded to texels. All these have windows of a constant size that move by
+    # texels, Babylon only with stabilizeCascades, false in cascadedShadowGenerator.ts. Maps of all of them are level.
     presets = {
-        "godot": f"{_SPHERES},split=shares(0.1,0.2,0.5),select=depth,size=2048,{GODOT}",
-        "bevy": f"{_SPHERES},split=ends(10,28,78,150),select=depth,blend=0.2,size=2048,{BEVY}",
-        "unity": f"{_SPHERES},split=shares(0.067,0.2,0.467),size=1024,{UNITY}",
+        "godot": f"count=4,{_SPHERES},split=shares(0.1,0.2,0.5),select=depth,size=2048,{GODOT}",
+        "bevy": f"count=4,{_SPHERES},split=ends(10,28,78,150),select=depth,blend=0.2,size=2048,{BEVY}",
+        "unity": f"count=4,{_SPHERES},split=shares(0.067,0.2,0.467),size=1024,{UNITY}",
+        "three": f"count=3,{_SPHERES},split=practical(0.5),select=depth,size=2048,{THREE}",
+        "babylon": f"count=4,box=tight,oriented=false,split=practical(0.5),select=depth,blend=0.1,{BABYLON}",
     }
 
     class Params(TechniqueParams):

@@ -163,7 +163,7 @@ def test_a_row_is_a_score_record_with_its_place_on_the_axis(swept: Swept, folder
     assert [one["key"] for one in written] == [one["key"] for one in swept.rows]
     assert len({one["key"] for one in written}) == len(written)
     last = swept.rows[-1]
-    assert (last["axis"], last["axis_value"], last["axis_unit"]) == ("camera-step", 0.05, "texels of 5.9 mm")
+    assert (last["axis"], last["axis_value"], last["axis_unit"]) == ("camera-step", 0.05, "texels of 5.9 mm a frame")
     assert (last["technique"], last["map_size"], last["view_size"], last["phase"]) == ("shadow-map", 256, 256, 0)
     assert (last["scene"], last["light"], last["light_kind"]) == ("camera-step-0.05", "sun", "directional")
     assert set(last["metrics"]) == {*METRICS, *MOTION} and set(swept.rows[4]["metrics"]) == set(METRICS)

@@ -1,6 +1,7 @@
 """Cells drawn and scored in the frames of a sequence."""
 
 import json
+import re
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -131,3 +132,30 @@ def test_the_truth_drawn_anew_in_each_frame_has_no_error_in_any_sequence(bench: 
     metrics = result.score["metrics"]
     assert metrics["iou"] == 1 and metrics["flicker"] == metrics["pop"] == 0
     assert {metrics[score] for score in ("false_change", "swim", "lag", "lag_bias")} <= {None, 0}
+
+
+def test_what_the_page_says_of_boxes_and_of_godots_threads_stands_in_its_tables() -> None:
+    page = Path(__file__).parents[2] / "docs" / "explanation" / "motion.md"
+    tables = re.findall(r"```text\n +(.*)\n((?:.*\n)*?)```", page.read_text(encoding="utf-8"))
+    stability, zoom, sun = (
+        {
+            spec.removeprefix("cascades:"): dict(zip(re.split(r"  +", head), map(float, values), strict=True))
+            for spec, *values in map(str.split, rows.splitlines())
+        }
+        for head, rows in tables
+    )
+    boxes = ("cascades", "box=tight", "box=sphere", "box=sphere,stable=true")
+    assert min(boxes, key=lambda one: stability[one]["flicker pan"]) == "box=sphere,stable=true"
+    assert min(boxes, key=lambda one: stability[one]["error"]) == "cascades"
+    assert stability["box=sphere,stable=true"]["predicted_ms"] <= stability["cascades"]["predicted_ms"]
+    assert max(stability, key=lambda one: stability[one]["flicker pan"]) == "preset=babylon"
+    quiet, moves = "preset=godot,filter=castano(5)", ("flicker pan", "flicker zoom")
+    assert all(zoom["preset=godot"][move] > 0.01 for move in moves)
+    assert 10 * zoom[quiet]["flicker pan"] < min(zoom["preset=godot"]["flicker pan"], zoom[quiet]["flicker zoom"])
+    fitted, larger = (zoom[f"{quiet},{cure}"] for cure in ("box=scene,stable=false", "size=4096"))
+    assert max(one["flicker zoom"] for one in (fitted, larger)) < zoom[quiet]["flicker zoom"] / 3
+    assert fitted["predicted_ms"] < larger["predicted_ms"] / 3
+    assert all(zoom[f"{quiet},history=exponential"][move] > zoom[quiet][move] for move in moves)
+    jumps = {spec: row["pop slow-sun"] for spec, row in sun.items()}
+    assert 10 * jumps["preset=godot,box=scene,stable=false"] < jumps["preset=godot"]
+    assert jumps["preset=godot,update=every(4)"] > jumps["preset=godot"]

@@ -7,13 +7,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from shadowbench.geometry.lights import LightView, light_space
 from shadowbench.gl.gbuffer import download
 from shadowbench.maps.fits import EndSplit, PracticalSplit, ShareSplit, Split
 from shadowbench.plugin.base import Frame, Phase
 from shadowbench.plugin.registry import techniques
 from shadowbench.plugin.spec import parse_spec
-from shadowbench.scenes.model import Light
+from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.sequences import BUILT_IN, frames_of
 from shadowbench.scenes.vectors import unit, vec3
+from shadowbench.techniques.cascades import Cascades
 from tests.samples import by_turns
 
 SIZE = 96
@@ -196,6 +199,30 @@ def test_snapped_texels_do_not_depend_on_where_the_camera_looks(studio, build, b
         grids.append([light_view.box.low[:2] / light_view.texel for light_view in one.technique.light_views])
     assert np.ptp(texels, axis=0).max() <= 1e-15
     assert np.abs(np.array(grids) - np.round(grids)).max() < 1e-6, "whole texels from the light's own origin"
+
+
+@pytest.mark.parametrize("engine", sorted(Cascades.presets))
+def test_maps_of_engines_are_level_and_move_by_whole_texels_where_engines_stabilise_them(
+    engine: str, studio, build, builtin
+) -> None:
+    """Of a constant size too, and thus even while the camera turns, except Babylon's. Zooming changes all of them."""
+
+    def drawn(view: View) -> list[LightView]:
+        shot = studio.shot(view)
+        one = build(f"cascades:preset={engine},size=128", shot)
+        one.draw(shot)
+        return one.technique.light_views
+
+    before = builtin("street", 32)
+    turned, zoomed = (frames_of(before, BUILT_IN[name], 6)[5] for name in ("pan", "zoom"))
+    first, second, third = map(drawn, (before, turned, zoomed))
+    basis = light_space(before.light).basis
+    assert all(np.array_equal(one.space.basis, basis) for one in (*first, *second, *third))
+    changes = [abs(np.subtract(other.texel, one.texel)).max() for one, other in zip(first, second, strict=True)]
+    steps = [(other.box.low - one.box.low)[:2] / one.texel for one, other in zip(first, second, strict=True)]
+    kept = max(changes) < 1e-12 and np.abs(steps - np.round(steps)).max() < 1e-5
+    assert kept == (engine != "babylon")
+    assert all(abs(other.texel[0] / one.texel[0] - 1) > 0.01 for one, other in zip(first, third, strict=True))
 
 
 # What the map and the facts show
