@@ -37,7 +37,11 @@ def covered(*spans: tuple[float, float]) -> float:
 
 
 @pytest.mark.benchmark(group="campaign")
-def test_demo(tmp_path: Path, smallest: bool, monkeypatch: pytest.MonkeyPatch, benchmark: BenchmarkFixture) -> None:
+@pytest.mark.parametrize("views", [1, 24])
+def test_demo(
+    tmp_path: Path, smallest: bool, monkeypatch: pytest.MonkeyPatch, benchmark: BenchmarkFixture, views: int
+) -> None:
+    """Of single views, and of the frames of a sequence, whose truths are traced meanwhile."""
     spans, frames = defaultdict[str, list[tuple[float, float]]](list), list[tuple[float, float, float]]()
 
     def noted(name: str, call: Callable[..., Any]) -> Callable[..., Any]:
@@ -52,7 +56,9 @@ def test_demo(tmp_path: Path, smallest: bool, monkeypatch: pytest.MonkeyPatch, b
 
         return note
 
-    study = read_study(find_study("demo"), techniques())
+    study = read_study(find_study("demo"), techniques()).with_(
+        **({"sequence": "pan", "frames": views} if views > 1 else {})
+    )
     if smallest:
         study = study.with_(scenes=study.scenes[:1], technique=study.technique[:3], map_size=None, view_size=64)
     with Worker() as worker, campaign_in(tmp_path / "run", LogReporter(), worker=worker) as campaign:
@@ -70,7 +76,7 @@ def test_demo(tmp_path: Path, smallest: bool, monkeypatch: pytest.MonkeyPatch, b
     writes = [name for names in WRITES.values() for name in names]
     rounds = [[frame for frame in frames if start <= frame[0] <= end] for start, end in spans["_measure"]]
     rounds_s, frames_s = sum(group[-1][1] - group[0][0] for group in rounds), sum(frame[2] for frame in frames)
-    seconds = {"scored cells": whole, "drawing": drawn - read, "reading back": read}
+    seconds = {"scored cells": whole, "of a view": whole / views, "drawing": drawn - read, "reading back": read}
     seconds |= {"scoring": covered(*scored("add", "record")), "writing": covered(*scored(*writes))}
     seconds["waiting"] = whole - covered(*scored("call", "add", "record", *writes))
     seconds |= {"timed cells": covered(*spans["_time"]), "their rounds": rounds_s, "their frames": frames_s}

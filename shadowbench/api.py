@@ -225,6 +225,7 @@ def recommend(
     min_iou: float | None = None,
     max_edge_px: float | None = None,
     max_rmse: float | None = None,
+    max_flicker: float | None = None,
     budget_ms: float | None = None,
     by: str | None = None,
     device: str | None = None,
@@ -238,19 +239,25 @@ def recommend(
     """Search for the cheapest technique and parameters that meet a target in a view, by measuring few of them.
 
     min_iou, max_edge_px or max_rmse: the target, by default an IoU of 0.99, or an RMSE of 0.02 if there are penumbrae;
-    budget_ms: largest frame time; by: what ranks, "time" (of this machine), "device" (times predicted for a GPU, by
+    max_flicker: the most, in pixels, in the first sequence of the scene's file, else in a pan; budget_ms: largest frame
+    time; by: what ranks, "time" (of this machine), "device" (times predicted for a GPU, by
     default where none draws) or "work"; device: its name, the first on record if None; techniques: those to search.
     `choice` is None if nothing meets it. Raises InputError.
     """
-    limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "max_rmse": max_rmse, "budget_ms": budget_ms}
-    *values, budget = (None if value is None else options.number(value, name) for name, value in limits.items())
+    limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "max_rmse": max_rmse}
+    limits |= {"max_flicker": max_flicker, "budget_ms": budget_ms}
+    *values, flicker, budget = (
+        None if value is None else options.number(value, name) for name, value in limits.items()
+    )
     target = target_of(*values)
     files = _paths(plugins)
     known = techniques_with(files)
     among = technique_names(options.as_list(techniques, "techniques", "names of techniques", str), known)
     chosen = _view(scene, view_size, view, light)
     with shared_worker(files) as worker, campaign_in(_kept_in(folder), worker=worker) as made:
-        return measured(chosen, target, known, made, by=by, device=device, budget_ms=budget, among=among)[0]
+        return measured(
+            chosen, target, known, made, by=by, device=device, budget_ms=budget, among=among, max_flicker=flicker
+        )[0]
 
 
 def stress(

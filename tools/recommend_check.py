@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from shadowbench.advice.recommend import Cost, find_cheapest, target_text
+from shadowbench.advice.recommend import Cost, find_cheapest
 from shadowbench.advice.search import SIZES, cheapest, full_space
 from shadowbench.measure.campaign import Block, Campaign, Cell, LogReporter
 from shadowbench.measure.gl_drawer import GLDrawer
@@ -56,7 +56,7 @@ def main() -> int:
                 choice = advice.choice if advice.choice and advice.choice.ranked else None
                 ratio = choice.cost / best.cost if choice and best else 1.0 if choice is best else float("inf")
                 texts = (one and one.spec.text for one in (choice, best))
-                searches.append((view.scene.name, target_text(target), *texts, ratio, advice.measured / len(space)))
+                searches.append((view.scene.name, advice.asked, *texts, ratio, advice.measured / len(space)))
     frame = pd.DataFrame(searches, columns=["scene", "target", "choice", "cheapest", "ratio", "share"])
     print("| target | scenes | cheapest chosen | measured, at most | on average |\n|---|---:|---:|---:|---:|")
     for target, own in frame.groupby("target", sort=False):

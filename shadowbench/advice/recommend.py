@@ -5,11 +5,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from shadowbench.advice.search import (
+    TINY,
     Exclusion,
     Search,
     Trial,
@@ -31,6 +32,7 @@ from shadowbench.results.law import SHORTEST_MS, Law, counts_of, find_law, kind_
 from shadowbench.results.summary import Target
 from shadowbench.results.times import ReferenceTime, normalise_times
 from shadowbench.scenes.model import View
+from shadowbench.scenes.sequences import BUILT_IN, frames_of
 from shadowbench.scores.masks import ThresholdedMask
 from shadowbench.scores.metrics import METRICS, ranking
 from shadowbench.studies.crossing import Techniques
@@ -72,13 +74,11 @@ def default_target(view: View) -> Target:
     return Target(ranked_by.name, ranked_by.targets[1])
 
 
-def target_text(target: Target, budget_ms: float | None = None) -> str:
-    """Text such as `IoU ≥ 0.99 within 2 ms`, or `edges at most 0.5 px off`."""
-    metric = METRICS[target.metric]
-    text = f"{metric.label} {'≥' if metric.better == 'higher' else '≤'} {target.limit:g}"
-    if target.metric == "edge_px":
-        text = f"edges at most {target.limit:g} px off"
-    return text if budget_ms is None else f"{text} within {budget_ms:g} ms"
+class Steadiness(NamedTuple):
+    """The most flicker, in pixels, that is allowed in a sequence, by its name."""
+
+    max_flicker: float
+    sequence: str
 
 
 def target_error(target: Target, metrics: Mapping[str, float | None]) -> float:
@@ -249,8 +249,8 @@ class Recommendation:
     tried, by the survey or on principle; unranked: why specs have no cost, an infinite one in their trials; untried:
     numbers of those not tried by technique and a key of `LEFT_OUT`; space_size: number of specs in the full space;
     needs: of the view, without penumbrae; reference: reference time of costs in milliseconds, None if costs are work,
-    or predicted; cost: what ranks; budget_ms: the largest cost, if given; among: the techniques that were asked for,
-    empty for all.
+    or predicted; cost: what ranks; steadiness: how much flicker is allowed, None for a still view; budget_ms: the
+    largest cost, if given; among: the techniques that were asked for, empty for all.
     """
 
     view: View
@@ -264,6 +264,7 @@ class Recommendation:
     space_size: int
     needs: Needs
     reference: ReferenceTime | None
+    steadiness: Steadiness | None = None
     budget_ms: float | None = None
     among: tuple[str, ...] = ()
 
@@ -271,17 +272,32 @@ class Recommendation:
         """One line: scene, target and choice."""
         choice = "nothing meets it" if self.choice is None else self.choice.spec.text
         measured = f"{self.measured} of {self.space_size} specs measured"
-        asked = target_text(self.target, self.budget_ms)
-        return f"<Recommendation for {self.view.scene.name}, {asked}: {choice}; {measured}>"
+        return f"<Recommendation for {self.view.scene.name}, {self.asked}: {choice}; {measured}>"
+
+    @property
+    def asked(self) -> str:
+        """Text such as `IoU ≥ 0.99, flicker ≤ 0.01 px in pan within 2 ms`, or `edges at most 0.5 px off`."""
+        metric, limit = METRICS[self.target.metric], self.target.limit
+        text = f"{metric.label} {'≥' if metric.better == 'higher' else '≤'} {limit:g}"
+        if metric.name == "edge_px":
+            text = f"edges at most {limit:g} px off"
+        if self.steadiness is not None:
+            text += f", flicker ≤ {self.steadiness.max_flicker:g} px in {self.steadiness.sequence}"
+        return text if self.budget_ms is None else f"{text} within {self.budget_ms:g} ms"
 
     @property
     def measured(self) -> int:
         """Number of specs that were tried: measured, or found to be unsupported or to fail."""
         return len(self.trials) + len(self.unsuccessful)
 
+    @property
+    def limit(self) -> float:
+        """The largest error that meets the target."""
+        return METRICS[self.target.metric].error(self.target.limit)
+
     def meets(self, trial: Trial) -> bool:
         """Whether a trial meets the target but for its budget."""
-        return trial.error <= METRICS[self.target.metric].error(self.target.limit)
+        return trial.miss(self.limit) <= self.limit
 
     def affords(self, trial: Trial) -> bool:
         """Whether a trial's cost is within the budget."""
@@ -303,7 +319,7 @@ class Recommendation:
         if self.choice is not None:
             return None
         within = list(filter(self.affords, self.trials)) or self.trials
-        return min(within, key=lambda trial: (trial.error, *trial.rank), default=None)
+        return min(within, key=lambda trial: (trial.miss(self.limit), trial.error, *trial.rank), default=None)
 
     @cached_property
     def runners_up(self) -> tuple[Trial, ...]:
@@ -312,7 +328,7 @@ class Recommendation:
         One with a cost and one without.
         """
         best: dict[tuple[str, bool], Trial] = {}
-        for trial in (*self.met, *sorted(self.trials, key=lambda trial: (trial.error, trial.cost))):
+        for trial in (*self.met, *sorted(self.trials, key=lambda trial: (trial.miss(self.limit), trial.cost))):
             best.setdefault((trial.spec.technique.name, trial.ranked), trial)
         if self.choice is not None:
             best.pop((self.choice.spec.technique.name, self.choice.ranked))
@@ -322,14 +338,15 @@ class Recommendation:
     def cheaper(self) -> Trial | None:
         """The most accurate trial that saves a tenth of the choice's cost or more, and to which a target can relax."""
         most = SAVED * self.choice.cost if self.choice is not None and self.choice.ranked else -math.inf
-        cheaper = [trial for trial in self.trials if trial.cost <= most and math.isfinite(trial.error)]
+        steady = [trial for trial in self.trials if trial.flicker <= 1]
+        cheaper = [trial for trial in steady if trial.cost <= most and math.isfinite(trial.error)]
         return min(cheaper, key=lambda trial: (trial.error, trial.cost), default=None)
 
     @property
     def better(self) -> Trial | None:
         """The cheapest trial with less than half of the choice's error, and with a cost."""
         least = self.choice.error / 2 if self.choice is not None else -math.inf
-        better = [trial for trial in self.trials if trial.error < least and trial.ranked]
+        better = [trial for trial in self.trials if trial.error < least and trial.flicker <= 1 and trial.ranked]
         return min(better, key=lambda trial: (trial.cost, trial.error), default=None)
 
     def standing(self, trial: Trial) -> Standing:
@@ -354,23 +371,31 @@ def recommend(
     budget_ms: float | None = None,
     timed: bool = True,
     among: Sequence[str] = (),
+    max_flicker: float | None = None,
 ) -> tuple[Recommendation, DeviceInfo]:
     """The cheapest measured of the `known` techniques that meets a target in a view, and the device.
 
     Measures into a campaign's folder: rows, masks, pictures, `table.csv`, `run.json`. target: None for the default;
-    by, device, budget_ms, timed: as by `cost_of`; among: names of the techniques to search, all if empty. Raises
-    InputError for a folder with other files, a budget or a law where it cannot be, a device without pipeline
+    by, device, budget_ms, timed: as by `cost_of`; among: names of the techniques to search, all if empty; max_flicker:
+    the most in the first sequence of the scene's file, else in `pan`, over whose frames the target is a mean then.
+    Raises InputError for a folder with other files, a budget or a law where it cannot be, a device without pipeline
     statistics, and names of techniques of which none supports the light.
     """
     if budget_ms is not None and not 0 < budget_ms < math.inf:
         raise InputError(f"--budget-ms: found {budget_ms:g}; allowed: above 0")
+    if max_flicker is not None and not 0 <= max_flicker < math.inf:
+        raise InputError(f"--max-flicker: found {max_flicker:g}; allowed: 0 and more")
     known = chosen_techniques(known, among, view.light.hard_kind, view.light.soft)
     info = campaign.drawer.info
     cost = cost_of(view, info, by, device, budget_ms, timed)
     campaign.reporter.stage("truth", 1)
     target = target or default_target(view)
     study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=cost.rounds)
-    block = study.block(view)
+    block, steadiness = study.block(view), None
+    if max_flicker is not None:
+        motion = (*view.scene.motions, BUILT_IN["pan"])[0]
+        study, steadiness = study.with_(sequence=motion.name), Steadiness(max_flicker, motion.name)
+        block = study.block(*frames_of(view, motion), sequence=motion.name)
     truth = cached_truth(view)
     results: list[Result] = []
     with campaign:
@@ -381,7 +406,7 @@ def recommend(
             results.extend(block_results)
             return results[-1]
 
-        advice = find_cheapest(view, truth, target, cost, known, info.max_map_size, measure)
+        advice = find_cheapest(view, truth, target, cost, known, info.max_map_size, measure, steadiness)
         campaign.finish(study.facts, view.scene.notes, [result.score["key"] for result in results])
         if results:
             write_cells(campaign.folder, {})
@@ -396,15 +421,16 @@ def find_cheapest(
     known: Techniques,
     largest: int,
     measure: Callable[[Spec], Result],
+    steadiness: Steadiness | None = None,
 ) -> Recommendation:
     """Search the specs of `known` techniques with maps up to `largest`. Raises InputError as `needs` does."""
     kind, soft = view.light.hard_kind, view.light.soft
     survey = needs(view, penumbrae=False)  # those rule out no spec
-    space = full_space(known, kind, largest, soft)
+    space = full_space(known, kind, largest, soft, steadiness is not None)
     space_size, limit = len(space), METRICS[target.metric].error(target.limit)
     excluded = [Exclusion(name, why, 0) for name, why in unavailable(known, kind, soft).items()]
     left_out = prune(space, survey, target.limit if target.metric == "iou" else None)
-    if (lit := _nothing_dark(view, truth, target)) is not None:
+    if steadiness is None and (lit := _nothing_dark(view, truth, target)) is not None:
         excluded, left_out = [Exclusion(f"all but {UNSHADOWED.text}", lit, len(space))], {}
         space, space_size = [UNSHADOWED], space_size + 1
     unranked = {spec: why for spec in space if (why := cost.unranked(spec)) is not None}
@@ -414,7 +440,9 @@ def find_cheapest(
         def try_spec(spec: Spec) -> Trial | None:
             result = measure(spec)
             if (status := by.status(result)) == "ok":
-                return by.trial(spec, result, target, view)
+                flicker = result.score["metrics"].get("flicker") or 0.0  # none without an edge, or in a still view
+                share = flicker / max(steadiness.max_flicker, TINY) if steadiness else 0.0
+                return replace(by.trial(spec, result, target, view), flicker=share)
             unsuccessful[spec.text] = status
             return None
 
@@ -424,7 +452,9 @@ def find_cheapest(
             base=lambda spec: by.base(spec, view),
             start=lambda spec: start_size(spec, survey),
             measure=try_spec,
-            margins=UNPREDICTABLE if target.metric == "rmse" and soft else MARGINS[target.metric],
+            margins=UNPREDICTABLE
+            if target.metric == "rmse" and soft
+            else MARGINS[target.metric if steadiness is None else "edge_px"],
             least=least_error(truth, target.metric),
         )
 
@@ -453,6 +483,7 @@ def find_cheapest(
         space_size=space_size,
         needs=survey,
         reference=reference,
+        steadiness=steadiness,
     )
 
 

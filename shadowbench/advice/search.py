@@ -45,21 +45,24 @@ def grid_of(technique: type[Subject], soft: bool = False) -> dict[str, Sequence[
     return grid
 
 
-def specs_of(technique: type[Subject], largest: int, soft: bool = False) -> list[Spec]:
-    """All specs of a technique's grid with maps up to `largest`."""
+def specs_of(technique: type[Subject], largest: int, soft: bool = False, moving: bool = False) -> list[Spec]:
+    """All specs of a technique's grid with maps up to `largest`. moving: also those that are steady."""
     grid = grid_of(technique, soft)
     if "size" in grid:
         grid["size"] = [size for size in grid["size"] if size <= largest] or [largest]
-    home = Spec(technique, technique.Params())
+    home, steady = Spec(technique, technique.Params()), technique.catalogue.steady
     choices = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
+    choices += [chosen | dict(steady) for chosen in choices] if moving and steady else []
     return [home.with_(**chosen) if chosen else home for chosen in choices]
 
 
-def full_space(known: Techniques, light: LightKind, largest: int, soft: bool = False) -> list[Spec]:
+def full_space(
+    known: Techniques, light: LightKind, largest: int, soft: bool = False, moving: bool = False
+) -> list[Spec]:
     """All specs that support a kind of light, with or without a size, as an exhaustive search would measure them."""
     refused = unavailable(known, light, soft)
     answering = [technique for name, technique in known.items() if name not in refused]
-    return [spec for technique in answering for spec in specs_of(technique, largest, soft)]
+    return [spec for technique in answering for spec in specs_of(technique, largest, soft, moving)]
 
 
 def technique_names(texts: Sequence[str], known: Techniques) -> tuple[str, ...]:
@@ -153,7 +156,8 @@ LEFT_OUT = {
 class Trial:
     """A measured spec: its rows, its error by the target, and its cost in work or milliseconds.
 
-    cost: infinite if it is not known; fixed: cost of vertices, which does not depend on the map size.
+    cost: infinite if it is not known; fixed: cost of vertices, which does not depend on the map size; flicker: as a
+    share of the most that is allowed.
     """
 
     spec: Spec
@@ -161,6 +165,11 @@ class Trial:
     error: float
     cost: float
     fixed: float
+    flicker: float = 0.0
+
+    def miss(self, limit: float) -> float:
+        """Its error, but above a limit of that in proportion to flicker that is too large."""
+        return self.error if self.flicker <= 1 else max(self.error, self.flicker * max(limit, TINY))
 
     @property
     def ranked(self) -> bool:
@@ -175,8 +184,8 @@ class Trial:
 
 
 def cheapest(trials: Iterable[Trial], limit: float) -> Trial | None:
-    """The cheapest trial with an error of at most `limit`."""
-    return min((trial for trial in trials if trial.error <= limit), key=lambda trial: trial.rank, default=None)
+    """The cheapest trial with an error of at most `limit`, and with no more flicker than allowed."""
+    return min((trial for trial in trials if trial.miss(limit) <= limit), key=lambda trial: trial.rank, default=None)
 
 
 def reads_of(spec: Spec) -> int:
@@ -297,7 +306,7 @@ class Search:
             self.trials.append(trial)
             if size:
                 self._costs[group][size] = max(trial.cost - trial.fixed - self.base(spec), TINY), trial.fixed
-                self._errors[group].setdefault(filter, {})[size] = trial.error
+                self._errors[group].setdefault(filter, {})[size] = trial.miss(self._within)
                 self._ratios.clear()
         elif size:
             beyond = [one for one in self._left if group_of(one)[0] == group and (one.map_size or 0) >= size]

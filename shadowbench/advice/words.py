@@ -7,7 +7,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shadowbench.advice.recommend import Recommendation, target_text
+from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.search import LEFT_OUT, SIZES, Trial, start_size
 from shadowbench.errors import number
 from shadowbench.files import replace_file
@@ -40,8 +40,9 @@ def table(advice: Recommendation, info: DeviceInfo) -> tuple[str, tuple[str, ...
         by = "work" if advice.cost.name == "work_cost" else "this machine's times"
         caveat = "; times of a software renderer are not those of a GPU"
     among = f", of {', '.join(advice.among)}" if advice.among else ""
-    title = f"{advice.view.scene.name}, {target_text(advice.target, advice.budget_ms)}{among}, by {by}{caveat}"
-    headings = ("", "spec", "map", advice.target.metric, _unit(advice), "× choice", "MiB", "key")
+    title = f"{advice.view.scene.name}, {advice.asked}{among}, by {by}{caveat}"
+    flicker = ("flicker",) if advice.steadiness else ()
+    headings = ("", "spec", "map", advice.target.metric, *flicker, _unit(advice), "× choice", "MiB", "key")
     return title, headings, [_cells(advice, trial) for trial in _shown(advice)]
 
 
@@ -61,6 +62,7 @@ def _cells(advice: Recommendation, trial: Trial) -> list[str]:
         trial.spec.sizeless_text,
         str(trial.spec.map_size or ""),
         "" if value is None else metric.text(value, lambda value: rounded(advice.target, value), row),
+        *([f"{row['metrics']['flicker'] or 0:.3g}"] if advice.steadiness else []),
         "~" * _is_rough(advice, trial) + _cost_text(advice, trial),
         _relative_text(advice, trial),
         f"{row['gpu_bytes'] / 2**20:.3g}",
@@ -169,7 +171,7 @@ def _step_lines(advice: Recommendation) -> list[str]:
 
 def obstacles(advice: Recommendation) -> list[str]:
     """Why nothing that was measured meets the target."""
-    target, near = target_text(advice.target, advice.budget_ms), advice.closest
+    target, near = advice.asked, advice.closest
     of = f" of {', '.join(advice.among)}" if advice.among else ""
     if near is None:
         why = f"; {'; '.join(advice.unsuccessful.values())}" if advice.unsuccessful else ""
@@ -179,6 +181,8 @@ def obstacles(advice: Recommendation) -> list[str]:
         met = advice.met[0]
         time = f"in {met.cost:.3g} ms" if met.ranked else "in a time that is not known"
         return [line, f"obstacle: the budget; {_name(met)} reaches {_error(advice, met)} {time}"]
+    if near.error <= advice.limit:
+        return [line, f"obstacle: flicker, {near.result.score['metrics']['flicker']:.3g} px"]
     soft = advice.target.metric == "rmse" and is_soft(near.result.score["metrics"])
     faults = _soft_faults(near) if soft else _hard_faults(advice, near)
     return [line, *(f"obstacle: {one}" for one in faults)]
@@ -275,7 +279,8 @@ def values(advice: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "view": view.camera.name,
         "light": view.light.name,
         **view.size.columns,
-        "target": {"metric": advice.target.metric, "value": advice.target.limit, "budget_ms": advice.budget_ms},
+        "target": {"metric": advice.target.metric, "value": advice.target.limit, "budget_ms": advice.budget_ms}
+        | (advice.steadiness._asdict() if advice.steadiness else {}),
         "notes": notes(advice),
         "ranked_by": advice.cost.name,
         "device": law and law.device,
@@ -316,7 +321,7 @@ def export_choice(advice: Recommendation, folder: Path, drawer: "GLDrawer") -> N
         "technique": spec.technique.name,
         "parameters": {name: _parameter(value) for name, value in spec.params},
         "scene": scene.name,
-        "target": target_text(advice.target, advice.budget_ms),
+        "target": advice.asked,
         "metre": scene.placement.length(1.0),  # length of 1 m in the shaders' units
         "uniforms": {one.name: {name: _parameter(value) for name, value in one.uniforms.items()} for one in shaders},
     }

@@ -48,6 +48,9 @@ class RecommendOptions:
         "penumbra].",
         "X",
     )
+    max_flicker: float | None = option(
+        "Besides: maximum flicker, in pixels, in the first sequence of the scene's file, else in pan.", "PX"
+    )
     budget_ms: float | None = option(
         "Maximum time per frame, in ms; without a GPU, of what shadows add, as predicted.", "X"
     )
@@ -92,9 +95,9 @@ def recommend(
 
     Searches techniques, parameters and map sizes. Few specs are measured: the scene's geometry rules some out (see
     `shadowbench needs`), and cost and error of the others are predicted from the measurements, so that a cheaper
-    one may exist. Cost is the time of a frame; on a software renderer, whose times are not those of a GPU, it is
-    the time that its work would take on the device on record, or work (shader invocations, texture reads) for
-    lights with a size, which were not timed there. What has no cost is tried, too, and what predictions leave out
+    one may exist. Cost is the time of a frame; on a software renderer, the time that its
+    work would take on the device on record, or work (shader invocations, texture reads) for lights with a size, which
+    were not timed there. What has no cost is tried, too, and what predictions leave out
     if nothing else meets the target. Exit code 1 if nothing does; the closest is then shown with the reason.
 
     \b
@@ -132,17 +135,9 @@ def recommend(
         console.Reporter(printed.quiet) as reporter,
         campaign_in(asked.output, reporter, asked.plugin, **asdict(machines)) as campaign,
     ):
-        advice, info = measure_recommendation(
-            reporter.view(scene, asked.view_size, view),
-            target,
-            known,
-            campaign,
-            by=asked.by,
-            device=asked.device,
-            budget_ms=asked.budget_ms,
-            timed=machines.dask is None,
-            among=among,
-        )
+        chosen, timed = reporter.view(scene, asked.view_size, view), machines.dask is None
+        limits = {name: getattr(asked, name) for name in ("by", "device", "budget_ms", "max_flicker")}
+        advice, info = measure_recommendation(chosen, target, known, campaign, timed=timed, among=among, **limits)
         if asked.export is not None:
             export_choice(advice, asked.export, campaign.drawer)
     if printed.json:

@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 from shadowbench import versions
 from shadowbench.errors import InputError, MetricError, Unsupported, message, quoted
 from shadowbench.files import check_folder
+from shadowbench.maps.updates import Update
 from shadowbench.measure.frames import CellScores, Truths
 from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.machine import machine_key, write_run_file
@@ -48,6 +49,11 @@ class Cell:
     phase: int = 0
     home: Spec | None = None
 
+    @property
+    def skips_draws(self) -> bool:
+        """Whether it draws its map in some frames only, so that the time of one frame is not that of another."""
+        return any(isinstance(component, Update) and component.remembers for component in self.spec.components)
+
 
 @dataclass(frozen=True, eq=False)
 class Block:
@@ -79,7 +85,7 @@ class Block:
 
     def times(self, cell: Cell) -> bool:
         """Whether a cell is timed. Other phases than 0 have other errors but the same cost; engines have none here."""
-        return self.rounds > 0 and cell.phase == 0 and cell.spec.technique.own
+        return self.rounds > 0 and cell.phase == 0 and cell.spec.technique.own and not cell.skips_draws
 
 
 def reference_name(reference: Spec) -> str:
@@ -306,6 +312,8 @@ class Campaign:
 
     def _time(self, block: Block) -> None:
         """Time the successful cells that lack a time, or a ratio since their reference failed."""
+        for spec in {cell.spec.sizeless_text: None for cell in block.cells if block.rounds and cell.skips_draws}:
+            self.reporter.note(f"{spec}: not timed, as frames differ; work is their mean")
         wanted = {cell: key for cell, key in self.keys(block).items() if block.times(cell)}
         if not wanted:
             return

@@ -110,7 +110,8 @@ class Entry:
     parameter values that `recommend` tries, by name, besides map sizes, while others stay at their defaults; soft_grid:
     in place of some of these where the light has a size; never_recommended: why `recommend` never chooses it.
     soft_only: whether it is another technique where the light has no size; only_planes: whether non-planar receivers
-    stay lit; exact: whether visibility follows from the geometry alone, not from a texel grid or a fitted box.
+    stay lit; steady: parameters besides by which shadows stay in place as the camera moves, tried where flicker is
+    limited; exact: whether visibility follows from the geometry alone, not from a texel grid or a fitted box.
     builds_on: other techniques whose code or shaders it uses; variants: parameters, in spec syntax, of the specs that
     the laws of shadows are tested with.
     """
@@ -121,6 +122,7 @@ class Entry:
     never_recommended: str = ""
     soft_only: bool = False
     only_planes: bool = False
+    steady: Mapping[str, Any] = field(default_factory=dict)
     exact: bool = False
     builds_on: Sequence[type["Technique"]] = ()
     variants: Sequence[str] = ("",)

@@ -19,9 +19,11 @@ def difference_over(grey: NDArray[np.floating], signed: NDArray[np.floating]) ->
 
     grey: (H, W) levels from 0 to 255; signed: (H, W) in [-1, 1], of which the magnitude is the blend weight.
     """
-    color = np.where(signed[..., np.newaxis] < 0, np.array(FALSE_SHADOW), np.array(FALSE_LIGHT))
-    strength = np.abs(signed)[..., np.newaxis]
-    mixed: NDArray[np.uint8] = np.rint(grey[..., np.newaxis] * (1 - strength) + color * strength).astype(np.uint8)
+    mixed: NDArray[np.uint8] = np.rint(grey).astype(np.uint8)[..., np.newaxis].repeat(3, axis=-1)
+    wrong = signed != 0  # of few pixels
+    color = np.where(signed[wrong, np.newaxis] < 0, np.array(FALSE_SHADOW), np.array(FALSE_LIGHT))
+    strength = np.abs(signed[wrong])[:, np.newaxis]
+    mixed[wrong] = np.rint(grey[wrong][:, np.newaxis] * (1 - strength) + color * strength)
     return mixed
 
 
@@ -29,6 +31,8 @@ def with_facets(
     picture: NDArray[np.uint8], facets: NDArray[np.bool_], visibility: NDArray[np.floating]
 ) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 sRGB: the picture blended towards FACETS at some pixels, (H, W), by a mask's darkness."""
+    if not facets.any():
+        return picture
     strength = np.where(facets, 1 - visibility, 0)[..., np.newaxis]
     mixed: NDArray[np.uint8] = np.rint(picture * (1 - strength) + np.array(FACETS) * strength).astype(np.uint8)
     return mixed

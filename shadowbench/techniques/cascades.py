@@ -42,6 +42,7 @@ class Cascades(Technique):
         picture_scene="deep-street",
         grid={"count": (2, 3, 5), **MAP_GRID, "bias": ("texel(ulps=6)", "two-planes")},
         soft_grid=MAP_SOFT_GRID,
+        steady={"box": "sphere", "stable": True},
         variants=("box=scene", "box=tight", "box=sphere,stable=true"),
     )
     # Engines end their cascades at distances; those of Godot and Unity are here shares of the camera's far plane.

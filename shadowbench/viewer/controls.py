@@ -23,9 +23,11 @@ from shadowbench.plugin.spec import Spec, format_value, parse_spec, spec_of
 from shadowbench.scenes.assumed import sun_direction
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape
+from shadowbench.scenes.sequences import BUILT_IN
 from shadowbench.scenes.triangles import LARGEST
 from shadowbench.scenes.vectors import Vec3, vec3
 from shadowbench.scores.metrics import METRICS, is_soft
+from shadowbench.scores.motion import MOTION
 from shadowbench.strict import Strict, explain
 from shadowbench.studies.artefacts import Artefact, artefacts
 from shadowbench.studies.crossing import Techniques
@@ -47,6 +49,8 @@ DIGITS = 6  # that a slider keeps: its numbers are float32
 INT32 = 2**30  # numbers of this magnitude or more are texts: sliders take 32 bits, and no limits near them
 SUM = "+"  # the name of the sum of two biases
 DEFAULT, CUSTOM = "default", "custom"  # beside the names of presets
+STILL = "none"  # beside the names of sequences
+KEYS = imgui.Key.space, imgui.Key.left_arrow, imgui.Key.right_arrow
 Model = TypeVar("Model", bound=Strict)
 
 
@@ -214,8 +218,31 @@ def view_panel(viewer: Viewer) -> None:
         chosen["left"] = _inline_choice("left", state.left, get_args(Source))
         chosen["right"] = _inline_choice("right", state.right, get_args(Source))
     chosen["overlay"] = _inline_choice("show", state.overlay, OVERLAY_HELP)
-    imgui.new_line()
     viewer.change(replace(state, **chosen))
+    _sequence_choice(viewer)
+
+
+def _sequence_choice(viewer: Viewer) -> None:
+    """Choice of a sequence and its frame, and whether it plays."""
+    state = viewer.state
+    motions = {motion.name: motion.about for motion in (*state.scene.motions, *BUILT_IN.values())}
+    name = _inline_choice("sequence", state.sequence or STILL, {STILL: "the view alone"} | motions)
+    if name != (state.sequence or STILL):
+        viewer.attempt(lambda: viewer.show_sequence("" if name == STILL else name))
+    elif state.sequence and not viewer.broken:
+        last, typing = len(state.frames) - 1, imgui.get_io().want_text_input
+        space, left, right = (not typing and imgui.is_key_pressed(key) for key in KEYS)
+        if imgui.button("pause" if viewer.playing else "play") or space:
+            viewer.playing = not viewer.playing
+        imgui.same_line()
+        imgui.set_next_item_width(WIDTH)
+        frame = imgui.slider_int("##frame", state.frame, 0, last, "frame %d", imgui.SliderFlags_.always_clamp)[1]
+        tooltip("space plays and pauses; ← and → step")
+        if frame != state.frame or left or right:
+            viewer.playing = False
+            viewer.to_frame(frame + right - left)
+        return
+    imgui.new_line()
 
 
 def _inline_choice(label: str, name: str, names: Collection[str]) -> Any:
@@ -247,7 +274,8 @@ def scores_panel(viewer: Viewer) -> None:
         for title in ("score", *"AB"[: len(scores)]):
             imgui.table_setup_column(title)
         imgui.table_headers_row()
-        for metric in (METRICS[name] for name in (*(SOFT if soft else ()), *HARD)):
+        moving = [MOTION["flicker"]] if viewer.state.sequence else []
+        for metric in (*moving, *(METRICS[name] for name in (*(SOFT if soft else ()), *HARD))):
             if not metric.suits(soft):
                 continue
             imgui.table_next_column()

@@ -19,6 +19,7 @@ from shadowbench.measure.session import Draw, LoadedScene, checked_texture, visi
 from shadowbench.options import ViewSize
 from shadowbench.plugin.base import Frame, Phase, Stage, Technique, surface_of
 from shadowbench.plugin.spec import Spec
+from shadowbench.plugin.stage import Memory
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, View
 from shadowbench.scores.difference import difference_over, weight, with_facets
 from shadowbench.studies.crossing import Techniques
@@ -89,17 +90,32 @@ class Drawing:
         self.device, self.clock = device, Clock(device)
         self._loaded: LoadedScene | None = None
         self._built: dict[tuple[Spec, ViewSize], _Built] = {}
+        self._memories: dict[tuple[Spec, ViewSize], Memory] = {}
+        self._last: tuple[object, int] = ((), 0)  # what the last frame was of, and its index
 
     def draw(self, state: ViewerState, size: ViewSize) -> Drawn:
-        """Draw a state's G-buffer and masks, at a size. Raises InputError if the camera shows nothing."""
-        file_view, loaded = state.view(size), self._load(state)
+        """Draw a state's G-buffer and masks, at a size. Raises InputError if the camera shows nothing.
+
+        What remembers earlier frames of a sequence is drawn in all of them, in order.
+        """
+        remembers = any(component.remembers for spec in state.specs for component in spec.components)
+        drawn_of = state.start, *_how(state), size
+        goes_on = not remembers or self._last == (drawn_of, state.frame - 1)
+        for index in range(state.frame if goes_on else 0, state.frame):
+            self._draw(replace(state, frame=index), size, remembers).frame.surface.release()
+        drawn = self._draw(state, size, remembers)
+        self._last = drawn_of, state.frame
+        return drawn
+
+    def _draw(self, state: ViewerState, size: ViewSize, remembers: bool) -> Drawn:
+        file_view = state.view(size)
+        loaded = self._load(file_view, state, goes_on=remembers and state.frame > 0)
         view = loaded.to_drawing_coordinates(file_view)
         built = [self._build(loaded, spec, view) for spec in state.specs]
         start = time.perf_counter()
         self._recover()
         surface = loaded.surface_pass.draw(view)
-        # Index 0 always: each image is the one that is scored, without history of earlier frames.
-        frame = Frame(view, Phase(state.phase), 0, surface, self.clock)
+        frame = Frame(view, Phase(state.phase), state.frame, surface, self.clock)
         masks = [self._mask(loaded, *drawn, frame) for drawn in zip(state.specs, built, strict=True)]
         self.device.context.finish()
         return Drawn(loaded, frame, tuple(masks), (time.perf_counter() - start) * 1e3)
@@ -144,11 +160,17 @@ class Drawing:
             self._loaded.release()
             self._loaded = None
 
-    def _load(self, state: ViewerState) -> LoadedScene:
-        placement = state.scene.placement if state.coordinates == "relative" else IDENTITY_PLACEMENT
-        if self._loaded is None or not self._loaded.matches(state.scene, placement):
+    def _load(self, view: View, state: ViewerState, goes_on: bool) -> LoadedScene:
+        """A view's scene; goes_on: in the coordinates of the scene before, and with what was remembered there."""
+        placement = view.scene.placement if state.coordinates == "relative" else IDENTITY_PLACEMENT
+        placement = self._loaded.placement if goes_on and self._loaded else placement
+        if self._loaded is None or not self._loaded.matches(view.scene, placement):
+            last, self._built = (self._built, {}) if goes_on else ({}, self._built)
+            for _, stage, _ in last.values():
+                stage.release(but_memory=True)
             self.release()
-            self._loaded = LoadedScene(self.device, state.scene, placement)
+            self._memories = {key: stage.memory for key, (_, stage, _) in last.items()}
+            self._loaded = LoadedScene(self.device, view.scene, placement)
         return self._loaded
 
     def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> _Built | str:
@@ -158,7 +180,7 @@ class Drawing:
             reason = spec.drawn_here.declines(spec.params, view, self.device)
             if reason is None and key not in self._built:
                 self._recover()
-                self._built[key] = loaded.build(spec, view.size)
+                self._built[key] = loaded.build(spec, view.size, memory=self._memories.pop(key, None))
         except _RAISED as error:
             return reason_of(error)
         return self._built[key] if reason is None else f"unsupported: {reason}"
@@ -200,7 +222,8 @@ def _error_over(grey: NDArray[np.floating], visibility: NDArray[np.floating], tr
 class Viewer:
     """The window's state and everything that is drawn of it. `change` is the only way to another state.
 
-    message: the last error or result of an action; broken: why nothing can be drawn; pictures: of A, B and the truth.
+    message: the last error or result of an action; broken: why nothing can be drawn; playing: whether the next frame
+    of the sequence follows as soon as one is scored; pictures: of A, B and the truth.
     """
 
     def __init__(
@@ -214,6 +237,7 @@ class Viewer:
         self.device, self.state, self.techniques, self.judge = device, state, techniques, judge
         self.drawing = Drawing(device)
         self.message = self.broken = ""
+        self.playing = False
         self.drawn: Drawn | None = None
         self.pictures: dict[Source, moderngl.Texture] = {}
         self._seconds, self._changed_at = seconds, -math.inf
@@ -241,11 +265,16 @@ class Viewer:
     @property
     def waiting(self) -> bool:
         """Whether a step would change nothing: no motion, no masks to score, no answer about them."""
-        return not (self.moving or self._unjudged or self.judge.has_answers)
+        return not (self.moving or self._unjudged or self.judge.has_answers or (self.playing and self.fresh))
 
     @property
     def _unjudged(self) -> bool:
         return self.drawn is not None and not self.broken and self.drawn is not self._judged
+
+    @property
+    def outruns_truth(self) -> bool:
+        """Whether pictures are of a view whose truth is not traced yet; while a sequence plays they wait for it."""
+        return self.judge.traced(self.state) is None and not (self.playing and self.pictures)
 
     @property
     def failures(self) -> list[str]:
@@ -256,7 +285,7 @@ class Viewer:
         """Show another state."""
         if state != self.state:
             self.message = ""
-        if _drawing_key(state) != _drawing_key(self.state):
+        if (state.start, _how(state)) != (self.state.start, _how(self.state)):  # another frame is no motion
             self._changed_at = self._seconds()
         self.state = state
 
@@ -272,16 +301,28 @@ class Viewer:
         scene, specs = origin.load(), specs or self.state.specs
         camera, light = scene.cameras[0], scene.lights[0]
         shown = replace(self.state, scene=scene, camera=camera, light=light, origin=origin, specs=specs)
-        self.change(replace(shown, coordinates="relative", phase=0))
+        self.change(replace(shown, coordinates="relative", phase=0, sequence="", frame=0))
 
     def step(self) -> None:
         """Bring everything up to date that a frame of the window shows."""
+        if self.playing and self.fresh:  # and shown, by the step before
+            self.to_frame(self.state.frame + 1)
         self.judge.receive()
         moving, size = self.moving, self.state.size
         drew = self._draw(moving_size(size, self._rested_ms, self.device.software) if moving else size)
         if self.drawn is not None and self._unjudged and not (moving or drew):
             self._ask(self.drawn)
         self._draw_pictures()
+
+    def show_sequence(self, name: str) -> None:
+        """Show the first frame of a sequence, or for an empty name the view alone. Raises InputError."""
+        self.playing, state = False, replace(self.state, sequence=name, frame=0)
+        if state.frames:
+            self.change(state)
+
+    def to_frame(self, frame: int) -> None:
+        """Show another frame of the sequence; after the last one comes the first."""
+        self.change(replace(self.state, frame=frame % len(self.state.frames)))
 
     def release(self) -> None:
         """Free what is on the device."""
@@ -291,7 +332,7 @@ class Viewer:
 
     def _draw(self, size: ViewSize) -> bool:
         """Draw the masks unless they are of this state and size; whether they were drawn."""
-        key = (*_drawing_key(self.state), size)
+        key = (*self.state.viewed, *_how(self.state), size)
         if key == self._drawn_of:
             return False
         self._drawn_of = key
@@ -322,6 +363,8 @@ class Viewer:
         if drawn is None or self.broken:
             return
         traced = self.judge.traced(state)
+        if traced is None and not self.outruns_truth:
+            return
         key = (drawn, traced, state.overlay, state.sources)
         if key == self._shown_of:
             return
@@ -342,5 +385,5 @@ class Viewer:
             self.drawn = None
 
 
-def _drawing_key(state: ViewerState) -> tuple[object, ...]:
-    return (*state.viewed, state.specs, state.coordinates, state.phase)
+def _how(state: ViewerState) -> tuple[object, ...]:
+    return (state.specs, state.coordinates, state.phase)

@@ -17,11 +17,14 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import message
 from shadowbench.measure.plugin_output import forward_output
+from shadowbench.measure.points import Points
 from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.measure.worker import Pipe, connected, die_with, sigint_blocked, spawn
 from shadowbench.scenes.opening import chosen_view
-from shadowbench.scores.comparison import PreparedTruth
+from shadowbench.scores.comparison import Comparison, PreparedTruth
 from shadowbench.scores.metrics import score
+from shadowbench.scores.motion import Motion
+from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import trace
 
 if TYPE_CHECKING:
@@ -70,7 +73,8 @@ class Judge:
         self._number, self.failure = self._number + 1, ""
         if state.viewed != self._viewed:
             self._traced, self._viewed, self._first = None, state.viewed, self._number
-        self._questions.put((self._number, state.view(), masks))
+        frame = (hash(state.start), state.frame) if state.sequence else None
+        self._questions.put((self._number, state.view(), masks, frame))
 
     @property
     def has_answers(self) -> bool:
@@ -141,21 +145,35 @@ def serve(handle: str, parent: str) -> None:
     trace(chosen_view("post", 16))  # compiled loops and libraries are loaded before the first question
     viewed: tuple[object, ...] = ()
     prepared: PreparedTruth | None = None  # of the last view: other masks of it are only scored
+    last = 0, 0  # the sequence and index of the frame that was scored last
+    points, motions = Points(), dict[str, Motion]()
     while True:
         try:
-            number, view, masks = pipe.receive()
+            number, view, masks, frame = pipe.receive()
             while pipe.connection.poll():
-                number, view, masks = pipe.receive()
+                number, view, masks, frame = pipe.receive()
         except EOFError:
             return
         try:
             if viewed != tuple(vars(view).values()):
-                truth = trace(view)
+                truth = cached_truth(view, 1) if frame else trace(view, 1)
                 scored = truth.receivers & ~truth.undecided
                 pipe.send((number, Traced(truth.visibility, scored, truth.facets, truth.sampled)))
                 prepared, viewed = prepare_truth(truth), tuple(vars(view).values())
             assert prepared is not None
             record = truth_record(prepared)
-            pipe.send((number, {spec: score(mask, prepared) | record for spec, mask in masks.items()}))
+            scores = {spec: score(mask, prepared) | record for spec, mask in masks.items()}
+            if frame:  # its sequence and its index
+                if frame[1] == 0:
+                    points, motions = Points(), {spec: Motion() for spec in masks}
+                elif last != (frame[0], frame[1] - 1):  # out of order: of no flicker until frame 0
+                    motions = {}
+                last, motions = frame, {spec: motions[spec] for spec in motions.keys() & masks}
+                if motions:
+                    seen = points.see(truth)
+                for spec, motion in motions.items():
+                    motion.add(Comparison(masks[spec], prepared), seen)
+                    scores[spec] |= {"flicker": motion.scores()["flicker"]}
+            pipe.send((number, scores))
         except Exception as error:  # shown in the window, whatever it is
             pipe.send((number, message(error)))

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,6 +24,7 @@ from shadowbench.scenes.library import builtin_names, load_scene, read_document
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.opening import named, opened
 from shadowbench.scenes.scene_tables import LIGHT_TABLES, camera_from_table, light_from_table
+from shadowbench.scenes.sequences import frames_of, motions_of
 from shadowbench.strict import Strict, ViewSizeField, validated
 from shadowbench.studies.crossing import Techniques
 from shadowbench.truths.embree import tracer_of
@@ -54,8 +56,9 @@ class Origin:
 class ViewerState:
     """What the window shows.
 
-    size: of the image; origin: of the scene, None for a sweep's, which no file has; left,
-    right: of the wipe; wipe: the share of the picture that `left` takes.
+    size: of the image; origin: of the scene, None for a sweep's, which no file has; sequence: name of one that begins
+    with the view, empty for a still view, and frame: of it; left, right: of the wipe; wipe: the share of the picture
+    that `left` takes.
     """
 
     scene: Scene
@@ -66,20 +69,32 @@ class ViewerState:
     origin: Origin | None = None
     coordinates: Coordinates = "relative"
     phase: int = 0
+    sequence: str = ""
+    frame: int = 0
     layout: Layout = "wipe"
     left: Source = "A"
     right: Source = "truth"
     wipe: float = 0.5
     overlay: Overlay = "picture"
 
+    @property
+    def frames(self) -> tuple[View, ...]:
+        """The frames of the sequence; of a still view the one. Raises InputError."""
+        return _frames(self.scene, self.camera, self.light, self.size, self.sequence)
+
     def view(self, size: ViewSize | None = None) -> View:
-        """The view, by default of `size`. Raises InputError."""
-        return view_of(self.scene, self.camera, self.light, size or self.size)
+        """The view of the frame, by default of `size`. Raises InputError."""
+        return replace(self.frames[self.frame], size=size or self.size)
+
+    @property
+    def start(self) -> tuple[object, ...]:
+        """What the first frame is seen of; equal for states of the same view or sequence."""
+        return (self.scene, self.camera, self.light, self.size, self.sequence)
 
     @property
     def viewed(self) -> tuple[object, ...]:
         """What the truth depends on; equal for states that have the same one."""
-        return (self.scene, self.camera, self.light, self.size)
+        return (*self.start, self.frame)
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -91,6 +106,12 @@ class ViewerState:
     def with_spec(self, index: int, spec: Spec) -> "ViewerState":
         """With another spec as A (0) or B (1)."""
         return replace(self, specs=(*self.specs[:index], spec, *self.specs[index + 1 :]))
+
+
+@lru_cache(2)
+def _frames(scene: Scene, camera: Camera, light: Light, size: ViewSize, sequence: str) -> tuple[View, ...]:
+    view = view_of(scene, camera, light, size)
+    return frames_of(view, motions_of(scene, [sequence])[0]) if sequence else (view,)
 
 
 class ViewerTable(Strict):
@@ -146,6 +167,8 @@ def save_state(state: ViewerState, file: Path) -> ViewerState:
         "light": light,
         "mesh": _mesh_tables(state.scene, state.origin, file),
     }
+    if state.scene.motions:
+        document["sequence"] = read_document(state.origin.file).sequence
     with replace_file(file) as temporary:
         temporary.write_text(tomli_w.dumps(document), encoding="utf-8")
     return saved
@@ -209,5 +232,6 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
             where = f"{folder}: cell {row['key']} is of a camera or a light of its study, not of the scene: "
             camera = named(scene.cameras, row["view"], f"{where}view")
             light = named(scene.lights, row["light"], f"{where}light")
-            return ViewerState(scene, camera, light, (spec,), origin=origin, **shown)
+            sequence = row.get("sequence") or ""
+            return ViewerState(scene, camera, light, (spec,), origin=origin, sequence=sequence, **shown)
     raise InputError(f"{folder}: no file of the scene {row['scene']!r} found; allowed: one that run.json names")

@@ -111,7 +111,7 @@ class Canvas:
         left, right, bottom = pane.x + start * pane.width, pane.x + end * pane.width, pane.y + pane.height
         draw_list.add_rect_filled((left, pane.y), (right, bottom), 0xFF303030)
         failure = viewer.broken or dict(zip("AB", viewer.failures, strict=False)).get(source, "")
-        is_old = source == "truth" and viewer.judge.traced(viewer.state) is None
+        is_old = source == "truth" and viewer.outruns_truth
         if source in viewer.pictures:
             color = _DIMMED if failure or is_old else _WHITE
             draw_list.add_image(NUMBERS[source], (left, pane.y), (right, bottom), (start, 1), (end, 0), color)
@@ -163,7 +163,7 @@ class Canvas:
 
 def label(viewer: Viewer, source: Source) -> str:
     """What a pane shows, and whether its truth is of another view."""
-    state, traced = viewer.state, viewer.judge.traced(viewer.state)
+    state = viewer.state
     if source == "truth":
         text, missing = "truth", "of an earlier view" if source in viewer.pictures else "tracing"
     else:
@@ -174,7 +174,7 @@ def label(viewer: Viewer, source: Source) -> str:
         if state.overlay != "error":
             return text
         missing = "error follows the truth"
-    return text if traced else f"{text} ({missing})"
+    return f"{text} ({missing})" if viewer.outruns_truth else text
 
 
 class Renderer(ModernglWindowRenderer):

@@ -11,9 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shadowbench.advice.recommend import Cost, Recommendation, cost_of, find_cheapest, least_error, target_error
+from shadowbench.advice.recommend import (
+    Cost,
+    Recommendation,
+    Steadiness,
+    cost_of,
+    find_cheapest,
+    least_error,
+    target_error,
+)
 from shadowbench.advice.search import full_space
-from shadowbench.advice.words import excluded_lines, lines, notes, obstacles, reached, rounded
+from shadowbench.advice.words import excluded_lines, lines, notes, obstacles, reached, rounded, table
 from shadowbench.errors import InputError
 from shadowbench.maps.biases import Texel
 from shadowbench.measure.rows import Result
@@ -29,6 +37,7 @@ from shadowbench.truths.trace import Truth
 
 KNOWN = techniques()
 H100 = laws()["NVIDIA H100 80GB HBM3"]
+MESA = DeviceInfo("llvmpipe", "Mesa", 450, True, "finish+wall", 16384, 8, True, True)
 PIXELS = 128**2
 IOU = Target("iou", 0.99)
 Row = Callable[[Spec], dict[str, float | None]]
@@ -46,13 +55,14 @@ def row_of(spec: Spec, metrics: Mapping[str, float | None], **more: Any) -> Resu
 def advise(builtin: Callable[..., View], truth_of: Callable[..., Truth]) -> Callable[..., Recommendation]:
     """What is recommended in a street by invented metrics of specs."""
 
-    def search(target: Target, names: str, row: Row, largest: int = 4096, radius: float = 0.0, **more: Any) -> Any:
+    def search(
+        target: Target, names: str, row: Row, largest: int = 4096, radius: float = 0.0, steady: Any = None, **more: Any
+    ) -> Any:
         view, truth = builtin("street", 128), truth_of("street", 128)
         view = dataclasses.replace(view, light=dataclasses.replace(view.light, radius=radius))
         known = {name: KNOWN[name] for name in names.split()}
-        return find_cheapest(
-            view, truth, target, Cost("work_cost"), known, largest, lambda spec: row_of(spec, row(spec), **more)
-        )
+        measure = lambda spec: row_of(spec, row(spec), **more)  # noqa: E731
+        return find_cheapest(view, truth, target, Cost("work_cost"), known, largest, measure, steady)
 
     return search
 
@@ -143,6 +153,69 @@ def test_without_a_match_the_closest_spec_and_the_obstacle_are_named(
     assert second == f"obstacle: {obstacle}"
 
 
+def test_the_choice_flickers_no_more_than_allowed_or_nothing_is_chosen(advise: Callable[..., Recommendation]) -> None:
+    """Without snapping, cascades of 2048² meet an IoU of 0.99, and of 4096² flicker by less than 0.01 px too."""
+
+    def row(spec: Spec) -> dict[str, float | None]:
+        moves = spec.technique.name == "cascades" and not spec.params.stable
+        return {"iou": 1 - 20 / (spec.map_size or 20), "flicker": moves * 40 / (spec.map_size or 1)}
+
+    still = advise(IOU, "cascades", row)
+    assert still.choice is not None and still.choice.spec.map_size == 2048 and not still.choice.spec.params.stable
+    snapped = advise(IOU, "cascades", row, steady=Steadiness(0.01, "pan"))
+    assert snapped.choice is not None and snapped.choice.spec.params.stable
+    assert {snapped.standing(one) for one in snapped.trials if one.flicker > 1} <= {"misses", "so far"}
+    assert snapped.measured < 0.2 * snapped.space_size
+    assert table(snapped, MESA)[0].startswith("street, IoU ≥ 0.99, flicker ≤ 0.01 px in pan, by work")
+
+    unsteady = {"iou": 0.995, "flicker": 0.02}
+    none = advise(IOU, "shadow-map", lambda spec: unsteady, 512, steady=Steadiness(0.01, "pan"))
+    assert none.choice is None and none.measured + sum(one.specs for one in none.excluded) == none.space_size
+    assert obstacles(none)[0].startswith("nothing measured meets IoU ≥ 0.99, flicker ≤ 0.01 px in pan; the closest is ")
+    assert obstacles(none)[1] == "obstacle: flicker, 0.02 px"
+
+
+POSTS = """
+[camera]
+position = [0, 2, 6]
+target = [0, 0.5, 0]
+[light]
+kind = "directional"
+direction = [0.5, -1, -0.3]
+[[mesh]]
+shape = "plane"
+scale = 60
+[[sequence]]
+name = "pass"
+frames = 6
+[[sequence.key]]
+time = 1
+camera = { position = [0.33, 2.05, 6], target = [0.33, 0.55, 0] }
+""" + "".join(
+    f"[[mesh]]\nshape = 'box'\nscale = [0.6, 2, 0.6]\ntranslate = [{x}, 1, {z}]\nrotate = [0, {8 * x}, 0]\n"
+    for x in (-4.4, -2.2, 0, 2.2)
+    for z in (0, -4.1, -8.2)
+)
+
+
+def test_cascades_that_follow_the_view_are_refused_and_snapped_ones_chosen(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
+    """As the camera passes, a snapped texel stays where it is in the world; one that does not moves every edge."""
+    (tmp_path / "posts.toml").write_text(POSTS)
+    command = ("recommend", tmp_path / "posts.toml", "--view-size", "96", "-t", "cascades", "--max-edge-px", "0.7")
+    still, moving = (
+        shadowbench(*command, "-o", tmp_path / "rows", "--json", *more) for more in ((), ("--max-flicker", "0.005"))
+    )
+    assert (still.code, moving.code) == (0, 0), moving.err
+    assert "stable" not in json.loads(still.out)["choice"]["spec"]
+    found = json.loads(moving.out)
+    assert "box=sphere,stable=true" in found["choice"]["spec"] and found["choice"]["metrics"]["flicker"] <= 0.005
+    assert (found["target"]["max_flicker"], found["target"]["sequence"]) == (0.005, "pass")
+    cheaper = [one for one in found["evidence"] if one["cost"] < found["choice"]["cost"]]
+    assert all(one["metrics"]["flicker"] > 0.005 or one["metrics"]["edge_px"] > 0.7 for one in cheaper)
+
+
 def test_a_map_that_is_smaller_than_needed_is_an_obstacle(advise: Callable[..., Recommendation]) -> None:
     assert any("the largest tried has 256" in line for line in obstacles(advise(IOU, "shadow-map", by_size(), 256)))
 
@@ -200,8 +273,7 @@ def test_costs_on_a_machine_are_ratios_times_one_reference_time(builtin: Callabl
 
 def test_what_ranks_depends_on_the_device_the_light_and_what_is_asked_for(builtin: Callable[..., View]) -> None:
     view, soft = builtin("cube-on-plane", 32), builtin("post", 32)
-    mesa = DeviceInfo("llvmpipe", "Mesa", 450, True, "finish+wall", 16384, 8, True, True)
-    gpu = dataclasses.replace(mesa, software=False)
+    mesa, gpu = MESA, dataclasses.replace(MESA, software=False)
     by_law = Cost("predicted_ms", H100)
     assert cost_of(view, mesa) == cost_of(view, mesa, device="h100") == by_law
     assert cost_of(view, mesa, "time") == cost_of(view, gpu) == Cost("frame_ms")
@@ -269,6 +341,7 @@ BAD_OPTIONS = [
     (("--min-iou", "0.9", "--max-edge-px", "1"), "allowed: one of them"),
     (("--max-rmse", "nan"), "--max-rmse: found nan; allowed: 0 to 1"),
     (("--max-rmse", "0.1", "--min-iou", "0.9"), "--min-iou and --max-rmse: found both; allowed: one of them"),
+    (("--max-flicker", "-1"), "--max-flicker: found -1; allowed: 0 and more"),
     (("--view", "nowhere"), "nowhere"),
     (("-t", "shadowmap"), "unknown technique 'shadowmap'; did you mean 'shadow-map'?"),
     (("-t", "shadow-map:size=512"), "technique 'shadow-map:size=512': found parameters"),

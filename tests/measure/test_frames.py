@@ -1,6 +1,8 @@
 """Cells drawn and scored in the frames of a sequence."""
 
+import json
 import re
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -54,6 +56,21 @@ def test_after_memory_ran_out_a_cell_is_drawn_from_the_first_frame_on_and_no_fra
     worker: Any = Failing({3: MemoryExceeded("ate memory")})
     assert list(GLDrawer(worker, {}).draw(block, block.cells[0])) == [0, 1, 2, 3]
     assert worker.indices == [0, 1, 2, 0, 1, 2, 3]
+
+
+def test_what_draws_its_map_in_some_frames_only_has_no_time(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    """In a still view, in which cells are timed, it would draw none."""
+    specs = [f"shadow-map:size=64{more}" for more in ("", ",update=every", ",update=needed", ",history=exponential")]
+    command = ["run", "cube-on-plane", "stairs", *(word for spec in specs for word in ("-t", spec))]
+    more = ("--view-size", "32", "--sequence", "pan", "--frames", "2", "--rounds", "1", "-o", tmp_path)
+    answer = shadowbench(*command, *more)
+    assert answer.code == 0, answer.err
+    rows = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines()]
+    timed = {row["key"] for row in rows if row["kind"] == "time"}
+    specs_of = {row["key"]: row["spec"].partition(":")[2] for row in rows if row["kind"] == "score"}
+    assert {specs_of[key] for key in specs_of.keys() - timed} == {"update=every", "update=needed"}
+    assert {specs_of[key] for key in timed} == {"", "history=exponential"}
+    assert answer.err.count("not timed, as frames differ") == 2, "not again in each scene"
 
 
 def test_a_cell_whose_worker_crashes_in_any_frame_fails_as_a_whole(block: Block) -> None:

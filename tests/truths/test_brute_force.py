@@ -1,4 +1,4 @@
-"""The truth compared with brute force in float64: on built-in scenes, other meshes, and at every value of `stress`.
+"""The truth compared with brute force in float64: on built-in scenes, other meshes, sequences, and along `stress`.
 
 `make test-slow` compares the ends of each axis, under one kind of light each.
 """
@@ -11,6 +11,8 @@ import pytest
 from shadowbench.extremes.axes import AXES
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View, view_of
+from shadowbench.scenes.sequences import BUILT_IN, frames_of
+from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import trace
 from tests.parallel import parallel
 from tests.samples import sampled
@@ -25,6 +27,11 @@ WALKED = [
     for number, (name, axis) in enumerate(AXES.items())
     if name not in SAME_VIEW | SOFT
 ]
+
+MOVED = [("railings", name) for name in ("pan", "dolly", "moving-caster", "slow-sun")] + [("walker", "walker")]
+IN_MOTION = [
+    (name, sequence) for sequence in BUILT_IN if sequence != "walker" for name in ("railings", "stairs", "walker")
+] + [("crowd", "walker"), ("walker", "walker")]
 
 
 def assert_agrees(view: View, judged: Callable[..., Any]) -> None:
@@ -51,6 +58,30 @@ def test_rectangle_agrees_with_every_triangle_against_every_ray(name, size, judg
     scene = load_scene(name)
     assert_agrees(view_of(scene, scene.cameras[0], scene.lights[0], size), judged)
     assert_agrees(parallel(scene, size), judged)
+
+
+def assert_frames_agree(
+    name: str, sequence: str, size: int, count: int, every: int, judged: Callable[..., Any]
+) -> None:
+    """Of the truths as a run reads them: traced frame by frame, kept, and read again."""
+    scene = load_scene(name)
+    frames = frames_of(view_of(scene, scene.cameras[0], scene.lights[0], size), BUILT_IN[sequence], 24)[::every]
+    for frame in frames:
+        cached_truth(frame, 1)
+    against = [judged(frame, cached_truth(frame, 1), count) for frame in frames]
+    assert [each.wrong for each in against] == [0] * len(frames)
+    assert min((each.receiver & ~each.lit).sum() for each in against) > count / 20
+
+
+@pytest.mark.parametrize(("name", "sequence"), MOVED)
+def test_frames_agree_with_every_triangle_against_every_ray(name, sequence, judged) -> None:
+    assert_frames_agree(name, sequence, 128, 400, 6, judged)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "sequence"), IN_MOTION)
+def test_all_frames_of_a_sequence_agree_with_every_triangle_against_every_ray(name, sequence, judged) -> None:
+    assert_frames_agree(name, sequence, 256, 500, 1, judged)
 
 
 @pytest.mark.slow

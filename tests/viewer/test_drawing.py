@@ -14,6 +14,7 @@ import pytest
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
+from shadowbench.measure.points import motion_scores
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
@@ -114,6 +115,35 @@ def test_the_mask_is_that_of_render_also_after_motion(
 
 
 @pytest.mark.parametrize(
+    ("sequence", "spec"),
+    [
+        ("dolly", "cascades:size=64"),
+        ("pan", "shadow-map:size=64,history=exponential"),
+        ("moving-caster", "shadow-map:size=64,history=exponential"),
+        ("quick-sun", "shadow-map:size=64,update=every(n=3)"),
+    ],
+)
+def test_a_frame_is_that_of_a_run_whichever_was_shown_before(
+    drawing: Drawing,
+    builtin: Callable[..., View],
+    lent_worker: Callable[..., AbstractContextManager[Worker]],
+    sequence: str,
+    spec: str,
+) -> None:
+    """Also of what remembers the frames before: a jump to a frame draws them all."""
+    state = replace(state_of(builtin("stairs"), spec), sequence=sequence)
+    with lent_worker() as worker:
+        request = CellRequest(state.specs[0].full_text)
+        expected = [
+            worker.call(Session.draw, view, request, index=index).visibility
+            for index, view in enumerate(state.frames[:6])
+        ]
+    for frame in (0, 1, 2, 5, 4, 0, 1):
+        assert np.array_equal(mask_of(drawing, replace(state, frame=frame)), expected[frame]), frame
+    assert not np.array_equal(expected[0], expected[5])
+
+
+@pytest.mark.parametrize(
     ("how", "message"),
     [
         ("unsupported", "ZeroDivisionError: division by zero"),
@@ -166,7 +196,7 @@ def test_a_moving_image_is_smaller_on_a_software_renderer_only() -> None:
 def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(viewer: Viewer, settle: Settle) -> None:
     settle(viewer)
     assert status(viewer) == "scored at 64 against the full truth"
-    truth, drawn = trace(viewer.state.view()), viewer.drawn
+    truth, drawn = trace(viewer.state.view(), 1), viewer.drawn
     prepared, traced = prepare_truth(truth), viewer.judge.traced(viewer.state)
     assert drawn is not None and traced is not None
     assert np.array_equal(traced.visibility, truth.visibility)
@@ -185,6 +215,30 @@ def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(viewer
     viewer.change(before)
     viewer.step()
     assert not viewer.fresh
+
+
+def test_a_sequence_plays_frame_by_frame_with_its_truth_and_its_flicker_so_far(viewer: Viewer, settle: Settle) -> None:
+    viewer.change(replace(viewer.state, layout="side by side", overlay="mask"))
+    viewer.show_sequence("pan")
+    settle(viewer)
+    shown, spec = [], viewer.state.specs[0].full_text
+    viewer.playing = True
+    while len(shown) < 5:
+        if viewer.fresh and viewer.drawn is not None:
+            assert viewer.state.frame == len(shown), "each is shown and scored before the next"
+            shown.append((viewer.drawn.visibility(viewer.drawn.masks[0]), trace(viewer.state.view(), 1)))
+            flicker = motion_scores(shown)["flicker"]
+            assert viewer.judge.scores[spec]["flicker"] == (pytest.approx(flicker) if len(shown) > 1 else None)
+            for source, grey in (("A", shown[-1][0]), ("truth", shown[-1][1].visibility)):
+                assert np.array_equal(download(viewer.pictures[source], "u1")[..., 0], np.rint(grey * 255)), source
+        viewer.step()
+        time.sleep(0.002)
+    viewer.playing = False
+    for frame, known in ((0, True), (1, True), (3, False), (4, False), (24, True)):
+        viewer.to_frame(frame)
+        settle(viewer)
+        assert ("flicker" in viewer.judge.scores[spec]) == known, "it is of frames in order from the first on"
+    assert viewer.state.frame == 0, "after the last one"
 
 
 def test_why_nothing_is_scored_is_said_and_a_dead_process_is_replaced(
@@ -258,7 +312,7 @@ def test_scores_that_are_shown_as_fresh_are_always_of_what_is_shown(viewer: View
         if not viewer.fresh or viewer.drawn is None:
             continue
         viewed = viewer.state.viewed
-        truths[viewed] = truths.get(viewed) or prepare_truth(trace(viewer.state.view()))
+        truths[viewed] = truths.get(viewed) or prepare_truth(trace(viewer.state.view(), 1))
         for mask in viewer.drawn.masks:
             if scores := viewer.judge.scores.get(mask.spec.full_text):
                 assert scores.items() >= score(viewer.drawn.visibility(mask), truths[viewed]).items()

@@ -26,6 +26,15 @@ from shadowbench.viewer.state import Origin, ViewerState, cell_state, read_state
 
 KNOWN = techniques()
 LEAF = "mtllib leaf.mtl\nv 0 0 0\nv 1 0 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n"
+MINE = """
+[[mesh]]
+shape = "plane"
+mask = "leaf.png"
+cutoff = 0.25
+[[sequence]]
+name = "past"
+key = [{ time = 1.0, camera = { position = [1, 2, 3] } }]
+"""
 
 
 def shown(source: str, options: SceneOptions | None = None, **others: Any) -> ViewerState:
@@ -51,14 +60,15 @@ def test_what_is_shown_after_saving_is_read_to_the_bit(tmp_path: Path) -> None:
     assert np.array_equal(read.scene.geometry.vertices, state.scene.geometry.vertices)
 
 
-def test_meshes_and_masks_of_a_scenes_file_are_found_from_the_state(tmp_path: Path) -> None:
+def test_meshes_masks_and_sequences_of_a_scenes_file_are_found_from_the_state(tmp_path: Path) -> None:
     folder = tmp_path / "scenes"
     folder.mkdir()
     Image.fromarray(np.array([[0, 255]], np.uint8)).save(folder / "leaf.png")
-    (folder / "mine.toml").write_text('[[mesh]]\nshape = "plane"\nmask = "leaf.png"\ncutoff = 0.25\n')
+    (folder / "mine.toml").write_text(MINE)
     state = shown(str(folder / "mine.toml"))
     save_state(state, tmp_path / "state.toml")
     assert read_toml(tmp_path / "state.toml", "")["mesh"][0]["mask"] == "scenes/leaf.png"
+    assert [motion.name for motion in load_scene(tmp_path / "state.toml").motions] == ["past"]
     ours, theirs = (scene.meshes[0].cutout for scene in (state.scene, load_scene(tmp_path / "state.toml")))
     assert ours is not None and theirs is not None and np.array_equal(ours.bits, theirs.bits)
     (tmp_path / "beside").mkdir()
@@ -115,21 +125,22 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
 def test_cells_of_runs_and_of_a_sweep_are_redrawn_to_the_bit(
     shadowbench: Callable[..., object], device: Device, tmp_path: Path
 ) -> None:
-    """In two phases, of a mesh file with the up axis and the sun of its run, and at values of an axis."""
-    run, own, sweep, mesh = (tmp_path / name for name in ("run", "own", "stress", "model.obj"))
+    """In two phases, with the up axis and the sun of a run, of a sequence, and at values of an axis."""
+    run, own, pan, sweep, mesh = (tmp_path / name for name in ("run", "own", "pan", "stress", "model.obj"))
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     study, low = tmp_path / "study.toml", '{ name = "low", position = [0, 1, 5], target = [0, 0, 0] }'
     study.write_text(f'scenes = ["stairs"]\nphases = 2\nviews = ["file", {low}]\n[[technique]]\nspec = "shadow-map"\n')
     little = ["--map-size", "64", "--view-size", "64", "--rounds", "0", "--quiet"]
     shadowbench("run", "-s", study, "-o", run, *little)
     shadowbench("run", mesh, "-t", "shadow-map", "--up", "z", "--sun", "-o", own, *little)
+    shadowbench("run", "post", "-t", "shadow-map", "--sequence", "pan", "--frames", "2", "-o", pan, *little)
     shadowbench("stress", "-t", "shadow-map:size=64", "--axis", "distance-absolute", "--quick", "-o", sweep, "--quiet")
-    cells = [(folder, row) for folder in (run, own, sweep) for row in rows_of(folder)[:4] if row["view"] != "low"]
-    assert {row["coordinates"] for _, row in cells} == {"relative", "absolute"} and len(cells) >= 6
+    cells = [(folder, row) for folder in (run, own, pan, sweep) for row in rows_of(folder)[:4] if row["view"] != "low"]
+    assert {row["coordinates"] for _, row in cells} == {"relative", "absolute"} and len(cells) >= 7
     drawing = Drawing(device)
     for folder, row in cells:
         state = cell_state(folder, row["key"][:20], KNOWN)
-        assert state.scene.name == row["scene"]
+        assert (state.scene.name, state.sequence) == (row["scene"], "pan" if folder == pan else "")
         drawn = drawing.draw(state, state.size)
         assert mask_sha256(drawn.visibility(drawn.masks[0])) == row["mask_sha256"]
         drawn.frame.surface.release()

@@ -155,6 +155,7 @@ def tour(hands: Hands) -> None:
     for size in (512, 256):
         hands.click("½##size", "A")
         hands.until(f"a map of {size}", lambda size=size: viewer.state.specs[0].map_size == size)
+        hands.scored()
 
     hands.choose("##show", "picture", "", lambda: viewer.state.overlay == "picture")
     hands.choose("##layout", "side by side", "", lambda: len(canvas.panes) == 3)
@@ -171,6 +172,22 @@ def tour(hands: Hands) -> None:
     hands.until("the camera to move", lambda: viewer.state.camera != camera)
     hands.click("save")
     hands.until("a state file", lambda: "view.toml: saved" in viewer.message)
+    hands.scored()
+
+    hands.choose("##sequence", "pan", "", lambda: viewer.state.sequence == "pan")
+    hands.scored()
+    xdotool("key", "space")
+    hands.until("three frames", lambda: viewer.state.frame > 2)
+    xdotool("key", "space")
+    hands.until("a pause", lambda: not viewer.playing)
+    hands.scored()
+    frame = viewer.state.frame
+    assert hands.score("flicker") > hands.score("flicker", 1)
+    xdotool("key", "Right")
+    hands.until("a step", lambda: viewer.state.frame == frame + 1)
+    xdotool("key", "Left")
+    hands.until("a step back", lambda: viewer.state.frame == frame)
+    hands.choose("##sequence", "none", "", lambda: not viewer.state.sequence)
     hands.scored()
 
     notes = [{"spec": spec.text, "scores": dict(viewer.judge.scores[spec.full_text])} for spec in viewer.state.specs]
