@@ -17,9 +17,7 @@ from shadowbench.scores.metrics import is_soft
 
 FILE = Path(__file__).resolve().parent.parent / "docs" / "explanation" / "default-bias.md"
 REFERENCE, CLEAN = "texel", 1e-3
-FILTERS = {"2×2": "hardware", "5×5": "pcf(taps=5)", "PCSS": "pcss"}
-SOFT = "… --phases 2 --sun -t shadow-map:bias=…,filter=pcss"
-SUNS = "… --phases 2 --sun-at 100,… -t shadow-map:bias=… --map-size 1024"
+FILTERS = {"2×2": "hardware", "5×5": "pcf(taps=5)"}
 LEAST = 1e-5  # of errors, whose logarithms are averaged
 HEADINGS = ("bias", "error", "worst", "at equal ms", "1 − SSIM", "contact", "acne > 0.001", "ms", "held out", "front")
 
@@ -28,27 +26,25 @@ def main() -> int:
     """Write the page."""
     rows = [row for run in read_runs([Path(name) for name in sys.argv[1:]]) for row in run.rows]
     cells = pd.DataFrame([_cell(row) for row in rows if row["status"] == "ok" and row["metrics"]["iou"] is not None])
-    in_order = cells[cells["elevation"].isna()].groupby(["filter", "bias", "held_out", "scene", "size"])
-    means = in_order.mean().sort_index()
-    scenes = means.loc["hardware"].xs(False, level="held_out").index.unique("scene").size
-    values = {name: "\n".join(_table(means.loc[written])) for name, written in FILTERS.items()}
-    values["ELEVATIONS"] = "\n".join(
-        _elevations(cells.groupby(["filter", "elevation", "bias", "scene"])["error"].mean())
-    )
-    commands = {"MEASURED": "-s race", "SOFT": SOFT, "SUNS": SUNS}
-    values |= {"SCENES": str(scenes)} | {name: measured(f"shadowbench run {text}") for name, text in commands.items()}
+    means = cells.groupby(["filter", "bias", "held_out", "scene", "size", "light"]).mean().sort_index()
+    raced = means.xs("", level="light")
+    values = {name: "\n".join(_table(raced.loc[written])) for name, written in FILTERS.items()}
+    scenes = raced.loc["hardware"].xs(False, level="held_out").index.unique("scene").size
+    values |= {"SCENES": str(scenes), "LIGHTS": _lights(means.drop("", level="light")["error"])}
+    values |= {"MEASURED": measured("shadowbench run -s race"), "OTHERS": measured("shadowbench run … --sun-at 100,…")}
     return write({FILE: filled(__file__, values)}, check=False)
 
 
 def _cell(row: Record) -> dict[str, object]:
     params = parse_spec(row["full_spec"], techniques()).params
     metrics, law = row["metrics"], law_on_record()
+    soft, sun, held_out = is_soft(metrics), row["light"].startswith("sun "), row["scene"].startswith("held-out")
     names = {"filter": params.filter.written(), "bias": params.bias.written(), "scene": row["scene"]}  # type: ignore[attr-defined]
-    names["elevation"] = float(row["light"].split()[2]) if row["light"].startswith("sun ") else None  # of --sun-at
-    error = metrics["rmse"] if is_soft(metrics) else 1 - metrics["iou"]
+    names["light"] = ("held out" if held_out else "soft") if soft else row["light"][-2:] + "°" if sun else ""
+    error = metrics["rmse"] if soft else 1 - metrics["iou"]
     errors = {"error": max(error, LEAST), "ssim": max(1 - metrics["ssim"], LEAST)}
     faults = {"acne": metrics["acne"], "contact": metrics["contact"], "ms": (law and law.of_row(row)) or np.nan}
-    return {**names, "size": row["map_size"], "held_out": row["scene"].startswith("held-out"), **errors, **faults}
+    return {**names, "size": row["map_size"], "held_out": held_out, **errors, **faults}
 
 
 def _table(means: pd.DataFrame) -> list[str]:
@@ -59,29 +55,17 @@ def _table(means: pd.DataFrame) -> list[str]:
         beaten = any(line[0] < error and line[-2] < ms for line in lines.values())
         worst, equal, ssim, contact, acne = others
         ratios = f"{error:.3f}", f"{worst:.2f}", f"{equal:.3f}", f"{ssim:.3f}", f"{contact:.3f}", acne, f"{ms:.2f}"
-        if "(" not in bias:  # else another falloff
-            rows.append((f"`{bias}`", *ratios, f"{held_out:.3f}", "" if beaten else "●"))
+        rows.append((f"`{bias}`", *ratios, f"{held_out:.3f}", "" if beaten else "●"))
     size, time = (min(lines, key=lambda bias: lines[bias][index]) for index in (0, 2))
-    if np.isnan(lines[time][2]):
-        kept = [at for at, name in enumerate(HEADINGS) if name not in ("at equal ms", "ms", "front")]
-        few = table([HEADINGS[at] for at in kept], [[row[at] for at in kept] for row in rows])
-        return [*few, "", f"At equal size `{size}` is the most accurate. Times are not predicted."]
     best = f"At equal size `{size}` is the most accurate, at equal predicted time `{time}`."
-    falloffs = [error for bias, (error, *_) in lines.items() if "(" in bias]
-    others = (
-        f"Other falloffs of `normal-offset`: {min(falloffs):.1f} to {max(falloffs):.1f} times the error of `texel`."
-    )
-    return [*table(HEADINGS, rows), "", f"{best} {others}"]
+    return [*table(HEADINGS, rows), "", best]
 
 
-def _elevations(errors: Any) -> list[str]:
-    """Lines of a Markdown table, a line per bias: errors as ratios to REFERENCE, for each filter and elevation."""
+def _lights(errors: Any) -> str:
+    """A table with a line per bias: errors as ratios to REFERENCE, for each filter and light."""
     logs = np.log(errors) - np.log(errors.xs(REFERENCE, level="bias"))
-    means = np.exp(logs.groupby(["bias", "filter", "elevation"]).mean()).unstack(["filter", "elevation"])
-    means = means.sort_index(axis=1)
-    labels = {written: name for name, written in FILTERS.items()}
-    headings = ["bias", *(f"{labels[written]}, {elevation:g}°" for written, elevation in means.columns)]
-    return table(headings, [(f"`{bias}`", *(f"{value:.2f}" for value in line)) for bias, line in means.iterrows()])
+    means = np.exp(logs.groupby(["bias", "filter", "light"]).mean()).unstack([1, 2]).sort_index(axis=1)
+    return str(means.to_string(float_format="{:.2f}".format))
 
 
 def _line(errors: Any, reference: Any) -> tuple[float, ...]:

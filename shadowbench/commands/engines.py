@@ -10,7 +10,7 @@ from shadowbench.commands import console, options
 from shadowbench.commands.report import ReportOptions, report
 from shadowbench.commands.run import RunOptions, run
 from shadowbench.errors import InputError, ShadowbenchError, alternatives
-from shadowbench.options import FIRST, MAP_SIZE, PHASES, Measuring, ViewSize, option, view_size
+from shadowbench.options import FIRST, MAP_SIZE, Measuring, ViewSize, option, view_size
 
 if TYPE_CHECKING:
     from shadowbench.plugin.engine import Engine
@@ -37,9 +37,6 @@ class MeasureOptions:
         "Texels along a side of the maps of all engines that have a parameter `size`  [1024].", "N", bounds=MAP_SIZE
     )
     scenes: str | None = option("Scenes with hard shadows, each as for `run`  [the built-in ones].", "SCENE,SCENE,...")
-    phases: int | None = option(
-        "Sub-texel offsets of maps whose box is given; values are medians over them  [1].", "N", bounds=PHASES
-    )
 
 
 @options.command(
@@ -196,7 +193,7 @@ def _measure(chosen: "Engines", named: bool, measuring: MeasureOptions, quiet: b
         return 1
     code = run.body(
         list(scenes),
-        measuring=Measuring(measuring.view_size, rounds=0, phases=measuring.phases),
+        measuring=Measuring(measuring.view_size, rounds=0),
         view=FIRST,
         machines=options.Machines(),
         printed=options.Printed(quiet=quiet),

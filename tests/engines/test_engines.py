@@ -47,9 +47,7 @@ def drawn(engine: type[Engine], view: View, fault: str = "none") -> Rendering:
     return rendering
 
 
-@pytest.mark.parametrize(
-    "name", ["babylon", "bevy", "blender", "filament", "ogre", "panda3d", "playcanvas", "pygfx", "three", "vtk"]
-)
+@pytest.mark.parametrize("name", ["babylon", "bevy", "blender", "filament", "ogre", "playcanvas", "three", "vtk"])
 def test_a_declaration_has_sources_pinned_packages_and_a_short_file_that_draws(name: str) -> None:
     """Its defaults are what ships; its lock file has no address."""
     engine = engines()[name]
