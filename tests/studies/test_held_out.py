@@ -22,15 +22,14 @@ OTHERS = [
     for file in sorted((ROOT / folder).rglob("*"))
     if file.suffix in (".toml", ".py") and file not in OWN
 ]
-STUDIES = ("benchmarks", "published", "baseline")  # folders
 NAMED = re.compile(r"held-out[-/]\d")  # a scene, or its file
 
 
 def test_no_other_study_or_tool_uses_their_scenes() -> None:
     assert not [file for file in OTHERS if NAMED.search(file.read_text(encoding="utf-8"))]
-    studies = [file for file in OTHERS if file.suffix == ".toml" and file.parent.name in STUDIES]
+    assert {"benchmarks", "published", "baseline"} <= {file.parent.name for file in OTHERS}
     assert not any(map(NAMED.match, builtin_names()))
-    assert len(studies) > 10 and NAMED.search(STUDY.read_text(encoding="utf-8"))
+    assert NAMED.search(STUDY.read_text(encoding="utf-8"))
 
 
 def test_no_baseline_and_no_published_row_has_them() -> None:
@@ -64,15 +63,9 @@ def test_the_scenes_are_those_of_seed_1_and_another_seed_has_others(tmp_path: Pa
 
 def rows_of(spec: str, chosen: float, held_out: float) -> list[dict[str, Any]]:
     """Rows in three scenes of each kind, whose errors, √((1 − IoU) · (1 − SSIM)), are 1, 2 and 3 times those given."""
-    errors = [
-        (f"{name}{index}", index * error)
-        for name, error in (("scene ", chosen), ("held-out-1-", held_out))
-        for index in (1, 2, 3)
-    ]
-    return [
-        {"spec": spec, "scene": scene, "status": "ok", "metrics": {"iou": 1 - error, "ssim": 1 - error}}
-        for scene, error in errors
-    ]
+    values = {f"scene {i}": 1 - i * chosen for i in (1, 2, 3)}
+    values |= {f"held-out-1-{i}": 1 - i * held_out for i in (1, 2, 3)}
+    return [{"spec": spec, "status": "ok", "scene": at, "metrics": {"iou": x, "ssim": x}} for at, x in values.items()]
 
 
 def test_a_setting_that_is_good_only_where_it_was_chosen_has_a_ratio_above_1() -> None:

@@ -9,7 +9,7 @@ import pytest
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.opening import chosen_view
 from shadowbench.scenes.vectors import Floats
-from shadowbench.truths.light_samples import MOST_SAMPLES, scrambles_of
+from shadowbench.truths.light_samples import MOST_SAMPLES, _tables, scrambles_of
 from shadowbench.truths.rays import Receivers, ViewRays
 from shadowbench.truths.soft import REPLICATIONS, Estimator, Sums, estimate, find_penumbra
 from shadowbench.truths.trace import OFFSET, STANDARD_ERROR
@@ -140,3 +140,11 @@ def test_errors_are_as_their_replications_say() -> None:
     assert all(1.2 <= scores.var() <= 1.6 for scores in all_scores)
     pooled = np.concatenate([scores.ravel() for scores in all_scores])
     assert (np.abs(pooled) < STUDENT).mean() >= SHARE
+
+
+def test_the_first_points_of_each_table_fall_once_into_each_box_of_their_number() -> None:
+    """Boxes of 2⁻ᵃ × 2⁻ᵇ with 2ᵃ⁺ᵇ points, as those of Sobol (1967) do, however they are scrambled."""
+    for x, y in _tables().astype(np.uint64):
+        for a, b in np.ndindex(6, 6):
+            boxes = (x[: 2 ** (a + b)] >> (32 - a)) << b | y[: 2 ** (a + b)] >> (32 - b)
+            assert len(np.unique(boxes)) == 2 ** (a + b)
