@@ -85,6 +85,7 @@ def test_the_metric_sees_the_artefact_and_the_cure_fixes_the_pixels_that_the_tex
     assert all(value <= broken / 2 for value in others), "other cures that the text names"
 
 
+@pytest.mark.slow
 def test_lengths_in_the_text_match_the_scenes() -> None:
     late, seam = drawn("peter-panning").broken[0].facts, drawn("cascade-seams").broken[0].facts
     assert (round(late["depth_range_m"]), round(late["bias_m"], 2)) == (39, 0.19)
