@@ -339,7 +339,7 @@ class Recommendation:
         """The most accurate trial that saves a tenth of the choice's cost or more, and to which a target can relax."""
         most = SAVED * self.choice.cost if self.choice is not None and self.choice.ranked else -math.inf
         steady = [trial for trial in self.trials if trial.flicker <= 1]
-        cheaper = [trial for trial in steady if trial.cost <= most and math.isfinite(trial.error)]
+        cheaper = [trial for trial in steady if trial.cost < most and math.isfinite(trial.error)]
         return min(cheaper, key=lambda trial: (trial.error, trial.cost), default=None)
 
     @property

@@ -181,10 +181,11 @@ def obstacles(advice: Recommendation) -> list[str]:
         met = advice.met[0]
         time = f"in {met.cost:.3g} ms" if met.ranked else "in a time that is not known"
         return [line, f"obstacle: the budget; {_name(met)} reaches {_error(advice, met)} {time}"]
-    if near.error <= advice.limit:
-        return [line, f"obstacle: flicker, {near.result.score['metrics']['flicker']:.3g} px"]
-    soft = advice.target.metric == "rmse" and is_soft(near.result.score["metrics"])
-    faults = _soft_faults(near) if soft else _hard_faults(advice, near)
+    metrics = near.result.score["metrics"]
+    faults = [f"flicker, {metrics['flicker']:.3g} px"] if near.flicker > 1 else []
+    if near.error > advice.limit:
+        soft = advice.target.metric == "rmse" and is_soft(metrics)
+        faults += _soft_faults(near) if soft else _hard_faults(advice, near)
     return [line, *(f"obstacle: {one}" for one in faults)]
 
 

@@ -109,7 +109,7 @@ def _print(accuracy: "Accuracy") -> None:
     view, record = accuracy.view, accuracy.record
     title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}"
     if name := record.get("sequence"):
-        title += f", and the other {record['frames'] - 1} frames of {name}"
+        title += f", {record['frames']} frames of {name}"
     soft = is_soft(accuracy.metrics)
     first = ("rmse", "rmse_pen") if soft else ()
     rows = []

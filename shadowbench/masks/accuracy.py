@@ -313,7 +313,8 @@ class Accuracy:
 
     def summary(self) -> list[str]:
         """Lines of text about the errors."""
-        pixels, soft = self.comparison.truth.pixels, self.comparison.truth.soft
+        pixels, soft = str(self.comparison.truth.pixels), self.comparison.truth.soft
+        pixels = f"first frame: {pixels}" if self.film else pixels
         if soft:
             error, inside = (
                 METRICS[name].text(self.metrics[name], "{:.2g}".format, self.record) for name in ("rmse", "rmse_pen")
@@ -375,7 +376,7 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
 def accuracy_of_frames(clip: "Clip", folders: Sequence[Path | None], linear: bool = False) -> Accuracy:
     """Score pictures of a sequence's frames in folders, which are as the pictures of `external_mask`.
 
-    Raises InputError for one that is missing or of another size, and for the first as `accuracy_of`.
+    Raises InputError for one that is missing or of another size, and as `accuracy_of`, whose warnings are of the first.
     """
     nothing, size = np.zeros((0, 0, 3), np.uint8), clip.frames[0].size
     with closing(Truths(clip.frames)) as truths:
@@ -385,8 +386,9 @@ def accuracy_of_frames(clip: "Clip", folders: Sequence[Path | None], linear: boo
             mask = external_mask(file, lit, shadowed, ambient, linear)
             if mask.size != size:
                 raise InputError(f"{mask.name}: found {mask.size} pixels; allowed: {size}, as was exported")
+            checked = accuracy_of(mask, clip.frames[index])
             if index == 0:
-                first = accuracy_of(mask, clip.frames[0])
+                first = checked
             scores.add(Rendering(mask.visibility, nothing, None, None, {}, {}, measurable=mask.measurable), None)
     record = {**first.record, **scores.record(), "sequence": clip.name, "frames": len(clip.frames)}
     return replace(first, record=record, film=scores.film)

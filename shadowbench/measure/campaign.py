@@ -313,7 +313,7 @@ class Campaign:
     def _time(self, block: Block) -> None:
         """Time the successful cells that lack a time, or a ratio since their reference failed."""
         for spec in {cell.spec.sizeless_text: None for cell in block.cells if block.rounds and cell.skips_draws}:
-            self.reporter.note(f"{spec}: not timed, as frames differ; work is their mean")
+            self.reporter.note(f"{spec}: not timed, as some frames draw no map")
         wanted = {cell: key for cell, key in self.keys(block).items() if block.times(cell)}
         if not wanted:
             return

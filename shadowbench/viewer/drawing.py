@@ -274,7 +274,8 @@ class Viewer:
     @property
     def outruns_truth(self) -> bool:
         """Whether pictures are of a view whose truth is not traced yet; while a sequence plays they wait for it."""
-        return self.judge.traced(self.state) is None and not (self.playing and self.pictures)
+        waits = self.playing and self.pictures and not self.moving
+        return self.judge.traced(self.state) is None and not waits
 
     @property
     def failures(self) -> list[str]:
@@ -299,7 +300,7 @@ class Viewer:
     def open_scene(self, origin: Origin, specs: tuple[Spec, ...] = ()) -> None:
         """Show another scene from its first camera, under its first light, with specs in place of A and B."""
         scene, specs = origin.load(), specs or self.state.specs
-        camera, light = scene.cameras[0], scene.lights[0]
+        camera, light, self.playing = scene.cameras[0], scene.lights[0], False
         shown = replace(self.state, scene=scene, camera=camera, light=light, origin=origin, specs=specs)
         self.change(replace(shown, coordinates="relative", phase=0, sequence="", frame=0))
 

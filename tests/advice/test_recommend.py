@@ -384,9 +384,7 @@ def test_only_the_techniques_asked_for_are_searched(shadowbench: Callable[..., A
 
 
 SCENE = """
-[camera]
-position = [0, 3, 6]
-target = [0, 0, 0]
+camera = { position = [0, 3, 6], target = [0, 0, 0] }
 [light]
 kind = "directional"
 direction = [0.3, -1, 0.2]
@@ -401,9 +399,7 @@ translate = [0, -3, 0]
 """
 
 
-def test_where_nothing_seen_is_in_shadow_drawing_none_is_enough(
-    shadowbench: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_where_nothing_seen_is_in_shadow_none_is_drawn(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     """Also under a light whose penumbra no pixel hits, which is judged as a hard one."""
     file = tmp_path / "box.toml"
     file.write_text(SCENE)
@@ -412,3 +408,6 @@ def test_where_nothing_seen_is_in_shadow_drawing_none_is_enough(
     advice = json.loads(answer.out)
     assert advice["choice"]["spec"] == "unshadowed" and advice["measured"] == 1
     assert advice["target"]["metric"] == "iou" and not any("soft" in note for note in advice["notes"])
+    file.write_text(SCENE.replace("angular_radius = 0.3", ""))
+    answer = shadowbench("recommend", file, "--view-size", "32", "-o", tmp_path / "hard")
+    assert answer.code == 0 and "unshadowed" in answer.out, "it costs nothing, by the law of a device"

@@ -226,7 +226,7 @@ def test_the_doctor_has_a_shadow_drawn(
 
 def test_bad_input_is_one_line(engine: type[Engine], shadowbench: Command, tmp_path: Path) -> None:
     for arguments, line in [
-        (["list", "--phases", "2"], "engines list: found --phases; allowed for: measure"),
+        (["list", "--map-size", "64"], "engines list: found --map-size; allowed for: measure"),
         (["doctor", "-o", "x"], "engines doctor: found -o; allowed for: measure and page"),
         (["measure"], "engines measure: found no -o"),
         (["measure", "-o", "x", "--scenes", "fence"], "--scenes: fence has soft shadows"),

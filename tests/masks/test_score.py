@@ -239,17 +239,17 @@ def test_masks_of_frames_have_the_scores_of_the_run_that_drew_them_and_exchanged
     exchanged = json.loads(shadowbench("score", SCENE, masks, "--json", *rows).out)
     assert exchanged["metrics"]["flicker"] > 2 * scored["metrics"]["flicker"]
     assert len(rows_of(tmp_path / "rows")) == 2
+    Image.open(masks / "002.png").transpose(Image.Transpose.FLIP_TOP_BOTTOM).save(masks / "002.png")
+    answer = shadowbench("score", SCENE, masks)
+    assert answer.code == 2 and "002.png: is flipped" in answer.err
 
 
 @pytest.mark.parametrize("sequence", ["slow-sun", "moving-caster"])
 def test_screenshots_of_frames_of_the_truth_have_no_error(shadowbench: Callable, tmp_path: Path, sequence: str) -> None:
     """Shaded by N·L, as the light moves."""
-    out, count = tmp_path / "out", 4
-    answer = shadowbench(
-        "export", SCENE, out, "--view-size", "64", "--sequence", sequence, "--frames", str(count), "-q"
-    )
-    assert answer.code == 0
-    for index, frame in enumerate(clip_of(chosen_view(SCENE, 64), sequence, count).frames):
+    out = tmp_path / "out"
+    assert shadowbench("export", SCENE, out, "--view-size", "64", "--sequence", sequence, "--frames", "4").code == 0
+    for index, frame in enumerate(clip_of(chosen_view(SCENE, 64), sequence, 4).frames):
         truth = cached_truth(frame, 1)
         for name, picture in (("lit", truth.cosine), ("shadowed", truth.cosine * truth.visibility)):
             (out / name).mkdir(exist_ok=True)

@@ -70,7 +70,7 @@ def test_what_draws_its_map_in_some_frames_only_has_no_time(shadowbench: Callabl
     specs_of = {row["key"]: row["spec"].partition(":")[2] for row in rows if row["kind"] == "score"}
     assert {specs_of[key] for key in specs_of.keys() - timed} == {"update=every", "update=needed"}
     assert {specs_of[key] for key in timed} == {"", "history=exponential"}
-    assert answer.err.count("not timed, as frames differ") == 2, "not again in each scene"
+    assert answer.err.count("not timed, as some frames") == 2, "not again in each scene"
 
 
 def test_a_cell_whose_worker_crashes_in_any_frame_fails_as_a_whole(block: Block) -> None:
@@ -156,6 +156,7 @@ def test_what_the_page_says_of_boxes_and_of_godots_threads_stands_in_its_tables(
     assert max(one["flicker zoom"] for one in (fitted, larger)) < zoom[quiet]["flicker zoom"] / 3
     assert fitted["predicted_ms"] < larger["predicted_ms"] / 3
     assert all(zoom[f"{quiet},history=exponential"][move] > zoom[quiet][move] for move in moves)
-    jumps = {spec: row["pop slow-sun"] for spec, row in sun.items()}
-    assert 10 * jumps["preset=godot,box=scene,stable=false"] < jumps["preset=godot"]
-    assert jumps["preset=godot,update=every(4)"] > jumps["preset=godot"]
+    cures = ",box=scene,stable=false", ",update=every(4)", ""
+    rotated, rare, shipped = (sun[f"preset=godot{cure}"] for cure in cures)
+    assert rare["pop slow-sun"] > shipped["pop slow-sun"] > 10 * rotated["pop slow-sun"]
+    assert rotated["flicker slow-sun"] >= shipped["flicker slow-sun"]
