@@ -19,7 +19,7 @@ from skimage.registration import phase_cross_correlation
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.masks.inputs import PICTURE, ExternalMask, decode_srgb, external_mask
-from shadowbench.measure.frames import CellScores, Truths
+from shadowbench.measure.frames import CellScores, Truths, measured
 from shadowbench.measure.pictures import Pictures, Rendering
 from shadowbench.measure.rows import IMAGES, STILL, RowStore, identity
 from shadowbench.measure.scoring import mask_record, prepare_truth
@@ -313,20 +313,19 @@ class Accuracy:
 
     def summary(self) -> list[str]:
         """Lines of text about the errors."""
-        pixels, soft = str(self.comparison.truth.pixels), self.comparison.truth.soft
-        pixels = f"first frame: {pixels}" if self.film else pixels
-        if soft:
+        of, truth = "first frame: " if self.film else "", self.comparison.truth
+        if truth.soft:
             error, inside = (
                 METRICS[name].text(self.metrics[name], "{:.2g}".format, self.record) for name in ("rmse", "rmse_pen")
             )
-            lines = [f"{pixels} pixels scored: RMSE {error}, in the penumbra {inside}"]
+            lines = [f"{of}{truth.pixels} pixels scored: RMSE {error}, in the penumbra {inside}"]
         else:
             false_shadow, false_light = self.wrong
-            lines = [f"{pixels} pixels scored: {false_shadow} of false shadow, {false_light} of false light"]
+            lines = [f"{of}{truth.pixels} pixels scored: {false_shadow} of false shadow, {false_light} of false light"]
         if unmeasured := self.record["input"]["unmeasured"]:
             lines.append(f"{unmeasured} more not scored: lit and ambient picture differ there by less than 1/64")
         lines += [f"{name}: {line}" for name, line in self.errors.items()]
-        if soft:
+        if truth.soft:
             error, inside = self.record["truth_error"], self.record["truth_error_pen"]
             own = f"the truth's own error is {inside:.2g} there, {error:.2g} over all pixels"
             lines.append(f"penumbra, {self.record['penumbra']} px: {own}")
@@ -342,22 +341,15 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
     `record["input"]`. Raises InputError for a mask that is flipped or inverted, and screenshots without a pixel bright
     enough to score.
     """
-    whole = truth = cached_truth(view)
-    unmeasured = 0
-    if external.measurable is not None:
-        unmeasured = int(np.count_nonzero(truth.receivers & ~truth.undecided & ~external.measurable))
-        truth = replace(truth, receivers=truth.receivers & external.measurable, facet_shadow=None)
+    whole = cached_truth(view)
+    truth = measured(whole, external.measurable)
+    unmeasured = int(np.count_nonzero(whole.receivers & ~whole.undecided & ~truth.receivers))
     prepared = prepare_truth(truth)
     if unmeasured and not prepared.pixels:
         raise InputError(
             f"{external.name}: lit − ambient is below 1/64 in every pixel; allowed: a lit picture of the view"
         )
-    turned = replace(view, size=ViewSize(*view.size.shape))
-    if fault := misorientation(external.visibility, prepared, lambda: prepare_truth(cached_truth(turned))):
-        raise InputError(
-            f"{external.name}: is {fault}, against the truth of {view.scene.name}; "
-            "allowed: row 0 at the top, column 0 at the left, full = lit, 0 = in shadow"
-        )
+    _check_orientation(external, prepared, view)
     comparison = Comparison(external.visibility, prepared)
     screenshots = external.measurable is not None
     encoding = detect_encoding(comparison, linear=screenshots)
@@ -373,6 +365,16 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
     return Accuracy(external, view, whole, comparison, record)
 
 
+def _check_orientation(external: ExternalMask, prepared: PreparedTruth, view: View) -> None:
+    """Raises InputError for a mask that is flipped, turned or inverted."""
+    turned = replace(view, size=ViewSize(*view.size.shape))
+    if fault := misorientation(external.visibility, prepared, lambda: prepare_truth(cached_truth(turned))):
+        raise InputError(
+            f"{external.name}: is {fault}, against the truth of {view.scene.name}; "
+            "allowed: row 0 at the top, column 0 at the left, full = lit, 0 = in shadow"
+        )
+
+
 def accuracy_of_frames(clip: "Clip", folders: Sequence[Path | None], linear: bool = False) -> Accuracy:
     """Score pictures of a sequence's frames in folders, which are as the pictures of `external_mask`.
 
@@ -386,9 +388,9 @@ def accuracy_of_frames(clip: "Clip", folders: Sequence[Path | None], linear: boo
             mask = external_mask(file, lit, shadowed, ambient, linear)
             if mask.size != size:
                 raise InputError(f"{mask.name}: found {mask.size} pixels; allowed: {size}, as was exported")
-            checked = accuracy_of(mask, clip.frames[index])
             if index == 0:
-                first = checked
+                first = accuracy_of(mask, clip.frames[0])
+            _check_orientation(mask, prepare_truth(measured(truths[index].truth, mask.measurable)), clip.frames[index])
             scores.add(Rendering(mask.visibility, nothing, None, None, {}, {}, measurable=mask.measurable), None)
     record = {**first.record, **scores.record(), "sequence": clip.name, "frames": len(clip.frames)}
     return replace(first, record=record, film=scores.film)

@@ -96,8 +96,8 @@ class CellScores:
         """Score the next frame; triangle: ids that it was drawn over, None if unknown."""
         index = len(self._drawn)
         truth, prepared, seen = self._truths[index]
-        if (measured := _measured(truth, drawn.measurable)) is not truth:
-            truth, prepared = measured, prepare_truth(measured)
+        if (bright := measured(truth, drawn.measurable)) is not truth:
+            truth, prepared = bright, prepare_truth(bright)
         comparison = Comparison(drawn.visibility, prepared)
         try:
             self._records.append(comparison_record(comparison, truth, triangle))
@@ -145,7 +145,7 @@ def _mean(values: Sequence[float | None]) -> float | None:
     return fsum(known) / len(known) if known else None
 
 
-def _measured(truth: Truth, measurable: NDArray[np.bool_] | None) -> Truth:
+def measured(truth: Truth, measurable: NDArray[np.bool_] | None) -> Truth:
     """The truth where an engine's pictures are bright enough; they do not tell what triangles hide from the light."""
     if measurable is None or (truth.facet_shadow is None and not (truth.receivers & ~measurable).any()):
         return truth
