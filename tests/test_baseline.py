@@ -13,6 +13,7 @@ import pytest
 from shadowbench.maps.biases import Bias
 from shadowbench.maps.filters import Filter
 from shadowbench.maps.fits import Fit, Split
+from shadowbench.plugin.contact import Contact
 from shadowbench.plugin.params import Component
 from shadowbench.plugin.registry import techniques
 from shadowbench.results.frame import IDENTITY, identity
@@ -37,7 +38,7 @@ def test_the_baseline_has_the_cells_of_its_study() -> None:
     assert not [row for row in ROWS if row["status"].startswith("failed")]
 
 
-@pytest.mark.parametrize("family", [Bias, Filter, Fit, Split])
+@pytest.mark.parametrize("family", [Bias, Filter, Fit, Split, Contact])
 def test_every_component_occurs_in_the_baseline(family: type[Component]) -> None:
     names = {name for name, row in family.table.items() if row.__module__.startswith("shadowbench.")}
     held = {name for name in names for row in HELD if re.search(rf"[=+]{name}\b", row["full_spec"])}
