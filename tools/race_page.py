@@ -57,7 +57,7 @@ def _table(means: pd.DataFrame) -> list[str]:
         ratios = f"{error:.3f}", f"{worst:.2f}", f"{equal:.3f}", f"{ssim:.3f}", f"{contact:.3f}", acne, f"{ms:.2f}"
         rows.append((f"`{bias}`", *ratios, f"{held_out:.3f}", "" if beaten else "●"))
     size, time = (min(lines, key=lambda bias: lines[bias][index]) for index in (0, 2))
-    best = f"At equal size `{size}` is the most accurate, at equal predicted time `{time}`."
+    best = f"Most accurate at equal size: `{size}`; at equal time: `{time}`."
     return [*table(HEADINGS, rows), "", best]
 
 
