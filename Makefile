@@ -21,7 +21,7 @@ fast := -n 3 --dist worksteal
 # What another version of OpenGL may break: state and targets, shaders, and what every technique must keep.
 of_4_1 := tests/gl tests/techniques/test_contract.py
 # What depends on how Embree works on other processors.
-of_isa := tests/truths tests/survey
+of_isa := tests/truths
 # Packets of 4 rays, and of 8 where this processor has 16; else 8 are its own, with which `make test` traces.
 other_isa = sse4.2 $(shell grep -q avx512vl /proc/cpuinfo && echo avx2)
 

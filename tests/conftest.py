@@ -36,7 +36,7 @@ pytest_plugins = ["tests.runs", "tests.drawing"]
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 if settings.get_current_profile_name() == "default":  # not CI's
-    settings.register_profile("suite", deadline=None)  # a busy machine is no failure
+    settings.register_profile("suite", deadline=None, max_examples=50)  # a busy machine is no failure
     settings.load_profile("suite")
 
 

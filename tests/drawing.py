@@ -22,6 +22,21 @@ from shadowbench.scores import PreparedTruth, score
 KNOWN = techniques()  # which searches all installed packages
 
 
+def view_at(
+    meshes: Sequence[Mesh] | Scene,
+    light: Light,
+    size: int = 64,
+    eye: Vec3 = (2.3, 4.0, 3.4),
+    target: Vec3 = (0.0, 0.0, 0.0),
+    fov: float = 50.0,
+    **planes: float | None,
+) -> View:
+    """A view of some meshes or of a whole scene; fov in degrees."""
+    camera = Camera("camera", eye, target, math.radians(fov), **planes)
+    scene = meshes if isinstance(meshes, Scene) else Scene("test", tuple(meshes), (camera,), (light,))
+    return view_of(scene, camera, light, size)
+
+
 @dataclass(eq=False)
 class Built:
     """A technique built on a stage."""
@@ -90,22 +105,7 @@ def scored() -> Callable[..., dict[str, float | None]]:
 
 @pytest.fixture(scope="session")
 def looking() -> Callable[..., View]:
-    """A view of some meshes or of a whole scene; fov in degrees."""
-
-    def make(
-        meshes: Sequence[Mesh] | Scene,
-        light: Light,
-        size: int = 128,
-        eye: Vec3 = (2.3, 4.0, 3.4),
-        target: Vec3 = (0.0, 0.0, 0.0),
-        fov: float = 50.0,
-        **planes: float,
-    ) -> View:
-        camera = Camera("camera", eye, target, math.radians(fov), **planes)
-        scene = meshes if isinstance(meshes, Scene) else Scene("test", tuple(meshes), (camera,), (light,))
-        return view_of(scene, camera, light, size)
-
-    return make
+    return lambda meshes, light, size=128, *place, **options: view_at(meshes, light, size, *place, **options)
 
 
 @pytest.fixture(scope="session")

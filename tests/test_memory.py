@@ -11,7 +11,11 @@ from xml.etree import ElementTree
 
 import pytest
 
+from tests.samples import sampled, todays
+
 SCRIPT = """
+import sys
+
 import numpy as np
 
 from shadowbench.geometry.facing import cap_weights
@@ -26,25 +30,24 @@ from shadowbench.truths.trace import trace
 device = embree.make_device("sse4.2")
 for width in (4, 8, 16):  # native, and emulated
     embree.default_device = lambda: device._replace(width=width)
-    for scene in ("cube-on-plane", "room-with-lamp", "post"):
-        truth = trace(chosen_view(scene, 9), 1)
-        print(truth.visibility.sum())
-        if width == 4:
-            print(score(np.roll(truth.visibility, 1), prepare_truth(truth)))
-            geometry = truth.view.scene.geometry
-            vertices, faces = geometry.vertices, geometry.faces
-            light = np.array([0.0, 1.0, 0.0, 0.0])
-            print(build_tree(vertices, faces).order.sum(), in_reuse_order(faces).sum())
-            print(cap_weights(vertices, faces.astype(np.int64), light, 0, len(faces)).sum())
+    truth = trace(chosen_view(sys.argv[1], 9), 1)
+    print(truth.visibility.sum())
+print(score(np.roll(truth.visibility, 1), prepare_truth(truth)))
+geometry = truth.view.scene.geometry
+vertices, faces = geometry.vertices, geometry.faces
+print(build_tree(vertices, faces).order.sum(), in_reuse_order(faces).sum())
+print(cap_weights(vertices, faces.astype(np.int64), np.array([0.0, 1.0, 0.0, 0.0]), 0, len(faces)).sum())
 """
+SCENES = ["cube-on-plane", "room-with-lamp", "post"]
 FIXED = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "", "PYTHONMALLOC": "malloc", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_nothing_is_read_or_written_outside_its_block(tmp_path: Path) -> None:
+@pytest.mark.parametrize("scene", sampled(SCENES, todays(SCENES, 7)))
+def test_nothing_is_read_or_written_outside_its_block(scene: str, tmp_path: Path) -> None:
     environment = os.environ | FIXED | {"NUMBA_CACHE_DIR": str(tmp_path / "numba")}
-    command = [sys.executable, "-c", SCRIPT]
+    command = [sys.executable, "-c", SCRIPT, scene]
     plain = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
     log = tmp_path / "memcheck.xml"
     memcheck = ["valgrind", "--undef-value-errors=no", "--xml=yes", f"--xml-file={log}"]

@@ -24,7 +24,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 COPIED = ("shadowbench", "shaders", "scenes", "benchmarks", "results/baseline", "tests", "tools", "pyproject.toml")
 IN = "cells of "  # what names a technique's cells of the baseline's study on some scenes, in place of tests
-EACH = 4  # days until `make test-slow` has planted every fault
+EACH = 7  # days until `make test-slow` has planted every fault
 
 
 @dataclass(frozen=True)

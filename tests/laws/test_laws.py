@@ -31,7 +31,7 @@ from .table import ANALYSED, SUBJECTS, TABLE, Claim, claims
 PIXELS = {True: 96, False: 48}  # along a side, of the truth and of techniques
 PHASES = 8
 SHADOWED = 0.01  # least share of the picture
-SCENES = 4
+SCENES = 3
 NUDGE = 1 / 256  # of a pixel or texel: the rasteriser's sub-pixel grid, as in the truth's definition of undecided
 DIAGONALS = list(product((-NUDGE, NUDGE), repeat=2))
 CLAIMED: dict[tuple[str, str], list[tuple[str, Claim]]] = {}  # variants of a technique with a claim, by law

@@ -12,6 +12,8 @@ from PIL import Image
 
 from shadowbench.scores.masks import write_mask
 
+pytestmark = pytest.mark.slow
+
 SUITE = """
 import numpy as np
 import pytest

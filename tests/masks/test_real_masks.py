@@ -12,13 +12,14 @@ from shadowbench.engines.programs import install
 from shadowbench.masks.accuracy import detect_encoding, misorientation
 from shadowbench.plugin.registry import engines
 from shadowbench.scores.masks import read_mask
+from tests.samples import sampled, todays
 
 ROOT = Path(__file__).resolve().parents[2]
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
+SCENES = ["cube-on-plane", "stairs", "spot-lamp", "railings", "terrain", "pebbles", "street", "lamp-over-table"]
 STUDY = """
-scenes = ["cube-on-plane", "stairs", "spot-lamp", "railings", "terrain", "pebbles", "street", "lamp-over-table"]
 map_size = [256, 1024]
 view_size = 256
 rounds = 0
@@ -33,21 +34,22 @@ filter = ["hard", "pcf(taps=5)"]
 """
 
 
+@pytest.mark.parametrize("scene", sampled(SCENES, todays(SCENES, 2)))
 def test_no_mask_of_ours_is_taken_for_turned_shifted_or_encoded(
-    shadowbench: Callable, comparison: Callable, tmp_path: Path
+    scene: str, shadowbench: Callable, comparison: Callable, tmp_path: Path
 ) -> None:
-    (tmp_path / "study.toml").write_text(STUDY)
+    (tmp_path / "study.toml").write_text(f'scenes = ["{scene}"]{STUDY}')
     assert shadowbench("run", "-s", tmp_path / "study.toml", "-o", tmp_path / "run", "-q").code == 0
     rows = [json.loads(line) for line in (tmp_path / "run" / "rows.jsonl").read_text().splitlines()]
     held = [row for row in rows if row["kind"] == "score" and row["status"] == "ok"]
-    assert len(held) > 140
+    assert len(held) > 20
     alarms = []
     for row in held:
-        one = comparison(read_mask(tmp_path / "run" / "masks" / f"{row['key']}.png"), row["scene"])
+        one = comparison(read_mask(tmp_path / "run" / "masks" / f"{row['key']}.png"), scene)
         reading = detect_encoding(one)
         found = misorientation(one.visibility, one.truth), reading.shift, reading.srgb_encoded or None, reading.umbra
         if any(found):
-            alarms.append((row["scene"], row["spec"], row["map_size"], found))
+            alarms.append((row["spec"], row["map_size"], found))
     assert alarms == []
 
 

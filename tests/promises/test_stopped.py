@@ -19,7 +19,7 @@ LATE_GATE = "does:what=gate,after=2"  # drawn to be scored and to warm up, so it
 OTHERS = ["unshadowed", "shadow-map:size=64", "half"]
 STOPPED = "shadowbench: stopped; repeat the command to resume"
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")]
 
 
 @pytest.fixture
@@ -74,7 +74,6 @@ def test_while_a_run_goes_on_its_rows_are_on_disk_and_no_other_writes_into_its_f
     assert sorted(file.name for file in out.rglob(".*")) == [".mine.png"] * 4
 
 
-@pytest.mark.slow
 def test_a_worker_deep_in_c_does_not_outlive_its_run(
     start: Any, arguments: Any, records: Records, tmp_path: Path
 ) -> None:
@@ -87,12 +86,7 @@ def test_a_worker_deep_in_c_does_not_outlive_its_run(
 
 
 @pytest.mark.parametrize(
-    ("gate", "sent"),
-    [
-        pytest.param(GATE, signal.SIGINT, marks=pytest.mark.slow),
-        (LATE_GATE, signal.SIGINT),
-        pytest.param(LATE_GATE, signal.SIGTERM, marks=pytest.mark.slow),
-    ],
+    ("gate", "sent"), [(GATE, signal.SIGINT), (LATE_GATE, signal.SIGINT), (LATE_GATE, signal.SIGTERM)]
 )
 def test_a_run_stops_without_a_word_too_many(
     start: Any, shadowbench: Any, arguments: Any, records: Records, tmp_path: Path, gate: str, sent: int,
@@ -119,7 +113,6 @@ def test_a_run_stops_without_a_word_too_many(
     assert len(records(out)) == 8
 
 
-@pytest.mark.slow
 def test_a_full_disk_is_one_line_and_leaves_complete_rows(tmp_path: Path, shadowbench: Any, records: Records) -> None:
     file, out = tmp_path / "study.toml", tmp_path / "out"
     file.write_text(study_text(*(f"shadow-map:size={size}" for size in range(16, 32)), view_size=16, rounds=0))
@@ -135,7 +128,6 @@ def test_a_full_disk_is_one_line_and_leaves_complete_rows(tmp_path: Path, shadow
     assert unsigned(records(out)) == unsigned(records(tmp_path / "whole"))
 
 
-@pytest.mark.slow
 def test_a_run_of_a_sequence_that_is_killed_between_two_frames_goes_on_with_that_cell(
     start: Any, shadowbench: Any, arguments: Any, records: Records, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -154,7 +154,7 @@ def strip_columns(file: Path) -> list[np.ndarray]:
 
 
 def colors(picture: np.ndarray) -> set[tuple[int, ...]]:
-    return set(map(tuple, np.unique(picture.reshape(-1, 3), axis=0).tolist()))
+    return {color for _, color in Image.fromarray(picture).getcolors(picture.size)}
 
 
 def test_the_summary_has_every_value_of_the_worst_cells_and_says_what_to_do(

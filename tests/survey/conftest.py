@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.survey.survey import explanations_of, needs
+from tests.drawing import view_at as looking
 
 Position = tuple[float, float, float]
 
@@ -42,18 +43,6 @@ def box(side: float, center: Position = (0.0, 0.0, 0.0), inside_out: bool = Fals
 def ball(subdivisions: int, radius: float = 1.0) -> Mesh:
     made = trimesh.creation.icosphere(subdivisions)
     return Mesh("ball", made.vertices * radius, np.asarray(made.faces, dtype=np.int32))
-
-
-def looking(
-    meshes: Sequence[Mesh],
-    light: Light,
-    size: int = 64,
-    eye: Position = (2.3, 4.0, 3.4),
-    target: Position = (0.0, 0.0, 0.0),
-    fov: float = 50.0,
-) -> View:
-    camera = Camera("camera", eye, target, math.radians(fov))
-    return view_of(Scene("test", tuple(meshes), (camera,), (light,)), camera, light, size)
 
 
 def from_above(meshes: Sequence[Mesh], light: Light = DOWN, size: int = 64, width: float = 2.0) -> View:

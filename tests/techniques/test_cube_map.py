@@ -161,7 +161,7 @@ def test_shadow_edges_are_no_worse_at_seams(shape, studio, mask) -> None:
     for number in range(160):
         scale = random.uniform(0.06, 0.2, 3 if number % 2 else 1)
         place = random.uniform(0.6, 1.6) * unit(random.normal(size=3))
-        meshes.append(shape("box" if number % 2 else "sphere", scale, place))
+        meshes.append(shape("box", scale, place) if number % 2 else shape("sphere", scale, place, subdivisions=2))
     scene, counts = Scene("seams", tuple(meshes), (), ()), np.zeros((2, 2))
     for _ in range(16):
         eye = random.choice([-1.0, 1.0], 3) * [1.8, 1.6, 1.4]
@@ -171,4 +171,4 @@ def test_shadow_edges_are_no_worse_at_seams(shape, studio, mask) -> None:
         counts += edge_pixels(studio.shot(view), trace(view, pixel_samples=1), mask(f"cube-map:size={SEAMS}", view))
     (seam, wrong_at_seam), (other, wrong_elsewhere) = counts
     assert min(seam, other) >= 2000
-    assert wrong_at_seam / seam <= min(1.5 * wrong_elsewhere / other, 0.05)  # found: 0.0424, elsewhere 0.0441
+    assert wrong_at_seam / seam <= min(1.5 * wrong_elsewhere / other, 0.05)  # found: 0.0399, elsewhere 0.0435

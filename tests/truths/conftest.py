@@ -1,16 +1,17 @@
 """Small scenes, views of them, and their exact shadows in float64."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
-from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.vectors import Floats
 from shadowbench.truths.trace import Truth
+from tests.drawing import view_at
 
 from .oracle import answers
 
@@ -35,22 +36,7 @@ def light(request: pytest.FixtureRequest) -> Light:
 
 @pytest.fixture(scope="session")
 def looking() -> Callable[..., View]:
-    """A view of some meshes; fov in degrees."""
-
-    def make(
-        meshes: Sequence[Mesh],
-        light: Light,
-        size: int = 64,
-        eye: Position = (2.3, 4.0, 3.4),
-        target: Position = (0.0, 0.0, 0.0),
-        fov: float = 50.0,
-        near: float | None = None,
-        far: float | None = None,
-    ) -> View:
-        camera = Camera("camera", eye, target, math.radians(fov), near=near, far=far)
-        return view_of(Scene("test", tuple(meshes), (camera,), (light,)), camera, light, size)
-
-    return make
+    return view_at
 
 
 @pytest.fixture(scope="session")

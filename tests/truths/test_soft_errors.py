@@ -13,6 +13,7 @@ from shadowbench.truths.light_samples import MOST_SAMPLES, _tables, scrambles_of
 from shadowbench.truths.rays import Receivers, ViewRays
 from shadowbench.truths.soft import REPLICATIONS, Estimator, Sums, estimate, find_penumbra
 from shadowbench.truths.trace import OFFSET, STANDARD_ERROR
+from tests.samples import todays
 
 STUDENT, SHARE = 4.44, 0.997  # of Student's t with 7 degrees of freedom, 99.7% lies within it
 SCRAMBLES = 64
@@ -136,7 +137,8 @@ def test_errors_are_independent_between_neighbours_and_as_large_as_told() -> Non
 def test_errors_are_as_their_replications_say() -> None:
     suns = [softened(name, 64, math.radians(degrees)) for name, degrees in (("colonnade", 2.0), ("stairs", 10.0))]
     lamps = [softened(name, 64, metres) for name, metres in (("spot-lamp", 0.2), ("lamp-by-wall", 0.03))]
-    all_scores = [deviations(view) for view in (*suns, *lamps, panelled("room-with-lamp", 64))]
+    views = [*suns, *lamps, panelled("room-with-lamp", 64)]
+    all_scores = [deviations(view) for view in todays(views, 2)]
     assert all(1.2 <= scores.var() <= 1.6 for scores in all_scores)
     pooled = np.concatenate([scores.ravel() for scores in all_scores])
     assert (np.abs(pooled) < STUDENT).mean() >= SHARE

@@ -122,6 +122,7 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
     return [row for row in rows if row["kind"] == "score" and row["status"] == "ok"]
 
 
+@pytest.mark.slow
 def test_cells_of_runs_and_of_a_sweep_are_redrawn_to_the_bit(
     shadowbench: Callable[..., object], device: Device, tmp_path: Path
 ) -> None:
