@@ -2,6 +2,7 @@
 #include "receiver.glsl"
 #include <history>
 uniform sampler2D drawn;  // what the technique drew
+uniform sampler2D before; // where the pixels' surfaces were in the frame before
 uniform sampler2D past;   // of the frame before: position, and visibility or −1
 uniform mat4 past_clip;   // of its camera
 uniform float past_pixel; // side of its pixels at unit depth
@@ -11,14 +12,14 @@ layout(location = 1) out vec4 kept;
 
 // The visibility that the frame before had at the receiver; −1 where it did not see it.
 float history_of(Receiver r) {
+    r.position = texelFetch(before, ivec2(gl_FragCoord.xy), 0).xyz;
     vec4 clip = past_clip * vec4(r.position, 1.0);
     if (first == 1.0 || clip.w <= 0.0) return -1.0;
     ivec2 size = textureSize(past, 0);
     // As fine as the weights of bilinear hardware, so that a camera at rest finds its own pixel exactly.
     vec2 at = round(((0.5 + 0.5 * clip.xy / clip.w) * vec2(size) - 0.5) * 256.0) / 256.0;
     ivec2 corner = ivec2(floor(at));
-    vec2 right = at - vec2(corner);
-    vec2 sum = vec2(0.0);
+    vec2 right = at - vec2(corner), sum = vec2(0.0);
     for (int k = 0; k < 4; ++k) {
         ivec2 beside = ivec2(k & 1, k >> 1), pixel = corner + beside;
         if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size))) continue;

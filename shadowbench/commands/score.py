@@ -49,7 +49,7 @@ def score(
     ambient light is scored unchanged, with a warning. Below the metrics the errors are said in words, the leading one
     first. The column `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or both.
     """
-    from shadowbench.masks.accuracy import accuracy_of, accuracy_of_frames, append_row
+    from shadowbench.masks.accuracy import accuracy_of, accuracy_of_clip, append_row
     from shadowbench.masks.inputs import external_mask
     from shadowbench.scores.difference import difference_picture, write_difference
 
@@ -62,7 +62,8 @@ def score(
 
             name, count, size = exported_sequence(folder)
             clip = clip_of(reporter.view(scene, size, view), name, count)
-            accuracy = accuracy_of_frames(clip, pictures, scoring.linear)
+            reporter.stage("frames", count)
+            accuracy = accuracy_of_clip(clip, pictures, scoring.linear, reporter.step)
         else:
             picture = external_mask(*pictures, scoring.linear)
             accuracy = accuracy_of(picture, reporter.view(scene, picture.size, view))

@@ -175,6 +175,14 @@ class GBuffer:
         """(height, width) int32 indices of triangles in the scene, −1 for none, row 0 at the top."""
         return download(self.triangle, "i4")[..., 0].astype(np.int32)
 
+    def before(self, now: Geometry, then: Geometry) -> NDArray[np.float32]:
+        """(H, W, 3) where the surface at each pixel was then, row 0 at the bottom, as motion vectors say."""
+        triangle, places = self.triangles()[::-1], np.array(download(self.position)[::-1, :, :3], np.float64)
+        at = np.nonzero((now.vertices != then.vertices)[now.faces].any(axis=(1, 2))[triangle])
+        own = triangle[at]
+        places[at] += np.einsum("nk,nki->ni", now.weights(own, places[at]), then.corners(own) - now.corners(own))
+        return places.astype(np.float32)
+
     def release(self) -> None:
         """Free the textures."""
         textures = self.position, self.normal, self.triangle, self.depth, *(self.smooth or ())

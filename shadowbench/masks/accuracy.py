@@ -298,15 +298,13 @@ class Accuracy:
 
     def values(self) -> dict[str, Any]:
         """JSON object of `score --json`."""
-        false_shadow, false_light = self.wrong
         return {
             "scene": self.view.scene.name,
             "view": self.view.camera.name,
             "light": self.view.light.name,
             **self.view.size.columns,
             **self.record,
-            "false_shadow": false_shadow,
-            "false_light": false_light,
+            **dict(zip(("false_shadow", "false_light"), self.wrong, strict=True)),
             "errors": self.errors,
             "warnings": self.warnings,
         }
@@ -375,8 +373,8 @@ def _check_orientation(external: ExternalMask, prepared: PreparedTruth, view: Vi
         )
 
 
-def accuracy_of_frames(clip: "Clip", folders: Sequence[Path | None], linear: bool = False) -> Accuracy:
-    """Score pictures of a sequence's frames in folders, which are as the pictures of `external_mask`.
+def accuracy_of_clip(clip: "Clip", folders: Sequence[Path | None], linear: bool, step: Callable[..., None]) -> Accuracy:
+    """Score pictures of a sequence's frames in folders, as those of `external_mask`; `step` is called with each name.
 
     Raises InputError for one that is missing or of another size, and as `accuracy_of`, whose warnings are of the first.
     """
@@ -392,6 +390,7 @@ def accuracy_of_frames(clip: "Clip", folders: Sequence[Path | None], linear: boo
                 first = accuracy_of(mask, clip.frames[0])
             _check_orientation(mask, prepare_truth(measured(truths[index].truth, mask.measurable)), clip.frames[index])
             scores.add(Rendering(mask.visibility, nothing, None, None, {}, {}, measurable=mask.measurable), None)
+            step(mask.name)
     record = {**first.record, **scores.record(), "sequence": clip.name, "frames": len(clip.frames)}
     return replace(first, record=record, film=scores.film)
 

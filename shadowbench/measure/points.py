@@ -52,7 +52,7 @@ class Points:
         new = np.flatnonzero(free).astype(np.int32)
         triangle = truth.triangle.ravel()[new]
         place = surface_points(view, new, triangle) + np.array(view.camera.position)
-        weights = _weights(geometry.corners(triangle), place)
+        weights = geometry.weights(triangle, place)
         self._before = view
         self._triangle = np.concatenate([self._triangle[kept], triangle])
         self._weights = np.concatenate([self._weights.take(kept, axis=0), weights])
@@ -67,15 +67,6 @@ def motion_scores(frames: Iterable[tuple[Single, Truth]]) -> dict[str, float | N
     for mask, truth in frames:
         motion.add(Comparison(mask, prepare_truth(truth)), points.see(truth))
     return motion.scores()
-
-
-def _weights(corners: Floats, places: Floats) -> Floats:
-    """(N, 3) barycentric weights of points (N, 3) on the planes of triangles with (N, 3, 3) corners."""
-    along, across, away = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], places - corners[:, 0]
-    normal = np.cross(along, across)
-    area = np.einsum("ni,ni->n", normal, normal)
-    second, third = (np.einsum("ni,ni->n", np.cross(*pair), normal) / area for pair in ((away, across), (along, away)))
-    return np.stack([1 - second - third, second, third], axis=1)
 
 
 def _followed(

@@ -141,6 +141,15 @@ class Geometry:
         """(N, 3, 3) corners of (N,) triangles."""
         return self.vertices[self.faces[triangles]]
 
+    def weights(self, triangles: NDArray[np.int32], points: Floats) -> Floats:
+        """(N, 3) barycentric weights of points (N, 3) on the planes of (N,) triangles."""
+        first, *others = np.moveaxis(self.corners(triangles), 1, 0)
+        along, across, away = (place - first for place in (*others, points))
+        normal = np.cross(along, across)
+        area = np.einsum("ni,ni->n", normal, normal)
+        second, third = np.einsum("kni,ni->kn", np.cross([away, along], [across, away]), normal) / area
+        return np.stack([1 - second - third, second, third], axis=1)
+
     def select(self, triangles: NDArray[np.intp]) -> "Geometry":
         """Only these triangles, given in ascending order, opaque; each with vertices of its own."""
         faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)

@@ -184,12 +184,8 @@ def _sums(points: Numbers) -> NDArray[np.float64]:
     return np.array([values.sum(dtype=np.float64) for values in each])
 
 
-def _of_one_mask(comparison: Comparison) -> None:
-    """One mask does not move."""
-
-
 def _metric(name: str, better: Better, tolerance: float, help: str) -> Metric:
-    return Metric(name, _of_one_mask, better, "both", " ".join(help.split()), tolerance)
+    return Metric(name, lambda _: None, better, "both", " ".join(help.split()), tolerance)  # one mask does not move
 
 
 _TABLE = (

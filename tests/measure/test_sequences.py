@@ -14,6 +14,7 @@ from shadowbench.measure.worker import CellFailed
 from shadowbench.plugin.registry import own_techniques, techniques
 from shadowbench.plugin.spec import parse_spec
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
+from shadowbench.scenes.vectors import rotation
 from shadowbench.scores import PreparedTruth, score
 from shadowbench.scores.masks import greatest
 from shadowbench.truths.trace import trace
@@ -221,6 +222,22 @@ def test_a_point_has_the_history_of_its_place_from_another_camera(moving, draw, 
         assert (np.abs(frame - own)[~edge] < 2 * BITS).all() and (~edge).mean() > 0.2
         assert 0.2 < own.mean() < 0.9
     assert np.abs(drawn[7] - exact[7]).max() > 0.05
+
+
+def test_what_moves_as_a_whole_has_the_history_that_it_has_at_rest(moving, draw) -> None:
+    """Surfaces, camera and light are carried around; the light steps aside, so that the frames before count."""
+
+    def carried(view: View, k: int) -> View:
+        turn, shift = rotation((0.0, 1.0, 0.0), 0.2 * k), k * np.array([0.3, 0.1, -0.2])
+        meshes = tuple(replace(mesh, vertices=mesh.vertices @ turn.T + shift) for mesh in view.scene.meshes)
+        camera = {name: tuple(turn @ getattr(view.camera, name) + shift) for name in ("position", "target")}
+        light = replace(view.light, direction=tuple(turn @ view.light.direction))
+        return view_of(replace(view.scene, meshes=meshes), replace(view.camera, **camera), light, view.size)
+
+    still, spec = moving(by=[0.0, 0.2, 0.2, 0.2]), "shadow-volume:history=exponential(alpha=0.3)"
+    drawn, expected = masks(draw(spec, [carried(view, k) for k, view in enumerate(still)])), masks(draw(spec, still))
+    assert (np.abs(expected - np.round(expected)) > 0.1).sum() > 50
+    assert (np.abs(drawn - expected) > BITS).sum() < 5
 
 
 @pytest.mark.parametrize("technique", own_techniques(), ids=lambda one: one.name)
