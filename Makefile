@@ -14,10 +14,9 @@ setup := VENV=$(venv) PYTHON=$(PYTHON) sh tools/setup.sh
 gl_4_1 := MESA_GL_VERSION_OVERRIDE=4.1FC MESA_GLSL_VERSION_OVERRIDE=410
 # With it in the environment, each of the many processes that tests start would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
-two_cores := -n 2 --dist worksteal
-# Of the fast tests, many wait for a process to end or to hang: a third worker uses that time. Files of --junit-xml have
-# the seconds of each test.
-fast := -n 3 --dist worksteal
+# Of two cores: many tests wait for a process to end or to hang, and a third worker uses that time. Files of --junit-xml
+# have the seconds of each test.
+workers := -n 3 --dist worksteal
 # What another version of OpenGL may break: state and targets, shaders, and what every technique must keep.
 of_4_1 := tests/gl tests/techniques/test_contract.py
 # What depends on how Embree works on other processors.
@@ -61,19 +60,19 @@ view:
 	$(bin)/shadowbench view sphere-and-torus -t shadow-map -t shadow-map:preset=course
 
 test: lint
-	$(bin)/pytest -q -m "not slow" $(fast) --junit-xml=build/test.xml
+	$(bin)/pytest -q -m "not slow" $(workers) --junit-xml=build/test.xml
 
 test-slow:
 	@$(setup) +test $(for_slow)
-	$(bin)/pytest -q -m "slow and not exhaustive" $(two_cores) --junit-xml=build/test-slow.xml
-	$(bin)/pytest -q --benchmark-disable $(two_cores) benchmarks
-	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) $(of_4_1)
-	for isa in $(other_isa); do SHADOWBENCH_ISA=$$isa $(bin)/pytest -q -m "not slow" $(two_cores) $(of_isa) || exit; done
+	$(bin)/pytest -q -m "slow and not exhaustive" $(workers) --junit-xml=build/test-slow.xml
+	$(bin)/pytest -q --benchmark-disable $(workers) benchmarks
+	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(workers) $(of_4_1)
+	for isa in $(other_isa); do SHADOWBENCH_ISA=$$isa $(bin)/pytest -q -m "not slow" $(workers) $(of_isa) || exit; done
 
 test-all: test
 	@$(setup) +test $(for_slow)
-	$(bin)/pytest -q -m slow $(two_cores)
-	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) tests/gl tests/maps tests/techniques tests/laws
+	$(bin)/pytest -q -m slow $(workers)
+	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(workers) tests/gl tests/maps tests/techniques tests/laws
 
 lint: setup
 	$(bin)/ruff format --check

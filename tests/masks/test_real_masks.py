@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
-SCENES = ["cube-on-plane", "stairs", "spot-lamp", "railings", "terrain", "pebbles", "street", "lamp-over-table"]
+SCENES = ["cube-on-plane", "stairs", "spot-lamp", "railings", "terrain", "pebbles", "street"]
 STUDY = """
 map_size = [256, 1024]
 view_size = 256
