@@ -43,7 +43,8 @@ if settings.get_current_profile_name() == "default":  # not CI's
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile loops after a change: neither the note of it nor the cache's folder is in what tests look at."""
     if not hasattr(session.config, "workerinput"):
-        for scene in ("sphere-and-torus", "post"):  # a hard truth, grazing light among it, and a soft one
+        gl_drawer.compile_beside()
+        for scene in ("post", "sphere-and-torus"):  # a soft truth, and a hard one, grazing light among it
             truth = trace(chosen_view(scene, 16), 1)
             score(truth.visibility, truth)
         geometry = truth.view.scene.geometry

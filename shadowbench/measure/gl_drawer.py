@@ -264,7 +264,7 @@ def shared_worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> It
 
 
 @cache
-def _compile_beside() -> None:
+def compile_beside() -> None:
     """Compile half of the loops in a process beside, unless a score was computed before, or Numba caches elsewhere."""
     folder, quiet = PACKAGE / "scores" / "__pycache__", subprocess.DEVNULL
     here = "NUMBA_CACHE_DIR" not in os.environ and os.access(folder.parent, os.W_OK)
@@ -298,7 +298,7 @@ def campaign_in(
     worker: the one that draws, else one of its own, with these plug-ins and limits; dask, renderer: a cluster that
     measures instead, and the renderer of its workers; options: see `Campaign`.
     """
-    _compile_beside()
+    compile_beside()
     # Where there are rows, nothing may be left to score.
     threading.Thread(target=_import_beside, args=[folder is None or not (folder / "rows.jsonl").exists()]).start()
     with ExitStack() as stack:
