@@ -10,6 +10,7 @@ import pytest
 FILE = Path(__file__).resolve().parents[1] / "examples" / "variance_shadow_map.py"
 
 
+@pytest.mark.slow
 def test_the_variance_filter_is_the_built_in_one_with_another_reduction(
     shadowbench: Callable[..., Any], tmp_path: Path
 ) -> None:

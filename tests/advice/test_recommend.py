@@ -198,6 +198,7 @@ camera = { position = [0.33, 2.05, 6], target = [0.33, 0.55, 0] }
 )
 
 
+@pytest.mark.slow
 def test_cascades_that_follow_the_view_are_refused_and_snapped_ones_chosen(
     shadowbench: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -210,6 +210,7 @@ def test_bad_input_is_one_line_that_says_what_is_allowed(
     assert not (tmp_path / "rows").exists()
 
 
+@pytest.mark.slow
 def test_masks_of_frames_have_the_scores_of_the_run_that_drew_them_and_exchanged_ones_show(
     bench: Any, shadowbench: Callable, tmp_path: Path
 ) -> None:
