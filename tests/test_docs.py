@@ -16,8 +16,6 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 INCLUDED = re.compile(r"(?m)^```\{include\} (.+)$")
 GENERATED = ("technique_docs", "reference_docs", "choosing_page")  # others have tests of their own
-
-
 TECHNIQUES = ROOT / "docs" / "reference" / "techniques"
 
 
