@@ -25,6 +25,11 @@ def todays(values: Sequence[Any], days: int) -> Sequence[Any]:
     return values[datetime.date.today().toordinal() % days :: days]
 
 
+def daily(values: Sequence[Any], days: int) -> list[Any]:
+    """All values as arguments of `parametrize`, of which `make test-slow` runs today's."""
+    return sampled(values, todays(values, days))
+
+
 def pairs(*factors: Iterable[Any]) -> list[tuple[Any, ...]]:
     """Rows in which each two values of different factors meet at least once, far fewer than the product."""
     rows = list(product(*factors))

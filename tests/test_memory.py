@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tests.samples import sampled, todays
+from tests.samples import daily
 
 SCRIPT = """
 import sys
@@ -44,7 +44,7 @@ FIXED = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "", "PYTHONMALLOC": 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("scene", sampled(SCENES, todays(SCENES, 21)))
+@pytest.mark.parametrize("scene", daily(SCENES, 21))
 def test_nothing_is_read_or_written_outside_its_block(scene: str, tmp_path: Path) -> None:
     environment = os.environ | FIXED | {"NUMBA_CACHE_DIR": str(tmp_path / "numba")}
     command = [sys.executable, "-c", SCRIPT, scene]

@@ -7,7 +7,7 @@ import nbclient
 import nbformat
 import pytest
 
-from tests.samples import sampled, todays
+from tests.samples import daily
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
@@ -15,7 +15,7 @@ NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of Jupyter's own
-@pytest.mark.parametrize("file", sampled(NOTEBOOKS, todays(NOTEBOOKS, 2)), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", daily(NOTEBOOKS, 2), ids=lambda file: file.stem)
 def test_a_notebook_runs_and_shows_a_picture(file: Path, tmp_path: Path) -> None:
     folder = shutil.copytree(ROOT / "examples", tmp_path / "examples") / "notebooks"
     book = nbformat.read(file, 4)

@@ -178,7 +178,7 @@ class GBuffer:
     def before(self, now: Geometry, then: Geometry) -> NDArray[np.float32]:
         """(H, W, 3) where the surface at each pixel was then, row 0 at the bottom, as motion vectors say."""
         triangle, places = self.triangles()[::-1], np.array(download(self.position)[::-1, :, :3], np.float64)
-        at = np.nonzero((now.vertices != then.vertices)[now.faces].any(axis=(1, 2))[triangle])
+        at = np.nonzero((triangle >= 0) & (now.vertices != then.vertices)[now.faces].any(axis=(1, 2))[triangle])
         own = triangle[at]
         places[at] += np.einsum("nk,nki->ni", now.weights(own, places[at]), then.corners(own) - now.corners(own))
         return places.astype(np.float32)

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from shadowbench.plugin.registry import own_techniques
-from tests.samples import sampled, todays
+from tests.samples import daily
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -112,7 +112,7 @@ def test_every_fault_has_a_name_of_its_own_and_every_technique_a_fault() -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", sampled(FILES, todays(FILES, EACH)))
+@pytest.mark.parametrize("file", daily(FILES, EACH))
 def test_without_a_fault_the_named_tests_pass(file, copy) -> None:
     """In the copy too: in the sources themselves they are tests as others are."""
     code, _, printed = copy.run([test for tests in TESTS for test in ids(tests) if test.startswith(f"{file}::")])
@@ -120,9 +120,7 @@ def test_without_a_fault_the_named_tests_pass(file, copy) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "fault", sampled(FAULTS + HARMLESS, todays(FAULTS + HARMLESS, EACH)), ids=lambda fault: fault.name
-)
+@pytest.mark.parametrize("fault", daily(FAULTS + HARMLESS, EACH), ids=lambda fault: fault.name)
 def test_a_fault_fails_its_tests_and_a_harmless_change_fails_none(fault, copy) -> None:
     code, raised, printed = copy.run(ids(fault.tests), fault.edits)
     assert code == (fault in FAULTS), printed

@@ -12,7 +12,7 @@ from shadowbench.engines.programs import install
 from shadowbench.masks.accuracy import detect_encoding, misorientation
 from shadowbench.plugin.registry import engines
 from shadowbench.scores.masks import read_mask
-from tests.samples import sampled, todays
+from tests.samples import daily
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -34,7 +34,7 @@ filter = ["hard", "pcf(taps=5)"]
 """
 
 
-@pytest.mark.parametrize("scene", sampled(SCENES, todays(SCENES, 2)))
+@pytest.mark.parametrize("scene", daily(SCENES, 2))
 def test_no_mask_of_ours_is_taken_for_turned_shifted_or_encoded(
     scene: str, shadowbench: Callable, comparison: Callable, tmp_path: Path
 ) -> None:

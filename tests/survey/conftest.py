@@ -8,10 +8,9 @@ import pytest
 import trimesh
 
 from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.vectors import Vec3
 from shadowbench.survey.survey import explanations_of, needs
 from tests.drawing import view_at as looking
-
-Position = tuple[float, float, float]
 
 DOWN = Light("sun", "directional", (0.0, -1.0, 0.0))
 SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
@@ -28,13 +27,13 @@ def light(request: pytest.FixtureRequest) -> Light:
     return chosen
 
 
-def plate(side: float, center: Position = (0.0, 0.0, 0.0), **flags: bool) -> Mesh:
+def plate(side: float, center: Vec3 = (0.0, 0.0, 0.0), **flags: bool) -> Mesh:
     """A horizontal square, facing up."""
     corners = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) * side / 2 + center
     return Mesh("plate", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32), **flags)
 
 
-def box(side: float, center: Position = (0.0, 0.0, 0.0), inside_out: bool = False) -> Mesh:
+def box(side: float, center: Vec3 = (0.0, 0.0, 0.0), inside_out: bool = False) -> Mesh:
     made = trimesh.creation.box([side] * 3)
     faces = np.asarray(made.faces, dtype=np.int32)
     return Mesh("box", made.vertices + center, faces[:, ::-1].copy() if inside_out else faces)

@@ -10,7 +10,7 @@ from shadowbench.scenes.model import Light, Mesh, view_of
 from shadowbench.scenes.scene_tables import MeshTable
 from shadowbench.scenes.vectors import unit
 from shadowbench.truths.trace import trace
-from tests.samples import by_turns, sampled, todays
+from tests.samples import by_turns, daily
 
 FAST = ["cube-on-plane", "spot-lamp", "room-with-lamp", "stairs"]
 SILHOUETTE, TRIANGLE = "shadow-volume", "shadow-volume:faces=triangle"
@@ -178,7 +178,7 @@ def test_a_lamp_on_a_face_or_an_edge_of_a_turned_box_is_in_its_shadow(angles, sh
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sampled(EXACT, todays(EXACT, 3)))
+@pytest.mark.parametrize("name", daily(EXACT, 3))
 def test_every_scene_and_real_meshes_are_exact(name, shared_scenes, mask, scored) -> None:
     """But for a few pixels at edges, where rasteriser and ray see different triangles, and at grazing light."""
     scene = load_scene(shared_scenes / name if "." in name else name)

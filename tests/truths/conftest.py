@@ -15,8 +15,6 @@ from tests.drawing import view_at
 
 from .oracle import answers
 
-Position = tuple[float, float, float]
-
 SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
 SPOT = Light("spot", "spot", (-0.5, -1.0, 0.2), (2.0, 4.0, -0.8), math.radians(60.0))
 LAMP = Light("lamp", "point", position=(1.5, 3.0, -1.0))

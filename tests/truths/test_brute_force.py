@@ -15,7 +15,7 @@ from shadowbench.scenes.sequences import BUILT_IN, frames_of
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import trace
 from tests.parallel import parallel
-from tests.samples import sampled, todays
+from tests.samples import daily, sampled
 
 SAME_VIEW = {"depth-format", "map-size"}  # at every value: only parameters change
 SOFT = {"light-size"}  # a share of the light per pixel: test_soft_closed_forms.py compares those with closed forms
@@ -60,7 +60,7 @@ def test_rectangle_agrees_with_every_triangle_against_every_ray(name, size, judg
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "sequence"), sampled(IN_MOTION, todays(IN_MOTION, 4)))
+@pytest.mark.parametrize(("name", "sequence"), daily(IN_MOTION, 4))
 def test_all_frames_of_a_sequence_agree_with_every_triangle_against_every_ray(name, sequence, judged) -> None:
     """Truths as a run reads them: traced frame by frame, kept, and read again."""
     scene = load_scene(name)
@@ -92,7 +92,7 @@ def test_mesh_agrees_with_every_triangle_against_every_ray(file, size, shared_sc
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize(("name", "light"), sampled(WALKED, todays(WALKED, 3)))
+@pytest.mark.parametrize(("name", "light"), daily(WALKED, 3))
 def test_no_decided_pixel_is_wrong_at_the_ends_of_the_axis(name, light, judged) -> None:
     axis = AXES[name]
     for value in (axis.values[0], axis.values[-1]):
